@@ -384,7 +384,6 @@ CASES: dict[str, Case] = {
     **{f"fem/incompressible-{name}-{backend}":
        partial(solved, name, RUBBER, backend=backend, method="multigrid")
        for name in ("hex8", "tet10") for backend in ("numpy", "gpu")},
-    "fem/block-jacobi": partial(solved, "tet4", method="block_jacobi", backend="gpu"),
     "fem/double-single": partial(solved, "hex8", real="double_single", method="multigrid"),
     "fem/stresses": stresses,
     "measure/dic": partial(correlated, "gpu"),

@@ -269,7 +269,7 @@ def test_thick_bodies_are_factorised_only_where_multigrid_has_failed(
     def look(*_: object) -> None:
         looked.append(True)
 
-    monkeypatch.setattr("gpusim.fem.methods.direct_solver", look)
+    monkeypatch.setattr("gpusim.fem.solve_plan.direct_solver", look)
     assert solve(cube, backend="numpy").method == "multigrid" and not looked
     failed = solve(cube, backend="numpy", max_iterations=1)
     assert not failed.converged and looked
@@ -279,5 +279,5 @@ def test_thick_bodies_are_factorised_only_where_multigrid_has_failed(
 def test_auto_iterates_where_it_is_quicker(
     monkeypatch: pytest.MonkeyPatch, software: bool, backend: str
 ) -> None:
-    monkeypatch.setattr("gpusim.fem.methods.software_adapter", lambda: software)
+    monkeypatch.setattr("gpusim.fem.solve_plan.software_adapter", lambda: software)
     assert solve(beam((9, 3, 2)), method="multigrid").backend == backend

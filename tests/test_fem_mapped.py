@@ -154,11 +154,10 @@ def test_coarse_matrices_are_galerkins() -> None:
     first, second = hierarchy.levels[:2]
     assert isinstance(first.transfer, NodeTransfer)
     assert isinstance(first.transfer.interpolation, PlaneWeights)
-    p = first.transfer.matrix()
+    p = first.transfer.blocks().tocsr()
     wanted = (p.T @ block_matrix(parts.rows).tocsr() @ p).toarray()
     found = second.product.matrix.toarray()
     assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
-    assert np.abs(first.transfer.blocks().toarray() - p.toarray()).max() == 0.0
 
 
 @pytest.mark.parametrize("make", [lambda: uneven_bricks(1.0, 10), lambda: arc((24, 8, 8))])

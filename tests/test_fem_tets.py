@@ -144,12 +144,11 @@ def test_the_solution_is_that_of_the_host(real: str) -> None:
         forces=rng.normal(size=(2, *mesh.points.shape)),
         prescribed=np.where(low[:, None], 1e-3 * mesh.points, 0.0),
     )
-    for method in ("multigrid", "block_jacobi"):
-        host = solve(model, backend="numpy", method=method, tolerance=1e-8)
-        found = solve(model, Device(real), method=method, tolerance=1e-8)
-        assert found.converged
-        assert found.backend == "gpu"
-        assert np.abs(found.u - host.u).max() <= 1e-7 * np.abs(host.u).max()
+    host = solve(model, backend="numpy", method="multigrid", tolerance=1e-8)
+    found = solve(model, Device(real), method="multigrid", tolerance=1e-8)
+    assert found.converged
+    assert found.backend == "gpu"
+    assert np.abs(found.u - host.u).max() <= 1e-7 * np.abs(host.u).max()
 
 
 def test_a_value_that_is_not_finite_is_seen(

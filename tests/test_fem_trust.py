@@ -96,18 +96,6 @@ def test_multigrid_where_no_coarse_node_is_free(free: slice) -> None:
     np.testing.assert_allclose(solution.u, right, atol=1e-6 * np.abs(right).max())
 
 
-@pytest.mark.parametrize("most", [1, 2, 5])
-def test_few_iterations_of_block_jacobi_claim_nothing(most: int) -> None:
-    points, cells = lattice(range(101), range(3), range(3))
-    forces = np.random.default_rng(1).standard_normal(points.shape)
-    fixed = np.repeat(points[:, :1] == 0.0, 3, axis=1)
-    model = Model(Mesh(points, {"hex8": cells}), [Isotropic(1.0, 0.3)], fixed, forces)
-    solution = solve(
-        model, backend="numpy", method="block_jacobi", tolerance=0.9, max_iterations=most
-    )
-    assert not solution.converged
-
-
 def test_threads_get_the_same_bits_and_leave_blas_as_it_was() -> None:
     models = []
     for counts in ((13, 13, 13), (31, 5, 6)):
@@ -250,24 +238,7 @@ def test_multigrid_where_a_type_of_cells_touches_no_support() -> None:
     np.testing.assert_allclose(solution.u, right, atol=1e-6 * np.abs(right).max())
 
 
-@pytest.mark.parametrize("begun", [False, True])
-def test_block_jacobi_knows_of_modes_that_the_loads_hardly_feel(begun: bool) -> None:
-    """A pull along a bar of tetrahedra bends it a little, which shows after 1500 iterations: 6.3e-2
-    off at a stated 8e-3, after 300 (1.3e-2 with the start)."""
-    mesh = split(box((30.0, 1.0, 0.43), (50, 2, 2)), "tet4")
-    fixed = np.repeat(mesh.points[:, :1] == 0.0, 3, axis=1)
-    forces = np.zeros(mesh.points.shape)
-    forces[mesh.points[:, 0] == 30.0, 0] = 1.0
-    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=fixed, forces=forces)
-    exact = solve(model, tolerance=1e-9, method="direct").u
-    start = 1.2 * exact if begun else None
-    options: dict[str, Any] = {"method": "block_jacobi", "backend": "numpy", "start": start}
-    found = solve(model, tolerance=1e-2, **options)
-    error = np.abs(found.u - exact).max() / np.abs(exact).max()
-    assert found.converged and error <= found.error_estimate <= 1e-2
-
-
-@pytest.mark.parametrize("method", ["multigrid", "block_jacobi", "direct"])
+@pytest.mark.parametrize("method", ["multigrid", "direct"])
 @pytest.mark.parametrize(
     ("modulus", "contrast", "load"), [(1e-320, 1.0, 1.0), (1.0, 1.0, 1e-320), (1.0, 1e30, 1.0)]
 )

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from gpusim.deck.equations import Equations, eliminate
 from gpusim.errors import InputError, NotConverged
@@ -44,15 +44,7 @@ def solve_constrained(
     """
     start = time.perf_counter()
     assert model.fixed is not None
-    coupled = _touched(equations.matrix).reshape(model.fixed.shape)
-    free = ~model.fixed
-    free[model.mesh.dangling_nodes] &= coupled[model.mesh.dangling_nodes]
-    open_ = np.flatnonzero(free.ravel())
-    if len(open_) > _MOST_UNKNOWNS:
-        raise InputError(
-            f"{where}: equations: got {len(open_)} unknowns; expected at most {_MOST_UNKNOWNS} "
-            "(a deck with equations, ties or turned supports is factorised)"
-        )
+    open_ = _unknowns(model, equations, where)
     groups = model_groups(model, resolve_formulation(model, formulation))
     stiffness = group_matrix(groups, model.mesh.node_count).tocsr()
     assembled = time.perf_counter()
@@ -64,15 +56,7 @@ def solve_constrained(
     forces = model.load_cases[0].ravel()
     system = csc_matrix(reduced.matrix.T @ own @ reduced.matrix)
     scale = float(np.abs(system.diagonal()).max())
-    try:
-        factor = splu(
-            csc_matrix(system / scale),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
-    except RuntimeError as error:
-        raise NotConverged(f"{where}: the factorisation failed ({error})") from None
+    factor = _factorised(csc_matrix(system / scale), where)
     shape = model.mesh.points.shape
     elements = Deformation(groups, model.mesh.points)
     answer, u = np.zeros(system.shape[0]), given.copy()
@@ -123,6 +107,33 @@ def solve_constrained(
         element_classes=model.mesh.cell_count,
         row_classes=model.mesh.node_count,
     )
+
+
+def _unknowns(model: Model, equations: Equations, where: str) -> npt.NDArray[np.int64]:
+    """Numbers of the degrees of freedom that no support holds, and that something moves."""
+    assert model.fixed is not None
+    coupled = _touched(equations.matrix).reshape(model.fixed.shape)
+    free = ~model.fixed
+    free[model.mesh.dangling_nodes] &= coupled[model.mesh.dangling_nodes]
+    result = np.flatnonzero(free.ravel())
+    if len(result) > _MOST_UNKNOWNS:
+        raise InputError(
+            f"{where}: equations: got {len(result)} unknowns; expected at most {_MOST_UNKNOWNS} "
+            "(a deck with equations, ties or turned supports is factorised)"
+        )
+    return result
+
+
+def _factorised(matrix: csc_matrix, where: str) -> SuperLU:
+    try:
+        return splu(
+            matrix,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        raise NotConverged(f"{where}: the factorisation failed ({error})") from None
 
 
 def _touched(matrix: csr_matrix) -> npt.NDArray[np.bool_]:

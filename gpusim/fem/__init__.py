@@ -11,7 +11,8 @@ In the order in which data passes:
 - `direct_solvers`: Direct solvers, and the choice between them and multigrid.
 - `krylov`: Krylov iterations, and what is known of their error.
 - `device`: The solver on a device: texels, operators, smoothing, the V-cycle.
-- `methods`: The ways to solve a system, and how one of them is picked.
+- `solve_plan`: Every choice of a solve, made once before work, each with its reason.
+- `methods`: A system solved as a plan says.
 - `statics`: Linear statics: K u = f to a stated displacement error.
 - `stress`: Stress recovery: at quadrature points, averaged at nodes, and how far the two
   disagree.

@@ -1,90 +1,51 @@
-"""The ways to solve a system, and how one of them is picked."""
+"""A system solved as a plan says."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.congruence import noise
-from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory
+from gpusim.errors import NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.assembly.diagonal_blocks import invert_blocks
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.assembly.system import System, finest_matrix
 from gpusim.fem.device.arena import Arena
 from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
 from gpusim.fem.device.tet_elements import TetElements
 from gpusim.fem.device.v_cycle import compile_kernels
 from gpusim.fem.direct_solvers.iterative_refinement import refine
-from gpusim.fem.direct_solvers.solver_choice import (
-    Direct,
-    direct_solver,
-    least_seconds,
-    multigrid_seconds,
-)
-from gpusim.fem.incompressibility.mixed_formulation import Mixed, mixed_solver
+from gpusim.fem.direct_solvers.solver_choice import Direct
+from gpusim.fem.incompressibility.mixed_formulation import mixed_solver
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm
 from gpusim.fem.krylov.load_cases import Progress, each_case
-from gpusim.fem.krylov.outer_iteration import HARSH, Outcome, iterate
+from gpusim.fem.krylov.outer_iteration import Outcome, iterate
 from gpusim.fem.krylov.rounding_error import Blur
-from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.model.model import Model
-from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
-from gpusim.fem.multigrid.preconditioner import BlockJacobi, Multigrid
-from gpusim.gpu import Device, default_device, software_adapter
+from gpusim.fem.multigrid.hierarchy import build_hierarchy
+from gpusim.fem.multigrid.preconditioner import Multigrid
+from gpusim.fem.solve_plan import Options, SolvePlan
+from gpusim.gpu import Device
 
-__all__ = ["METHODS", "Clock", "Options", "Result", "solve_system"]
+__all__ = ["Result", "solve_system"]
 
 Float = npt.NDArray[np.float64]
 
-METHODS = ("auto", "direct", "multigrid", "block_jacobi")
 # of conjugate gradients with pressures; with more something is wrong
 _MOST_WITH_PRESSURES = 600
-_MOST_ITERATIONS = {"multigrid": 1000, "block_jacobi": 100_000}
+_MOST_ITERATIONS = 1000
 # where multigrid has failed, a direct solver may take this long (s, estimated)
 _PATIENCE = 600.0
-# where stiffnesses differ greatly it may take this many times as long as multigrid would, or (s)
+# of inverse iteration
 _INVERSE_STEPS = 8
-_HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
 # load cases that a direct solver refines each by itself; of many at once it solves for all with
 # matrix products
 _FEW_CASES = 4
-# ratio of greatest and least modulus, 300 at nu = 0.495, from which on patches are worth their cost
-_STIFF_IN_BULK = 300.0
-
-
-@dataclass
-class Clock:
-    """Seconds since the last mark, per part."""
-
-    timings: dict[str, float] = field(default_factory=dict)
-    last: float = field(default_factory=time.perf_counter)
-
-    def mark(self, name: str) -> None:
-        now = time.perf_counter()
-        self.timings[name] = self.timings.get(name, 0.0) + now - self.last
-        self.last = now
-
-
-@dataclass(frozen=True)
-class Options:
-    """How to iterate, and the ``formulation`` per cell type of what was assembled."""
-
-    device: Device | None
-    backend: str
-    tolerance: float
-    most: int | None
-    start: Float | None
-    progress: Callable[[int, float], None] | None
-    formulation: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -98,44 +59,28 @@ class Result:
 
 
 def solve_system(
-    method: str,
-    model: Model,
-    assembled: Assembled,
-    system: System,
-    options: Options,
-    clock: Clock,
+    plan: SolvePlan, model: Model, assembled: Assembled, system: System, options: Options
 ) -> Result:
-    look = cache(partial(direct_solver, assembled, system.free, model.mesh.points, system.scale))
-    if method == "direct":
-        direct = look()
-        if direct is None or not direct.fits:
-            raise InputError(
-                "solve: method 'direct'; got a body whose factors "
-                + ("can't be ordered" if direct is None else f"need {direct.nbytes / 1e9:.1f} GB")
-                + "; expected one that fits the free memory, or method 'multigrid'"
-            )
-        clock.mark("choice")
-        return _factorised(direct, system, options, clock, "")
-    if method == "auto":
-        patience = multigrid_seconds(int(system.free.sum()))
-        if system.contrast > HARSH:
-            # multigrid takes many times as long there, and its error is harder to tell
-            patience = max(_HARSH_PATIENCE * patience, _HARSH_SECONDS)
-        worth = least_seconds(assembled, system.free) <= patience
-        direct = look() if worth else None
-        clock.mark("choice")
-        if direct is not None and direct.seconds <= patience and direct.fits:
-            return _factorised(direct, system, options, clock, "")
+    """What the plan says, in its order, until an attempt has converged."""
+    if plan.attempts == ("none",):
+        u = np.broadcast_to(system.prescribed, system.right.shape).copy()
+        trivial = Outcome(u, True, 0.0, 0, np.zeros((0, len(system.right))), "no load: exact")
+        return Result(trivial, "none", options.backend, "none")
+    if plan.attempts == ("direct",):
+        return _factorised(plan.direct(), system, options, "")
 
     def instead(reason: str) -> Result | None:
-        direct = look() if method == "auto" else None
+        direct = plan.direct() if "direct" in plan.attempts else None
         if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
             return None
-        return _factorised(direct, system, options, clock, f"; multigrid had failed: {reason}")
+        return _factorised(direct, system, options, f"; multigrid had failed: {reason}")
 
-    kind = "multigrid" if method == "auto" else method
+    result = None
     try:
-        result = _iterated(kind, model, assembled, system, options, clock)
+        if "pressures" in plan.attempts:
+            result = _with_pressures(model, assembled, system, options)
+        if result is None:
+            result = _with_multigrid(plan, model, assembled, system, options)
     except NotConverged as error:
         other = instead(str(error))
         if other is None:
@@ -146,10 +91,9 @@ def solve_system(
     return instead(result.outcome.message) or result
 
 
-def _factorised(
-    direct: Direct, system: System, options: Options, clock: Clock, note: str
-) -> Result:
-    factor = direct.build()
+def _factorised(direct: Direct | None, system: System, options: Options, note: str) -> Result:
+    assert direct is not None
+    factor, clock = direct.build(), options.clock
     clock.mark("factorisation")
 
     def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
@@ -165,74 +109,63 @@ def _factorised(
     return Result(replace(outcome, message=message), "direct", "numpy", "f64")
 
 
-def _iterated(
-    kind: str, model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
+def _with_multigrid(
+    plan: SolvePlan, model: Model, assembled: Assembled, system: System, options: Options
 ) -> Result:
-    if kind == "multigrid" and _nearly_incompressible(model):
-        result = _with_pressures(model, assembled, system, options, clock)
-        if result is not None:
-            return result
-    on_device, rounded = _on_device(options), kind == "multigrid"
-    if on_device:
-        # the operator and the vectors at least; what multigrid adds is known once it is set up
-        device = options.device if options.device is not None else default_device()
-        elements = device_tets(device, assembled)
-        least = assembled.rows.nbytes if elements is None else operator_bytes(assembled, elements)
-        _ask(device, least + 5 * 8 * system.right.size, system)
-    with ThreadPoolExecutor(1) as aside:
-        by_elements = on_device and elements is not None
-        compiled = None
-        if on_device:
-            compiled = aside.submit(compile_kernels, device, by_elements, rounded)
-        chosen, norm, product = _preconditioner(kind, model, assembled, system, on_device)
-    if compiled is not None:
-        compiled.result()
-    clock.mark("preconditioner")
-    most = options.most if options.most is not None else _MOST_ITERATIONS[kind]
-    run = partial(
-        iterate,
-        norm=norm,
-        blur=None if isinstance(chosen, BlockJacobi) else Blur(chosen, options.tolerance),
-        tolerance=options.tolerance,
-        most=most,
-        chunk=1 if kind == "multigrid" else 100,
-    )
-    patched = isinstance(chosen, Multigrid) and chosen.patched
-    if not on_device or patched:
+    clock = options.clock
+    if not plan.on_device:
+        multigrid, run = _multigrid(plan, model, assembled, system, options)
+        clock.mark("preconditioner")
 
         def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
-            return run(part, NumpyCG(product, chosen), start=start, progress=progress)
+            loop = NumpyCG(multigrid.product, multigrid)
+            return run(part, loop, start=start, progress=progress)
 
         outcome = each_case(one, system, options.start, options.progress)
-        if patched:
-            note = "smoothed on patches, on the host: a nearly incompressible material"
-            outcome = replace(outcome, message=f"{outcome.message} ({note})")
         clock.mark("iterations")
-        return Result(outcome, kind, "numpy", "f64")
+        return Result(outcome, "multigrid", "numpy", "f64")
+    device = plan.adapter()
+    elements = device_tets(device, assembled)
+    # the operator and the vectors at least; what multigrid adds is known once it is set up
+    least = assembled.rows.nbytes if elements is None else operator_bytes(assembled, elements)
+    _ask(device, least + 5 * 8 * system.right.size, system)
+    with ThreadPoolExecutor(1) as aside:
+        compiled = aside.submit(compile_kernels, device, elements is not None)
+        multigrid, run = _multigrid(plan, model, assembled, system, options)
+    compiled.result()
+    clock.mark("preconditioner")
     with Arena(device) as arena:
         cases = len(system.right)
-        _ask(device, _memory(assembled, elements, cases, chosen), system)
-        operator = upload_operator(arena, assembled, elements, system.scale, cases, system.free)
-        ready = chosen.upload(arena, operator, cases)
-        loop = DeviceCG(arena, operator, ready, cases, rounded=rounded)
+        _ask(device, _memory(assembled, elements, cases, multigrid), system)
+        operator = upload_operator(arena, assembled, elements, system.scale, cases)
+        ready = multigrid.upload(arena, operator, cases)
+        loop = DeviceCG(arena, operator, ready, cases)
         clock.mark("upload")
         outcome = run(system, loop, start=options.start, progress=options.progress)
         clock.mark("iterations")
-        return Result(outcome, kind, "gpu", arena.real)
+        return Result(outcome, "multigrid", "gpu", arena.real)
 
 
 def _with_pressures(
-    model: Model, assembled: Assembled, system: System, options: Options, clock: Clock
+    model: Model, assembled: Assembled, system: System, options: Options
 ) -> Result | None:
     """None where the bodies aren't fit for it, or it has failed; on the host."""
+    clock = options.clock
+
+    def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
+        assert mixed is not None
+        return iterate(
+            part, mixed.loop(1), mixed.norm, start, blur=Blur(mixed, options.tolerance),
+            tolerance=options.tolerance, most=options.most or _MOST_WITH_PRESSURES,
+            progress=progress,
+        )  # fmt: skip
+
     try:
         mixed = mixed_solver(model, options.formulation, assembled, system)
         clock.mark("preconditioner")
         if mixed is None:
             return None
-        outcome = each_case(
-            partial(_with_pressure, mixed, options), system, options.start, options.progress
-        )
+        outcome = each_case(one, system, options.start, options.progress)
     except NotConverged:
         return None
     finally:
@@ -242,23 +175,6 @@ def _with_pressures(
     note = f"displacements and pressures: a nearly incompressible material; {mixed.probed} more"
     message = f"{outcome.message} ({note} iterations looked for soft modes)"
     return Result(replace(outcome, message=message), "multigrid", "numpy", "f64")
-
-
-def _with_pressure(
-    mixed: Mixed, options: Options, part: System, start: Float | None, progress: Progress | None
-) -> Outcome:
-    """One load case by displacements and pressures."""
-    most = options.most or _MOST_WITH_PRESSURES
-    return iterate(
-        part, mixed.loop(1), mixed.norm, start, blur=Blur(mixed, options.tolerance),
-        tolerance=options.tolerance, most=most, chunk=1, progress=progress,
-    )  # fmt: skip
-
-
-def _on_device(options: Options) -> bool:
-    if options.backend == "auto":
-        return options.device is not None or not software_adapter()
-    return options.backend == "gpu"
 
 
 def _ask(device: Device, nbytes: int, system: System) -> None:
@@ -274,50 +190,11 @@ def _ask(device: Device, nbytes: int, system: System) -> None:
         ) from None
 
 
-def _nearly_incompressible(model: Model) -> bool:
-    """Whether some material's bulk modulus outweighs its shear modulus beyond Jacobi smoothing."""
-    moduli = [np.linalg.eigvalsh(material.stiffness()) for material in model.materials]
-    return max(float(one.max() / one.min()) for one in moduli) > _STIFF_IN_BULK
-
-
-def _preconditioner(
-    name: str, model: Model, assembled: Assembled, system: System, on_device: bool
-) -> tuple[BlockJacobi | Multigrid, Norm, Product | StencilProduct]:
-    """Preconditioner, norm of the stopping rule, and the NumPy loop's product with K'.
-
-    Inside the loop NumPy multiplies by the assembled matrix, which is several times faster than
-    differences; the refinement's residual still comes from differences.
-    """
-    rows = assembled.rows
-    if name == "block_jacobi":
-        matrix = block_matrix(rows, system.scale)
-        diagonal = rows.diagonal[rows.row_class] / system.scale
-        inverse = invert_blocks(diagonal, system.free)
-        try:
-            # the loads may feel the softest modes too little for Ritz values to tell of them
-            multigrid = Multigrid(_hierarchy(model, assembled, system))
-            softest = _softest(multigrid, system, diagonal)
-        except NotConverged:
-            softest = np.inf
-        return BlockJacobi(inverse), Norm(diagonal, None, softest=softest), Product(matrix)
-    patched = _nearly_incompressible(model)
-    hierarchy = _hierarchy(model, assembled, system, patched=patched, inverted=on_device)
-    multigrid = Multigrid(hierarchy)
-    lowest = hierarchy.lowest
-    if system.contrast > HARSH:
-        lowest = min(lowest, _softest(multigrid, system))
-    return multigrid, Norm(None, lowest), multigrid.product
-
-
-def _hierarchy(
-    model: Model,
-    assembled: Assembled,
-    system: System,
-    *,
-    patched: bool = False,
-    inverted: bool = False,
-) -> Hierarchy:
-    return build_hierarchy(
+def _multigrid(
+    plan: SolvePlan, model: Model, assembled: Assembled, system: System, options: Options
+) -> tuple[Multigrid, Callable[..., Outcome]]:
+    """The preconditioner, and ``iterate`` with what it needs to know of it."""
+    hierarchy = build_hierarchy(
         finest_matrix(assembled.rows, system),
         assembled.groups,
         assembled.lattice,
@@ -325,39 +202,42 @@ def _hierarchy(
         model.mesh.points,
         assembled.rows,
         system.scale,
-        patched=patched,
-        inverted=inverted,
-        harsh=system.contrast > HARSH,
+        stiff_in_bulk=plan.stiff_in_bulk,
+        inverted=plan.on_device,
+        harsh=plan.harsh,
     )
+    multigrid, lowest = Multigrid(hierarchy), hierarchy.lowest
+    if plan.harsh:
+        lowest = min(lowest, _softest(multigrid, system))
+    run = partial(
+        iterate,
+        norm=Norm(lowest),
+        blur=Blur(multigrid, options.tolerance),
+        tolerance=options.tolerance,
+        most=options.most if options.most is not None else _MOST_ITERATIONS,
+    )
+    return multigrid, run
 
 
-def _softest(multigrid: Multigrid, system: System, blocks: Float | None = None) -> float:
-    """Rayleigh quotient of K, or of D^-1 K with ``blocks`` (N,3,3) of D, after inverse iteration by
-    the preconditioner: soft islands between stiff ones are too small for the coarsest level, whose
-    least eigenvalue serves elsewhere."""
-
-    def weighed(x: Float) -> Float:
-        if blocks is None:
-            return x
-        image = np.matmul(blocks, x.reshape(len(blocks), 3, 1)).reshape(x.shape)
-        return np.where(system.free.ravel(), image, 0.0)
-
+def _softest(multigrid: Multigrid, system: System) -> float:
+    """Rayleigh quotient of K after inverse iteration by the preconditioner: soft islands between
+    stiff ones are too small for the coarsest level, whose least eigenvalue serves elsewhere."""
     x = np.where(system.free.ravel(), noise(system.free.size, 12), 0.0)[None]
     for _ in range(_INVERSE_STEPS):
-        x = multigrid.apply(weighed(x))
+        x = multigrid.apply(x)
         x /= np.linalg.norm(x)
-    return float(x[0] @ multigrid.product(x)[0] / (x[0] @ weighed(x)[0]))
+    return float(x[0] @ multigrid.product(x)[0] / (x[0] @ x[0]))
 
 
 def _memory(
     assembled: Assembled,
     elements: TetElements | None,
     cases: int,
-    chosen: BlockJacobi | Multigrid,
+    multigrid: Multigrid,
 ) -> int:
     """Bytes to come on a device: vectors, operator, preconditioner."""
     return (
-        DeviceCG.device_bytes(assembled.rows.node_count, cases, not isinstance(chosen, BlockJacobi))
+        DeviceCG.device_bytes(assembled.rows.node_count, cases)
         + operator_bytes(assembled, elements)
-        + chosen.device_bytes(cases)
+        + multigrid.device_bytes(cases)
     )

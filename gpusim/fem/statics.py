@@ -10,17 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.fem.assembly.assembly import assemble, model_lattice
+from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.node_numbering import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
-from gpusim.fem.krylov.outer_iteration import Outcome
-from gpusim.fem.methods import METHODS, Clock, Options, Result, solve_system
+from gpusim.fem.methods import Result, solve_system
 from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.rigid_body_modes import check_supports
 from gpusim.fem.model.solution import Solution
+from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
@@ -67,9 +67,9 @@ def solve(
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
         or "auto": "gpu" where ``device`` is given or the adapter is real hardware. A software
         adapter is the host's own processors, with more in between: "numpy" then.
-    method : "direct", "multigrid" (smoothed aggregation below geometric levels), "block_jacobi",
-        or "auto": the cheaper of the first two; direct also where multigrid doesn't converge.
-    max_iterations : of conjugate gradients; None: 1000 (multigrid), 100000 (block_jacobi).
+    method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
+        cheaper of the two; direct also where multigrid doesn't converge.
+    max_iterations : of conjugate gradients; None: 1000.
     start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
     progress : called with (iterations so far, estimated relative error), of the load cases that
         this process iterates itself.
@@ -85,52 +85,37 @@ def solve(
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated there.
     """
+    clock = Clock()
+    _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)
     # sums by several threads of BLAS aren't worth their waiting; the work is shared out above it
     with one_blas_thread():
-        return _solve_static(
-            model, device, tolerance, formulation, backend, method, max_iterations, start, progress
-        )
+        lattice = model_lattice(model)
+        check_supports(model, lattice)
+        formulations = resolve_formulation(model, formulation)
+        begin = _start(model, start)
+        numbering = None if lattice is not None else Numbering.of(model)
+        if numbering is not None:
+            model = numbering.renumbered(model)
+            begin = None if begin is None else numbering.forward(begin)
+        options = Options(method, device, backend, tolerance, max_iterations, begin, progress,
+                          formulations, clock)  # fmt: skip
+        clock.mark("check")
+        assembled = assemble(model, formulations, lattice)
+        clock.mark("assembly")
+        system = _system(model, assembled, formulations)
+        plan = plan_solve(model, assembled, system, options)
+        clock.mark("choice")
+        result = solve_system(plan, model, assembled, system, options)
+        solution = _solution(model, system, assembled.rows, result, plan, clock)
+        return solution if numbering is None else numbering.back(solution)
 
 
-def _solve_static(
-    model: Model,
-    device: Device | None,
-    tolerance: float,
-    formulation: str | Mapping[str, str] | None,
-    backend: str,
-    method: str,
-    max_iterations: int | None,
-    start: npt.ArrayLike | None,
-    progress: Callable[[int, float], None] | None,
-) -> Solution:
-    clock = Clock()
-    _check_arguments(model, device, tolerance, backend, max_iterations, method)
-    if not (progress is None or callable(progress)):
-        raise InputError(f"solve: progress; got {progress!r}; expected a function, or None")
-    lattice = model_lattice(model)
-    check_supports(model, lattice)
-    formulations = resolve_formulation(model, formulation)
-    begin = _start(model, start)
-    numbering = None if lattice is not None else Numbering.of(model)
-    if numbering is not None:
-        model = numbering.renumbered(model)
-        begin = None if begin is None else numbering.forward(begin)
-    options = Options(device, backend, tolerance, max_iterations, begin, progress, formulations)
-    clock.mark("check")
-    assembled = assemble(model, formulations, lattice)
-    clock.mark("assembly")
+def _system(model: Model, assembled: Assembled, formulations: Mapping[str, str]) -> System:
     system = make_system(model, assembled)
     if "reduced" in formulations.values():
         # hourglass modes may be left: as soft as can be, and not felt by the loads
         system = replace(system, contrast=np.inf)
-    if not system.right.any():
-        u = np.broadcast_to(system.prescribed, system.right.shape).copy()
-        trivial = Outcome(u, True, 0.0, 0, np.zeros((0, len(system.right))), "no load: exact")
-        result = Result(trivial, "none", backend, "none")
-    else:
-        result = solve_system(method, model, assembled, system, options, clock)
-    solution = _solution(model, system, assembled.rows, result, clock)
-    return solution if numbering is None else numbering.back(solution)
+    return system
 
 
 def _check_arguments(
@@ -140,6 +125,7 @@ def _check_arguments(
     backend: str,
     max_iterations: int | None,
     method: str,
+    progress: Callable[[int, float], None] | None,
 ) -> None:
     if not isinstance(model, Model):
         raise InputError(f"solve: model; got {type(model).__name__}; expected a Model")
@@ -156,6 +142,8 @@ def _check_arguments(
         raise InputError(
             f"solve: max_iterations; got {max_iterations!r}; expected a whole number of at least 1"
         )
+    if not (progress is None or callable(progress)):
+        raise InputError(f"solve: progress; got {progress!r}; expected a function, or None")
 
 
 def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
@@ -178,6 +166,7 @@ def _solution(
     system: System,
     rows: BlockRows,
     result: Result,
+    plan: SolvePlan,
     clock: Clock,
 ) -> Solution:
     outcome = result.outcome
@@ -217,4 +206,5 @@ def _solution(
         real=result.real,
         element_classes=rows.element_classes,
         row_classes=rows.class_count,
+        reasons=plan.lines,
     )

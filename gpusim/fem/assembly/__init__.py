@@ -3,6 +3,8 @@
 In the order in which data passes:
 
 - `element_batches`: Elements with their matrices, before assembly: equal ones share a matrix.
+- `scipy_kernels`: SciPy's own kernels for sparse matrices, which its classes don't let one call
+  without copies.
 - `node_numbering`: Node numbers in which neighbours lie close together in memory.
 - `node_graph`: Pairs of nodes that share an element: the pattern of a matrix, and where its
   blocks add up.

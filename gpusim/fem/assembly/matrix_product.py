@@ -11,9 +11,10 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import _sparsetools, bsr_matrix
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
+from gpusim.fem.assembly.scipy_kernels import add_block_product
 from gpusim.parallel.cpu_budget import processors
 
 __all__ = ["Product", "RowsProduct", "ahead", "row_shares", "shared"]
@@ -105,23 +106,20 @@ class Product:
 
 class _Rows:
     """Some rows of a block matrix. SciPy's own kernel, which its classes call, adds to what is
-    there: no sums of parts, no copies (``_sparsetools``)."""
+    there: no sums of parts, no copies."""
 
     def __init__(self, matrix: bsr_matrix, first: int, last: int) -> None:
-        self.first, self.last, self._blocksize = first, last, matrix.blocksize
+        self.first, self.last = first, last
         low, high = int(matrix.indptr[first]), int(matrix.indptr[last])
-        self._start = matrix.indptr[first : last + 1] - matrix.indptr[first]
-        self._column = matrix.indices[low:high]
-        self._data = matrix.data[low:high].reshape(-1)
+        start = matrix.indptr[first : last + 1] - matrix.indptr[first]
+        self._blocks = start, matrix.indices[low:high], matrix.data[low:high]
         self._columns = matrix.shape[1] // matrix.blocksize[1]
         self.own = slice(matrix.blocksize[0] * first, matrix.blocksize[0] * last)
 
     def add(self, x: Float, into: Float) -> None:
         """Add the product with all of ``x`` to the rows' part of ``into``."""
-        _sparsetools.bsr_matvec(
-            self.last - self.first, self._columns, *self._blocksize, self._start, self._column,
-            self._data, x, into[self.own],
-        )  # fmt: skip
+        shape = self.last - self.first, self._columns
+        add_block_product(self._blocks, shape, x, into[self.own])
 
 
 class RowsProduct(Product):

@@ -1,8 +1,8 @@
 """Pairs of nodes that share an element: the pattern of a matrix, and where its blocks add up.
 
-Sorting and adding are done by SciPy's own kernels for sparse matrices (``_sparsetools``), which
-SciPy's classes call but don't let one call without copies: a matrix transposed is a stable
-counting sort, a matrix of ones times rows of nine numbers adds blocks up in the order of elements.
+Sorting and adding are done by SciPy's own kernels (``scipy_kernels``): a matrix transposed is a
+stable counting sort, a matrix of ones times rows of nine numbers adds blocks up in the order of
+elements.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import _sparsetools, csr_matrix
+from scipy.sparse import csr_matrix
 
 from gpusim.arrays.congruence import mix, unique_hashes
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements, Group
 from gpusim.fem.assembly.matrix_product import ahead
+from gpusim.fem.assembly.scipy_kernels import add_rows, counting_sort, transpose_pattern
 
 __all__ = ["Edges", "row_sums"]
 
@@ -58,7 +59,7 @@ class Edges:
         count_above = np.diff(first)
         self.start = np.concatenate([[0], np.cumsum(count_below + count_above)]).astype(np.int64)
         # the same edges by their greater nodes
-        _, lower, below = _counted(high, low, count)
+        _, lower, below = counting_sort(high, low, count)
         at_below = ranges(self.start[:-1], count_below)
         self.neighbour = np.empty(int(self.start[-1]), dtype=np.int32)
         self.neighbour[at_below] = lower
@@ -88,14 +89,9 @@ class Edges:
         """Pairs sorted by low, then by high: where each low begins, high and the pairs'
         positions."""
         low, high = self._ends()
-        start, column, position = _counted(high, low, self.count)
+        start, column, position = counting_sort(high, low, self.count)
         del low, high
-        row = np.empty_like(start)
-        sorted_high, order = np.empty_like(column), np.empty_like(position)
-        _sparsetools.csr_tocsc(
-            self.count, self.count, start, column, position, row, sorted_high, order
-        )
-        return row, sorted_high, order
+        return transpose_pattern(start, column, position)
 
     def _pair_numbers(self) -> list[Int]:
         """(pairs, elements) edge of every pair, per group."""
@@ -174,9 +170,9 @@ class Edges:
                 flat = pairs.reshape(-1, 9)
                 swapped = np.flatnonzero((cells[:, a] > cells[:, b]).T)
                 flat[swapped] = flat[swapped][:, _TRANSPOSED]
-                _add_rows(table, place[edge_of_pair[:, part]], flat)
+                add_rows(table, place[edge_of_pair[:, part]], flat)
                 if own is not None and diagonal is not None:
-                    _add_rows(table, own[cells.T], diagonal)
+                    add_rows(table, own[cells.T], diagonal)
 
     def _mirror(self, table: Float, above: Int, below: Int) -> None:
         """Fill the rows of the greater nodes."""
@@ -228,25 +224,3 @@ def row_sums(start: Long, blocks: Float) -> Float:
     shape = (len(start) - 1, len(blocks))
     sums = csr_matrix((one, np.arange(len(blocks), dtype=np.int32), start), shape=shape)
     return np.asarray(sums @ blocks.reshape(-1, 9)).reshape(-1, 3, 3)
-
-
-def _counted(key: Int, other: Int, count: int) -> tuple[Int, Int, Int]:
-    """Stable counting sort by ``key``: where each key begins, ``other`` and the positions."""
-    length = len(key)
-    start = np.empty(count + 1, dtype=np.int32)
-    sorted_other, position = (np.empty(length, dtype=np.int32) for _ in range(2))
-    _sparsetools.coo_tocsr(
-        count, count, length, key, other, np.arange(length, dtype=np.int32),
-        start, sorted_other, position,
-    )  # fmt: skip
-    return start, sorted_other, position
-
-
-def _add_rows(table: Float, at: Int, values: Float) -> None:
-    """Add the rows of ``values`` (…,9) to the rows ``at`` (…) of ``table``, one after the other."""
-    count = at.size
-    _sparsetools.csc_matvecs(
-        len(table), count, 9, np.arange(count + 1, dtype=np.int32),
-        np.ascontiguousarray(at, dtype=np.int32).ravel(), np.ones(count),
-        np.ascontiguousarray(values).ravel(), table.ravel(),
-    )  # fmt: skip

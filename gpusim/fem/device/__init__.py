@@ -5,7 +5,6 @@ In the order in which data passes:
 - `arena`: Device memory of one solve: everything allocated through an arena is freed together.
 - `node_texels`: Nodal vectors as texels: (x, y, z, 0) per node, each load case followed by one
   texel of zeros.
-- `row_packs`: Four nodes in a row that share their blocks: what a lattice's numbering allows.
 - `row_slices`: Rows of blocks side by side: threads that work together read one stretch of
   memory.
 - `block_texels`: Distinct block rows as texels, for kernels that take one node per thread.

@@ -9,86 +9,106 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes
+from gpusim.fem.device.block_texels import BlockTexels, RowPart, block_texels_bytes
 from gpusim.fem.device.node_texels import Pair, pair, row_threads
-from gpusim.gpu import Bindings, Recording
+from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = ["DeviceProduct", "product_bytes"]
+__all__ = ["DeviceProduct", "RowsOnDevice", "dense_blocks", "product_bytes"]
 
-Long = npt.NDArray[np.int64]
+Float = npt.NDArray[np.float64]
 
 
-class DeviceProduct:
-    """A matrix on the device; both dimensions must be multiples of 3."""
+class RowsOnDevice:
+    """Rows of blocks in ``texels`` that are multiplied by vectors of ``columns`` nodes."""
 
     def __init__(
-        self, device: Allocator, matrix: csr_matrix | bsr_matrix, cases: int, label: str
+        self, device: Allocator, texels: BlockTexels, columns: int, cases: int, plain: bool
     ) -> None:
-        self.device, self.cases, self.label = device, cases, label
-        self.rows, self.columns = (int(n) // 3 for n in matrix.shape)
-        free = np.ones((self.rows, 3), dtype=bool)
-        self._texels = BlockTexels(device, _rows(matrix), free, 1.0, label, exact=True, packs=False)
-        self._kernel = device.kernel(
-            "fem/device/stiffness", entry="apply", constants={"plain": 1.0}
+        self.device, self.cases, self.texels = device, cases, texels
+        self._columns, self._plain = columns, plain
+        self._bound: dict[tuple[int, int], list[Bindings]] = {}
+
+    def record(self, recording: Recording, x: Pair, out: Pair) -> None:
+        """Record out = A x; ``out`` not rounded."""
+        constants = {"plain": 1.0} if self._plain else {"rounded": float(x.rounded)}
+        kernel = self.device.kernel("fem/device/stiffness", entry="apply", constants=constants)
+        key = (id(x.high), id(out.high))
+        if key not in self._bound:
+            self._bound[key] = [self._bind(kernel, part, x, out) for part in self.texels.parts]
+        for part, bindings in zip(self.texels.parts, self._bound[key], strict=True):
+            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
+
+    def _bind(self, kernel: Kernel, part: RowPart, x: Pair, out: Pair) -> Bindings:
+        return kernel.bind(
+            info=part.info,
+            neighbour=part.neighbour,
+            blocks=part.blocks,
+            u_high=x.high,
+            u_low=x.second,
+            k_high=out.high,
+            k_low=out.second,
+            params={
+                "count": part.count,
+                "nodes": self.texels.nodes,
+                "columns": self._columns,
+                "cases": self.cases,
+                "stride": part.stride,
+                "low": part.low,
+            },
         )
-        self._bound: dict[object, list[Bindings]] = {}
+
+
+class DeviceProduct(RowsOnDevice):
+    """A matrix on the device, in blocks whose sides are multiples of 3."""
+
+    def __init__(self, device: Allocator, matrix: bsr_matrix, cases: int, label: str) -> None:
+        self.rows, columns = (int(n) // 3 for n in matrix.shape)
+        texels = BlockTexels(device, _rows(matrix), 1.0, label, exact=True)
+        super().__init__(device, texels, columns, cases, plain=True)
+        self._label = f"{label}.vector"
 
     def vector(self) -> Pair:
         """A vector of zeros for the result."""
-        return pair(self.device, self.cases, self.rows, f"{self.label}.vector")
-
-    def record(self, recording: Recording, x: Pair, out: Pair) -> None:
-        """Record out = A x."""
-        key = (id(x.high), id(out.high))
-        parts = self._texels.parts
-        if key not in self._bound:
-            self._bound[key] = [
-                self._kernel.bind(
-                    info=part.info,
-                    neighbour=part.neighbour,
-                    blocks=part.blocks,
-                    u_high=x.high,
-                    u_low=x.second,
-                    k_high=out.high,
-                    k_low=out.second,
-                    params={
-                        "count": part.count,
-                        "nodes": self.rows,
-                        "columns": self.columns,
-                        "cases": self.cases,
-                        "stride": part.stride,
-                        "low": part.low,
-                    },
-                )
-                for part in parts
-            ]
-        for part, bindings in zip(parts, self._bound[key], strict=True):
-            recording.dispatch(
-                self._kernel, bindings, threads=(row_threads(part.count, self.cases),)
-            )
+        return pair(self.device, self.cases, self.rows, self._label)
 
 
-def product_bytes(matrix: csr_matrix | bsr_matrix) -> int:
+def product_bytes(matrix: bsr_matrix) -> int:
     """Bytes that the matrix takes on a device."""
-    degree = np.diff(_blocks(matrix).indptr).astype(np.int64)
+    high, wide = (size // 3 for size in matrix.blocksize)
+    degree = np.repeat(wide * np.diff(matrix.indptr).astype(np.int64), high)
     return block_texels_bytes(degree, degree, exact=True)
 
 
-def _blocks(matrix: csr_matrix | bsr_matrix) -> bsr_matrix:
-    if matrix.format == "bsr" and matrix.blocksize == (3, 3):
-        return matrix
-    return bsr_matrix(csr_matrix(matrix), blocksize=(3, 3))
+def dense_blocks(matrix: Float) -> bsr_matrix:
+    """A dense matrix in blocks of 3x3."""
+    rows, columns = (n // 3 for n in matrix.shape)
+    data = matrix.reshape(rows, 3, columns, 3).transpose(0, 2, 1, 3).reshape(-1, 3, 3)
+    start = columns * np.arange(rows + 1)
+    return bsr_matrix((data, np.tile(np.arange(columns), rows), start), shape=matrix.shape)
 
 
-def _rows(matrix: csr_matrix | bsr_matrix) -> BlockRows:
-    blocks = _blocks(matrix)
-    count = blocks.shape[0] // 3
-    start = blocks.indptr.astype(np.int64)
-    number = np.arange(count, dtype=np.int32)
-    nothing = np.zeros((count, 3, 3))
-    neighbour = blocks.indices.astype(np.int32)
-    return BlockRows(lambda: (start, neighbour), number, blocks.data, start, nothing, 0)
+def _rows(matrix: bsr_matrix) -> BlockRows:
+    """Rows of 3x3 blocks; the matrix's own may be larger."""
+    high, wide = (size // 3 for size in matrix.blocksize)
+    degree = np.repeat(wide * np.diff(matrix.indptr).astype(np.int64), high)
+    start = np.concatenate([[0], np.cumsum(degree)])
+    blocks, neighbour = matrix.data, matrix.indices.astype(np.int32)
+    if high > 1 or wide > 1:
+        # (block, row, column): a block's rows lie as far apart as their lengths
+        own = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
+        within = wide * (np.arange(len(own)) - matrix.indptr[own])
+        into = (start[high * own] + within)[:, None, None] + np.arange(wide)
+        into = into + (np.arange(high) * degree[high * own, None])[:, :, None]
+        blocks = np.empty((int(start[-1]), 3, 3))
+        split = matrix.data.reshape(-1, high, 3, wide, 3).transpose(0, 1, 3, 2, 4)
+        blocks[into] = split
+        number = wide * matrix.indices.astype(np.int32)[:, None, None] + np.arange(wide)
+        neighbour = np.empty(len(blocks), dtype=np.int32)
+        neighbour[into] = number
+    rows = np.arange(len(degree), dtype=np.int32)
+    nothing = np.zeros((len(degree), 3, 3))
+    return BlockRows(lambda: (start, neighbour), rows, blocks, start, nothing, 0)

@@ -20,14 +20,12 @@ from scipy.sparse import bsr_matrix
 from gpusim.arrays.congruence import mix
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.row_packs import Packs, find_packs
 from gpusim.fem.device.row_slices import SLICE, WINDOW, RowSlices
 from gpusim.gpu.texture_array import Texels, most_texels
 
 __all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
 
 Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 Long = npt.NDArray[np.int64]
 
 # texels of blocks that are put together at a time: large pieces of new memory are slow to touch
@@ -41,13 +39,12 @@ _FOUR = 9
 class RowPart:
     """``count`` nodes whose texels fit one texture each.
 
-    ``neighbour`` is None where the rows are packs (``row_packs``); ``count`` counts those then.
     What float32 leaves of ``blocks`` begins at their texel ``low``, if that isn't 0.
     """
 
     count: int
     info: Texels
-    neighbour: Texels | None
+    neighbour: Texels
     blocks: Texels
     low: int
     stride: int = 1
@@ -63,29 +60,20 @@ class RowPart:
 class BlockTexels:
     """The rows of a matrix on the device, divided by ``scale``, in one part or several.
 
-    ``exact`` keeps what float32 leaves of the blocks behind them. ``packed`` is whether
-    kernels take four nodes at a time (``row_packs``), which are all ``free`` (N,3) alike;
-    ``example`` has a node for each row that they tell apart. ``packs`` False never packs.
+    ``exact`` keeps what float32 leaves of the blocks behind them.
     """
 
     def __init__(
         self,
         device: Allocator,
         rows: BlockRows,
-        free: Bool,
         scale: float,
         label: str,
         *,
         exact: bool,
-        packs: bool = True,
     ) -> None:
         self.nodes = rows.node_count
-        found = find_packs(rows, free, scale) if packs else None
-        self.packed = found is not None
-        self.example = found.example if found is not None else np.arange(self.nodes)
-        if found is not None:
-            self.parts: tuple[RowPart, ...] = (_upload_packs(device, found, label, exact),)
-            return
+        self.parts: tuple[RowPart, ...]
         most = most_texels(device) // (2 if exact else 1)
         if rows.class_count == rows.node_count:
             self.parts = tuple(
@@ -100,7 +88,7 @@ class BlockTexels:
 
 
 def block_texels_bytes(degree: Long, class_degree: Long, *, exact: bool) -> int:
-    """Bytes that rows take: (N,) neighbours per node and (C,) per distinct row; packs take less."""
+    """Bytes that rows take: (N,) neighbours per node and (C,) per distinct row."""
     lists, blocks = int(-(-degree // 4).sum()), _FOUR * int(-(-class_degree // 4).sum())
     if len(class_degree) == len(degree):
         slices = RowSlices.of(degree)
@@ -192,14 +180,6 @@ def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
     return list(pairwise(cuts))
 
 
-def _upload_packs(device: Allocator, packs: Packs, label: str, exact: bool) -> RowPart:
-    info = device.texels(len(packs.info), "rgba32uint", f"{label}.info")
-    info.write(packs.info)
-    part = RowPart(len(packs.info), info, None, *_blocks(device, len(packs.table), label, exact))
-    part.write(packs.table, 0)
-    return part
-
-
 def _blocks(device: Allocator, size: int, label: str, exact: bool) -> tuple[Texels, int]:
     """``size`` texels of blocks, twice that if ``exact``, and the first of low halves."""
     both = 2 * size if exact else size
@@ -217,10 +197,10 @@ def _upload_slices(
         SLICE,
     )
     part.info.write(slices.info())
-    assert part.neighbour is not None
     part.neighbour.write(slices.neighbours(rows))
-    for first, blocks in slices.blocks(rows, scale):
-        part.write(blocks, first)
+    for first, halves in slices.blocks(rows, scale, exact):
+        for half, start in zip(halves, (0, part.low), strict=False):
+            part.blocks.write(half, start + first)
     return part
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.device.arena import Allocator
@@ -14,8 +13,6 @@ from gpusim.fem.device.tet_forces import DeviceTets
 from gpusim.fem.device.tet_texels import TetTexels, tet_texels_bytes
 
 __all__ = ["DeviceOperator", "device_tets", "operator_bytes", "upload_operator"]
-
-Bool = npt.NDArray[np.bool_]
 
 DeviceOperator = DeviceStiffness | DeviceTets
 
@@ -43,10 +40,8 @@ def upload_operator(
     elements: TetElements | None,
     scale: float,
     cases: int,
-    free: Bool | None = None,
 ) -> DeviceOperator:
-    """K / ``scale`` for ``cases`` load cases; ``elements`` of ``device_tets``, ``free`` (N,3) as
-    for ``DeviceStiffness``."""
+    """K / ``scale`` for ``cases`` load cases; ``elements`` of ``device_tets``."""
     if elements is None:
-        return DeviceStiffness(device, assembled.rows, scale, cases, free)
+        return DeviceStiffness(device, assembled.rows, scale, cases)
     return DeviceTets(device, elements, assembled.rows.node_count, scale, cases)

@@ -63,12 +63,11 @@ class DeviceRelaxation:
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, len(inverse)
         self._texels = texels
-        chosen = inverse[texels.example]
-        columns = np.zeros((len(chosen), 3, 4), dtype=np.float32)
-        columns[:, :, :3] = chosen.transpose(0, 2, 1)
+        columns = np.zeros((len(inverse), 3, 4), dtype=np.float32)
+        columns[:, :, :3] = inverse.transpose(0, 2, 1)
         # whether the unknown is free
-        columns[:, :, 3] = np.einsum("nii->ni", chosen) != 0.0
-        self._inverse = device.texels(3 * len(chosen), "rgba32float", f"{label}.inverse")
+        columns[:, :, 3] = np.einsum("nii->ni", inverse) != 0.0
+        self._inverse = device.texels(3 * len(inverse), "rgba32float", f"{label}.inverse")
         self._inverse.write(columns.reshape(-1, 4))
         self._bound: dict[object, list[Bindings]] = {}
 
@@ -108,7 +107,6 @@ class DeviceRelaxation:
         **vectors: Texels,
     ) -> None:
         assert isinstance(self._texels, BlockTexels)
-        entry = f"{entry}4" if self._texels.packed else entry
         key = (entry, factors, *(id(one) for one in vectors.values()))
         if key not in self._bound:
             self._bound[key] = [
@@ -200,7 +198,7 @@ class ColumnRelaxation:
     ) -> None:
         label = f"{label}.columns"
         free = np.einsum("nii->ni", own) != 0.0
-        texels = BlockTexels(device, rows_of_matrix(inverse), free, 1.0, label, exact=False)
+        texels = BlockTexels(device, rows_of_matrix(inverse), 1.0, label, exact=False)
         self._matrix = relaxation
         self._inverse = DeviceRelaxation(device, texels, free[:, :, None] * np.eye(3), cases, label)
         self._sum = DeviceSum(device, len(own), cases)
@@ -274,7 +272,7 @@ def _check(device: Device) -> None:
         rows = assemble(model, resolve_formulation(model, None)).rows
         free = mesh.points > mesh.points.min(axis=0)
         inverse = invert_blocks(rows.diagonal[rows.row_class], free)
-        texels = BlockTexels(device, rows, free, 1.0, "fem.check", exact=False)
+        texels = BlockTexels(device, rows, 1.0, "fem.check", exact=False)
         _compare(device, texels, partial(apply_stiffness, rows), inverse, free)
     elements, nodes = check_elements()
     free = rng.random((nodes, 3)) < 0.9

@@ -10,17 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
+from gpusim.fem.assembly.matrix_product import ahead
 
 __all__ = ["SLICE", "WINDOW", "RowSlices"]
 
 Long = npt.NDArray[np.int64]
-Float = npt.NDArray[np.float64]
+Single = npt.NDArray[np.float32]
 
 SLICE = 8
 # nodes are sorted by the length of their rows within as many of them
@@ -87,25 +89,38 @@ class RowSlices:
         result[self._places()] = listed.reshape(-1, 4)
         return result.reshape(-1, 4)
 
-    def blocks(self, rows: BlockRows, scale: float) -> Iterator[tuple[int, Float]]:
-        """(first texel, (t,4) texels) one after the other: blocks over ``scale`` by columns."""
-        first = 0
-        while first < len(self.head):
-            end = int(self.start[first]) + _CHUNK // (_FOUR * SLICE)
-            last = max(int(np.searchsorted(self.start + self.head, end, side="right")), first + 1)
-            some = self._some(first, last)
-            own = rows.row_class[some.nodes]
-            degree = rows.table_start[own + 1] - rows.table_start[own]
-            blocks = np.zeros((4 * int(some.fours.sum()), 3, 3))
-            into = ranges(4 * (np.cumsum(some.fours) - some.fours), degree)
-            source = ranges(rows.table_start[own], degree)
-            blocks[into] = rows.table[source].transpose(0, 2, 1)
-            blocks /= scale
-            result = np.zeros((some.list_texels // SLICE, _FOUR, SLICE, 4))
-            four, lane = some._places()
-            result[four, :, lane] = blocks.reshape(-1, _FOUR, 4)
-            yield _FOUR * SLICE * int(self.start[first]), result.reshape(-1, 4)
-            first = last
+    def blocks(
+        self, rows: BlockRows, scale: float, exact: bool
+    ) -> Iterator[tuple[int, list[Single]]]:
+        """(first texel, (t,4) texels) one after the other: blocks over ``scale`` by columns, as
+        float32 and, if ``exact``, what that leaves of them."""
+        cuts = [0]
+        while cuts[-1] < len(self.head):
+            end = int(self.start[cuts[-1]]) + _CHUNK // (_FOUR * SLICE)
+            last = int(np.searchsorted(self.start + self.head, end, side="right"))
+            cuts.append(max(last, cuts[-1] + 1))
+        return ahead(partial(self._halves, rows, scale, exact), list(pairwise(cuts)))
+
+    def _halves(
+        self, rows: BlockRows, scale: float, exact: bool, ends: tuple[int, int]
+    ) -> tuple[int, list[Single]]:
+        some = self._some(*ends)
+        own = rows.row_class[some.nodes]
+        degree = rows.table_start[own + 1] - rows.table_start[own]
+        source = ranges(rows.table_start[own], degree)
+        low, high = (int(source.min()), int(source.max()) + 1) if len(source) else (0, 0)
+        blocks = rows.table[low:high].reshape(-1, 9)
+        blocks = blocks if scale == 1.0 else blocks / scale
+        # the block behind the last one is zero, and fills rows up
+        listed = np.full(4 * int(some.fours.sum()), high - low)
+        listed[ranges(4 * (np.cumsum(some.fours) - some.fours), degree)] = source - low
+        places = np.full((some.list_texels // SLICE, SLICE, 4), high - low)
+        places[some._places()] = listed.reshape(-1, 4)
+        halves = [blocks.astype(np.float32)]
+        if exact:
+            halves.append((blocks - halves[0]).astype(np.float32))
+        texels = [_interleaved(half, places) for half in halves]
+        return _FOUR * SLICE * int(self.start[ends[0]]), texels
 
     def _places(self) -> tuple[Long, Long]:
         """Four within the slices' sum, and lane, of each four of each node."""
@@ -117,3 +132,16 @@ class RowSlices:
 def _sliced(nodes: Long, fours: Long) -> RowSlices:
     head = fours[::SLICE]
     return RowSlices(nodes, fours, head, np.cumsum(head) - head)
+
+
+def _interleaved(blocks: Single, places: Long) -> Single:
+    """(t,4) texels of blocks (B,9) at ``places`` (S,8,4): by place in the row, then by row."""
+    padded = np.empty((len(blocks) + 1, 9), dtype=np.float32)
+    padded[-1] = 0.0
+    # by columns; pieces of three numbers would be copied one by one
+    for k in range(9):
+        padded[:-1, k] = blocks[:, 3 * (k % 3) + k // 3]
+    # a texel is moved as one number of 16 bytes
+    rows = padded.take(places.ravel(), axis=0).reshape(-1, 4).view(np.complex128)
+    turned = rows.reshape(-1, SLICE, _FOUR).transpose(0, 2, 1)
+    return np.ascontiguousarray(turned).view(np.float32).reshape(-1, 4)

@@ -13,14 +13,15 @@ from functools import partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_texels import BlockTexels, RowPart
-from gpusim.fem.device.node_texels import Pair, pair, row_threads
-from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
+from gpusim.fem.device.block_product import DeviceProduct, RowsOnDevice
+from gpusim.fem.device.block_texels import BlockTexels
+from gpusim.fem.device.node_texels import Pair, pair
+from gpusim.gpu import Device, compare, twin_check
 
 __all__ = ["DeviceStiffness", "apply_stiffness"]
 
@@ -94,24 +95,13 @@ def _apply_range(
     result[first:last] = (matrix @ difference.ravel()).reshape(-1, 3)
 
 
-class DeviceStiffness:
-    """K on the device, divided by ``scale``; ``texels`` are its blocks, which others may share.
+class DeviceStiffness(RowsOnDevice):
+    """K on the device, divided by ``scale``; ``texels`` are its blocks, which others may share."""
 
-    ``free`` (N,3), default all, tells apart what those others need told apart.
-    """
-
-    def __init__(
-        self,
-        device: Allocator,
-        rows: BlockRows,
-        scale: float,
-        cases: int,
-        free: npt.NDArray[np.bool_] | None = None,
-    ) -> None:
-        self.device, self.cases, self.nodes = device, cases, rows.node_count
-        free = np.ones((self.nodes, 3), dtype=bool) if free is None else free
-        self.texels = BlockTexels(device, rows, free, scale, "fem.stiffness", exact=True)
-        self._bound: dict[tuple[int, int], list[Bindings]] = {}
+    def __init__(self, device: Allocator, rows: BlockRows, scale: float, cases: int) -> None:
+        self.nodes = rows.node_count
+        texels = BlockTexels(device, rows, scale, "fem.stiffness", exact=True)
+        super().__init__(device, texels, self.nodes, cases, plain=False)
 
     def vector(self, u: Float, *, rounded: bool = False) -> Pair:
         """Float64 values (L,N,3) in the form that ``record`` takes and, not ``rounded``, gives."""
@@ -119,42 +109,10 @@ class DeviceStiffness:
         result.write(u)
         return result
 
-    def record(self, recording: Recording, u: Pair, result: Pair) -> None:
-        """Record result = K u, (L,N,3) values; ``result`` not rounded."""
-        entry = "apply4" if self.texels.packed else "apply"
-        constants = {"rounded": float(u.rounded)}
-        kernel = self.device.kernel("fem/device/stiffness", entry=entry, constants=constants)
-        key = (id(u.high), id(result.high))
-        if key not in self._bound:
-            self._bound[key] = [self._bind(kernel, part, u, result) for part in self.texels.parts]
-        for part, bindings in zip(self.texels.parts, self._bound[key], strict=True):
-            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
-
-    def _bind(self, kernel: Kernel, part: RowPart, u: Pair, result: Pair) -> Bindings:
-        more = {} if part.neighbour is None else {"neighbour": part.neighbour}
-        return kernel.bind(
-            info=part.info,
-            blocks=part.blocks,
-            u_high=u.high,
-            u_low=u.second,
-            k_high=result.high,
-            k_low=result.second,
-            params={
-                "count": part.count,
-                "nodes": self.nodes,
-                "columns": self.nodes,
-                "cases": self.cases,
-                "stride": part.stride,
-                "low": part.low,
-            },
-            **more,
-        )
-
 
 @twin_check("fem/device/stiffness")
 def _check(device: Device) -> None:
     from gpusim.fem.assembly.assembly import assemble
-    from gpusim.fem.device.block_product import DeviceProduct
     from gpusim.fem.model.formulation import resolve_formulation
     from gpusim.fem.model.material import Isotropic
     from gpusim.fem.model.model import Model
@@ -180,7 +138,7 @@ def _check(device: Device) -> None:
     # the kernel's plain form, as coarse levels use it: any matrix, not square
     dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
     x = rng.normal(size=(2, 8, 3))
-    product = DeviceProduct(device, csr_matrix(dense), 2, "fem.check")
+    product = DeviceProduct(device, bsr_matrix(dense, blocksize=(3, 3)), 2, "fem.check")
     source, image = pair(device, 2, 8, "fem.check.x"), product.vector()
     source.write(x)
     with device.recording("fem.check") as recording:

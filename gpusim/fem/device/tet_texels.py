@@ -35,17 +35,13 @@ class TetTexels:
     """The elements on the device, their matrices divided by ``scale``; the first ``straight`` of
     ``count`` are straight. ``forces`` are those of one vector, overwritten by each product.
 
-    Every node has a row of its own (``packed``, ``example``: as in ``BlockTexels``).
     """
-
-    packed = False
 
     def __init__(
         self, device: Allocator, elements: TetElements, nodes: int, scale: float, label: str
     ) -> None:
         self.nodes, self.count = nodes, len(elements.cells)
         self.straight = len(elements.straight)
-        self.example = np.arange(nodes)
         sizes = _sizes(elements, nodes)
         self.cells = device.texels(sizes["cells"], "rgba32uint", f"{label}.cells")
         self.cells.write(_cell_texels(elements))

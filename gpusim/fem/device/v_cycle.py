@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse import bsr_matrix
 
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_product import DeviceProduct, product_bytes
+from gpusim.fem.device.block_product import DeviceProduct, dense_blocks, product_bytes
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.interpolation import DeviceWeights
 from gpusim.fem.device.linear_combination import DeviceSum
@@ -40,10 +40,9 @@ Steps = tuple[Relaxation, ...]
 TWICE = 1.5
 
 
-def compile_kernels(device: Allocator, by_elements: bool, rounded: bool) -> None:
-    """Compile what a solve runs, with directions ``rounded`` or not: half a second at first, which
-    may pass beside other work."""
-    directions = {"rounded": float(rounded)}
+def compile_kernels(device: Allocator, by_elements: bool) -> None:
+    """Compile what a solve runs: half a second at first, which may pass beside other work."""
+    directions = {"rounded": 1.0}
     if by_elements:
         for entry in ("straight", "curved", "sums"):
             device.kernel("fem/device/tet_forces", entry=entry, constants=directions)
@@ -51,17 +50,15 @@ def compile_kernels(device: Allocator, by_elements: bool, rounded: bool) -> None
             device.kernel("fem/device/tet_forces_single", entry=entry)
         for entry in ("relax", "residual"):
             device.kernel("fem/device/relaxation", entry=f"{entry}_forces")
-    for width in ("", "4"):
-        device.kernel("fem/device/stiffness", entry=f"apply{width}", constants=directions)
-        for entry in ("begin", "relax", "residual"):
-            device.kernel("fem/device/relaxation", entry=f"{entry}{width}")
+    device.kernel("fem/device/stiffness", entry="apply", constants=directions)
+    for entry in ("begin", "relax", "residual"):
+        device.kernel("fem/device/relaxation", entry=entry)
     device.kernel("fem/device/stiffness", entry="apply", constants={"plain": 1.0})
     device.kernel("fem/device/linear_combination", entry="combine")
     for entry in ("apply", "add"):
         device.kernel("fem/device/interpolation", entry=entry)
-    turn = "turn_rounded" if rounded else "turn"
-    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", turn):
-        device.kernel("fem/krylov/cg", entry=entry, constants=directions)
+    for entry in ("dot_pq", "dot_rz", "start", "alpha", "beta", "advance", "turn"):
+        device.kernel("fem/krylov/cg", entry=entry)
 
 
 class DeviceMultigrid:
@@ -86,8 +83,7 @@ class DeviceMultigrid:
             texels: BlockTexels | TetTexels = finest
             if number:
                 rows = rows_of_matrix(level.product.matrix)
-                free = np.einsum("nii->ni", level.inverse) != 0.0
-                texels = BlockTexels(device, rows, free, 1.0, label, exact=False)
+                texels = BlockTexels(device, rows, 1.0, label, exact=False)
             below = _NodeLevel(device, level, steps[number], texels, below, cases, label)
         assert isinstance(below, _NodeLevel)
         self._top = below
@@ -102,7 +98,8 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
     def vectors(count: int, unknowns: int) -> int:
         return count * Texels.footprint(cases * (unknowns // 3 + 1))
 
-    total = product_bytes(csr_matrix(hierarchy.bottom.inverse))
+    whole = hierarchy.bottom.unknowns // 3
+    total = block_texels_bytes(*2 * [np.full(whole, whole)], exact=True)
     for number, level in enumerate(hierarchy.levels):
         fine, coarse = (int(n) for n in level.transfer.shape)
         if level.inverse.shape[1] == 3:
@@ -115,9 +112,9 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
                 total += column_bytes(level.smoother.matrix) + vectors(4, fine)
         else:
             total += (
-                2 * product_bytes(level.product.matrix)
+                product_bytes(level.product.matrix)
                 + product_bytes(_diagonal(level))
-                + vectors(18, fine)
+                + vectors(20, fine)
             )
         if isinstance(level.transfer, NodeTransfer):
             entries = level.transfer.weights.nnz
@@ -125,8 +122,8 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
                 total += Texels.footprint(rows) + Texels.footprint((entries + rows) // 2 + 1)
             total += vectors(4, coarse)
         else:
-            transfer = level.transfer.matrix()
-            total += product_bytes(transfer) + product_bytes(transfer.T.tocsr())
+            total += product_bytes(level.transfer.matrix)
+            total += product_bytes(level.transfer.transposed)
             total += vectors(4, coarse) + vectors(4, fine)
     return total
 
@@ -142,7 +139,7 @@ class _Bottom:
     """The dense inverse."""
 
     def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
-        inverse = csr_matrix(hierarchy.bottom.inverse)
+        inverse = dense_blocks(hierarchy.bottom.inverse)
         self._inverse = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
 
     def record(self, recording: Recording, b: Pair, x: Pair) -> None:
@@ -165,11 +162,9 @@ class _BlockLevel:
         matrix = level.product.matrix
         self._steps = steps
         self._matrix = DeviceProduct(device, matrix, cases, f"{label}.matrix")
-        # D^-1 A and D^-1 b: a step needs no scaling then
-        self._scaled = DeviceProduct(device, diagonal @ matrix, cases, f"{label}.scaled")
         self._inverse = DeviceProduct(device, diagonal, cases, f"{label}.inverse")
         self._sum = DeviceSum(device, self._matrix.rows, cases)
-        self._right, self._product = self._matrix.vector(), self._matrix.vector()
+        self._right, self._product, self._scaled = (self._matrix.vector() for _ in range(3))
         self._vectors = [self._matrix.vector() for _ in range(3)]
         self._twice = level.twice
         self._once, self._left, self._again = (self._matrix.vector() for _ in range(3))
@@ -210,11 +205,12 @@ class _BlockLevel:
         self, recording: Recording, x: Pair, before: Pair | None, step: Relaxation, out: Pair
     ) -> None:
         """Record out = x + keep (x - before) + gain D^-1 (b - A x)."""
-        self._scaled.record(recording, x, self._product)
+        self._matrix.record(recording, x, self._product)
+        self._inverse.record(recording, self._product, self._scaled)
         terms = {
             "x": (1.0 + step.keep, x),
             "right": (step.gain, self._right),
-            "product": (-step.gain, self._product),
+            "product": (-step.gain, self._scaled),
         }
         if before is not None:
             terms["before"] = (-step.keep, before)
@@ -322,10 +318,9 @@ class _ByMatrix:
         cases: int,
         label: str,
     ) -> None:
-        matrix = transfer.matrix()
         restriction, prolongation = f"{label}.restriction", f"{label}.prolongation"
-        self._restriction = DeviceProduct(device, matrix.T.tocsr(), cases, restriction)
-        self._prolongation = DeviceProduct(device, matrix, cases, prolongation)
+        self._restriction = DeviceProduct(device, transfer.transposed, cases, restriction)
+        self._prolongation = DeviceProduct(device, transfer.matrix, cases, prolongation)
         self._sum = DeviceSum(device, self._prolongation.rows, cases)
         self._fine = self._prolongation.vector()
         self._b, self._x = self._restriction.vector(), self._restriction.vector()

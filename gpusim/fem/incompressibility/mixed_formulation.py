@@ -49,7 +49,6 @@ class Mixed:
     @property
     def lowest(self) -> float:
         """About the least eigenvalue of K / scale."""
-        assert self.norm.lowest is not None
         return self.norm.lowest
 
     def loop(self, cases: int) -> SaddleCG:
@@ -96,5 +95,5 @@ def mixed_solver(
     lowest = unit * min(hierarchy.lowest, found.lowest) * (1.0 - _BELOW)
     theta = _BELOW * float(found.mu.min())
     return Mixed(
-        multigrid, split, pressures, theta, unit, Norm(None, lowest, True), found.iterations
+        multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), found.iterations
     )

@@ -3,10 +3,9 @@
 Kernel: ``shaders/fem/krylov/cg.wgsl``. Both forms keep vectors and scalars in float64 (or
 double-single) and write one history line per iteration: r.z before it, alpha, beta, p.q. On the
 device the preconditioner works in float32: it gets r rounded and gives z. K p and r are pairs of
-float32 textures. p is ``rounded`` to float32 on request, which takes a seventh off a product: x and
-r are advanced by the same p, so that only its conjugacy suffers, as from the rounding of z. Behind
-multigrid that costs no iteration (105 of a beam 200 times as long as thick); 27,000 steps by block
-Jacobi become 50,000, so pairs stay there.
+float32 textures. p is rounded to float32, which takes a seventh off a product: x and r are advanced
+by the same p, so that only its conjugacy suffers, as from the rounding of z. Behind multigrid that
+costs no iteration (105 of a beam 200 times as long as thick).
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ import numpy.typing as npt
 from gpusim.fem.device.arena import Allocator
 from gpusim.fem.device.node_texels import Pair, pair, vector_texels
 from gpusim.fem.device.operator_form import DeviceOperator
+from gpusim.fem.device.relaxation import relaxation
 from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
 from gpusim.gpu.buffer import RealBuffer
@@ -39,8 +39,6 @@ class Preconditioner(Protocol):
     ``apply`` works on (L,n) arrays. ``upload`` gives an object whose ``record(recording, r, z)``
     records the same on a device, for texels in float32.
     """
-
-    name: str
 
     def apply(self, r: Float) -> Float: ...
 
@@ -134,8 +132,6 @@ class DeviceCG:
         stiffness: DeviceOperator,
         preconditioner: Any,
         cases: int,
-        *,
-        rounded: bool,
     ) -> None:
         self.device, self.cases, self.nodes = device, cases, stiffness.nodes
         self._stiffness, self._precondition = stiffness, preconditioner
@@ -147,7 +143,7 @@ class DeviceCG:
         self._x = device.real_buffer(zeros, label="fem.cg.x")
         self._z = vector_texels(device, cases, self.nodes, "fem.cg.z")
         # in use, and to be written next: a texture can't be read and written
-        self._p, self._next_p = vector("p", rounded), vector("next_p", rounded)
+        self._p, self._next_p = vector("p", True), vector("next_p", True)
         self._r, self._next_r = vector("r"), vector("next_r")
         self._q = vector("q")
         self._partial = device.real_buffer(np.zeros((cases, _GROUPS)), label="fem.cg.partial")
@@ -158,9 +154,9 @@ class DeviceCG:
         self._blocks = max(1, min(65535, -(-self.nodes // 64)))
 
     @staticmethod
-    def device_bytes(nodes: int, cases: int, rounded: bool) -> int:
+    def device_bytes(nodes: int, cases: int) -> int:
         """Bytes that this takes beside stiffness and preconditioner; never less."""
-        vectors = (9 if rounded else 11) * Texels.footprint(cases * (nodes + 1))
+        vectors = 9 * Texels.footprint(cases * (nodes + 1))
         # buffers are rounded up to 16 bytes
         return vectors + 8 * cases * (3 * nodes + 4 * _CAPACITY + _GROUPS + 6) + 80
 
@@ -200,8 +196,7 @@ class DeviceCG:
 
     def _iterate(self, recording: Recording) -> None:
         self._stiffness.record(recording, self._p, self._q)
-        both = {"p_high": self._p.high, "p_low": self._p.second}
-        both |= {"q_high": self._q.high, "q_low": self._q.second}
+        both = {"p_in": self._p.high, "q_high": self._q.high, "q_low": self._q.second}
         recording.dispatch(*self._bind("dot_pq", **both), groups=(_GROUPS, self.cases, 1))
         self._scalar(recording, "alpha")
         advance = self._bind(
@@ -224,17 +219,12 @@ class DeviceCG:
         recording.dispatch(*self._bind(entry), groups=(1, self.cases, 1))
 
     def _turn(self, recording: Recording) -> None:
-        bound = self._bind(
-            "turn_rounded" if self._p.rounded else "turn",
-            p_high=self._p.high, p_low=self._p.second, z_in=self._z,
-            high_out=self._next_p.high, low_out=self._next_p.second,
-        )  # fmt: skip
+        bound = self._bind("turn", p_in=self._p.high, z_in=self._z, high_out=self._next_p.high)
         recording.dispatch(*bound, groups=(self._blocks, self.cases, 1))
         self._p, self._next_p = self._next_p, self._p
 
     def _bind(self, entry: str, **vectors: RealBuffer | Texels) -> tuple[Kernel, Bindings]:
-        constants = {"rounded": float(self._p.rounded)}
-        kernel = self.device.kernel("fem/krylov/cg", entry=entry, constants=constants)
+        kernel = self.device.kernel("fem/krylov/cg", entry=entry)
         key = (entry, *(id(vector) for vector in vectors.values()))
         if key not in self._bound:
             own: dict[str, Any] = {
@@ -260,7 +250,6 @@ def _check(device: Device) -> None:
     from gpusim.fem.model.formulation import resolve_formulation
     from gpusim.fem.model.material import Isotropic
     from gpusim.fem.model.model import Model
-    from gpusim.fem.multigrid.preconditioner import BlockJacobi
     from gpusim.mesh import box
 
     rng = np.random.default_rng(8)
@@ -269,16 +258,32 @@ def _check(device: Device) -> None:
     rows = assemble(model, resolve_formulation(model, None)).rows
     free = np.repeat(mesh.points[:, :1] > 0.0, 3, axis=1)
     shape = (2, *free.shape)
-    jacobi = BlockJacobi(invert_blocks(rows.diagonal[rows.row_class], free))
+    jacobi = _BlockJacobi(invert_blocks(rows.diagonal[rows.row_class], free))
     b = np.where(free, rng.normal(size=shape), 0.0).reshape(2, -1)
     twin = NumpyCG(lambda v: apply_stiffness(rows, v.reshape(shape)).reshape(2, -1), jacobi)
-    operator = DeviceStiffness(device, rows, 1.0, 2, free)
+    operator = DeviceStiffness(device, rows, 1.0, 2)
     ready = jacobi.upload(device, operator, 2)
     active = np.array([True, True])
     start, history, x = twin.begin(b), twin.run(6, active), twin.correction()
-    for rounded in (False, True):
-        loop = DeviceCG(device, operator, ready, 2, rounded=rounded)
-        # the preconditioner is rounded to float32, and iterations amplify that
-        compare("fem/krylov/cg.start", loop.begin(b), start, rtol=1e-6, atol=0.0)
-        compare("fem/krylov/cg.history", loop.run(6, active), history, rtol=2e-5, atol=1e-12)
-        compare("fem/krylov/cg.x", loop.correction(), x, rtol=1e-5, atol=1e-5)
+    loop = DeviceCG(device, operator, ready, 2)
+    # the preconditioner is rounded to float32, and iterations amplify that
+    compare("fem/krylov/cg.start", loop.begin(b), start, rtol=1e-6, atol=0.0)
+    compare("fem/krylov/cg.history", loop.run(6, active), history, rtol=2e-5, atol=1e-12)
+    compare("fem/krylov/cg.x", loop.correction(), x, rtol=1e-5, atol=1e-5)
+
+
+class _BlockJacobi:
+    """z = D^-1 r with the 3x3 diagonal blocks of K; ``inverse`` (N,3,3), zero where fixed."""
+
+    def __init__(self, inverse: Float) -> None:
+        self._inverse = inverse
+
+    def apply(self, r: Float) -> Float:
+        return np.asarray(np.matmul(self._inverse, r.reshape(len(r), -1, 3, 1)).reshape(r.shape))
+
+    def upload(self, device: Allocator, stiffness: Any, cases: int) -> _BlockJacobi:
+        self._scaling = relaxation(device, stiffness.texels, self._inverse, cases, "fem.check")
+        return self
+
+    def record(self, recording: Recording, r: Texels, z: Texels) -> None:
+        self._scaling.begin(recording, r, z, 1.0)

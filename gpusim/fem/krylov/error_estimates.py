@@ -22,48 +22,26 @@ BELOW = 0.9
 # a Ritz value below which the preconditioner is poor, and iterations per decimal beyond which it
 # is: the loads may not feel all soft modes then, either
 _POOR, _MANY = 0.03, 5.0
-# iterations that may be spent on such modes where they give no bound
-_GLANCE = 40
 # a Ritz value below this tells of motions that the coarse levels, and ``Norm.lowest``, don't see
 _UNSEEN = 1e-6
-# iterations in half a run from which on its Ritz values can tell anything
-_LEAST_HALF = 10
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Norm:
-    """The norm of the stopping rule: sum of squares, or u.D u with blocks (N,3,3).
+    """The norm of the stopping rule, the sum of squares: ``lowest`` is the least eigenvalue of K';
+    ``sought``: soft modes have been looked for already, as ``probe`` does."""
 
-    ``lowest`` is the least eigenvalue of N^-1 K'; None: the smallest Ritz value serves, or
-    ``softest``, a Rayleigh quotient of M^-1 K' near the least eigenvalue, if that is smaller.
-    ``sought``: soft modes have been looked for already, as ``probe`` does.
-    """
-
-    blocks: Float | None
-    lowest: float | None
+    lowest: float
     sought: bool = False
-    softest: float = np.inf
-
-    def size(self, u: Float, even: bool = False) -> Float:
-        """(L,) norms of (L,N,3); ``even``: see `gpusim.fem.krylov.rounding_error.extent`."""
-        if self.blocks is None:
-            return extent(u, even)
-        image = np.matmul(self.blocks, u[..., None])[..., 0]
-        return np.asarray(np.sqrt(np.maximum(np.einsum("lni,lni->l", u, image), 0.0)))
 
 
 class Estimates:
-    """Least Ritz value so far and the estimates per load case.
-
-    Where the Ritz value is all that is known of the least eigenvalue, it must have settled: it
-    may not have halved during the last half of a run of some length. Before that there is no
-    estimate.
-    """
+    """Least Ritz value so far, and the estimates per load case."""
 
     def __init__(self, system: System, norm: Norm) -> None:
         self.system, self.norm = system, norm
         self.mu = np.full(len(system.right), np.inf)
-        self.settled = np.full(len(system.right), norm.lowest is not None)
+        self.settled = np.ones(len(system.right), dtype=bool)
         self.given = system.prescribed * (system.scale / system.load_scale)[:, None, None]
         self.lowest, self.probed = norm.lowest, False
         # what a start was off by, where nothing sharper came to be known
@@ -71,30 +49,24 @@ class Estimates:
 
     def doubtful(self, iterations: int, tolerance: float) -> bool:
         """Whether there may be soft modes that the loads haven't told of, by a first run."""
-        if self.probed or self.lowest is None:
+        if self.probed:
             return False
         many = iterations > _MANY * -np.log10(tolerance) and not self.norm.sought
         return bool((self.mu < _POOR).any()) or many
 
     def probe(self, loop: Any, most: int) -> str:
         """Look for them; the loop's run is lost. Returns what to say of it."""
-        bounded = self.lowest is not None
-        found = probe(self.system, loop, most if bounded else _GLANCE)
+        found = probe(self.system, loop, most)
         self.probed = True
         self.mu = np.minimum(self.mu, found.mu)
-        if self.lowest is not None:
-            self.lowest = min(self.lowest, found.lowest)
-            self.settled &= found.settled
+        self.lowest = min(self.lowest, found.lowest)
+        self.settled &= found.settled
         return f" ({found.iterations} more iterations looked for soft modes)"
 
     def learn(self, history: Float) -> None:
         for case in range(len(self.mu)):
             lowest = smallest_ritz_value(history[:, case, 1], history[:, case, 2])
-            self.mu[case] = min(self.mu[case], lowest, self.norm.softest)
-            if not self.settled[case]:
-                half = history[: len(history) // 2, case]
-                before = smallest_ritz_value(half[:, 1], half[:, 2])
-                self.settled[case] = len(half) >= _LEAST_HALF and before <= 2.0 * lowest
+            self.mu[case] = min(self.mu[case], lowest)
 
     def left(self, history: Float, rz: Float, x: Float) -> Float:
         """Estimates (L,) by r.z after a run, which are above the bounds that stopped it; ``rz``
@@ -115,7 +87,7 @@ class Estimates:
     def apart(self, residual: Float, expected: Float | None, x: Float) -> Float:
         """Relative displacement error (L,) from what the true residual (L,n) has more than the
         one that the loop went by: ||A^-1 d||_A <= ||d|| / sqrt(least eigenvalue)."""
-        if expected is None or self.lowest is None or self.norm.blocks is not None:
+        if expected is None:
             return np.full(len(residual), np.inf)
         gap = np.where(self.system.free.ravel(), residual - expected, 0.0)
         size = np.sqrt(np.einsum("ln,ln->l", gap, gap))
@@ -127,13 +99,11 @@ class Estimates:
 
     def size(self, total: Float) -> Float:
         """What errors (L,) are relative to, for complete displacements (L,N,3)."""
-        return self.norm.size(total, even=bool(self.given.any()))
+        return extent(total, even=bool(self.given.any()))
 
     def over(self, energy: Float, size: Float) -> Float:
         """The same for solutions whose norms are ``size`` (L,)."""
-        lowest = BELOW * self.mu
-        if self.lowest is not None:
-            lowest = BELOW * self.lowest * np.minimum(1.0, self.mu / _UNSEEN)
+        lowest = BELOW * self.lowest * np.minimum(1.0, self.mu / _UNSEEN)
         bound = np.where(self.settled, energy / np.sqrt(lowest), np.inf)
         relative = np.divide(bound, size, out=np.full_like(bound, np.inf), where=size > 0.0)
         return np.where(energy > 0.0, relative, 0.0)

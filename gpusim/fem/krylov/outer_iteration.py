@@ -14,7 +14,7 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.definiteness import check_finite
 from gpusim.fem.assembly.system import System
 from gpusim.fem.krylov.error_estimates import BELOW, Estimates, Norm
-from gpusim.fem.krylov.rounding_error import VISIBLE, Blur, rounded
+from gpusim.fem.krylov.rounding_error import VISIBLE, Blur, extent, rounded
 from gpusim.fem.krylov.stopping_criterion import energy_bound
 
 __all__ = ["HARSH", "Outcome", "iterate"]
@@ -61,10 +61,9 @@ def iterate(
     norm: Norm,
     start: Float | None,
     *,
-    blur: Blur | None = None,
+    blur: Blur,
     tolerance: float,
     most: int,
-    chunk: int,
     progress: Callable[[int, float], None] | None,
 ) -> Outcome:
     """Run until the estimate of every load case is at or below ``tolerance``.
@@ -82,13 +81,12 @@ def iterate(
     ``blur`` tells what the rounding of K itself leaves open, which is added. Where that is much of
     the tolerance, refinement goes on with forces by deformation.
     """
-    refinement = _Refinement(system, loop, norm, start, tolerance, most, chunk, progress)
+    refinement = _Refinement(system, loop, norm, start, tolerance, most, progress)
     refinement.run(system)
-    left = 0.0 if blur is None else blur(system, refinement.total)
+    left = blur(system, refinement.total)
     if left > VISIBLE * tolerance and refinement.iterations < most:
         system = system.by_deformation()
         refinement.run(system)
-        assert blur is not None
         left = min(left, blur(system, refinement.total))
     if refinement.beyond(left) and left <= _LITTLE * tolerance and refinement.iterations < most:
         # both together were too much, and this part can still be made smaller
@@ -107,11 +105,10 @@ class _Refinement:
         start: Float | None,
         tolerance: float,
         most: int,
-        chunk: int,
         progress: Callable[[int, float], None] | None,
     ) -> None:
         self._loop, self._tolerance, self._most = loop, tolerance, most
-        self._chunk, self._progress = chunk, progress
+        self._progress = progress
         self._factor = (system.scale / system.load_scale)[:, None, None]
         self._begun = start is not None
         self._x = np.zeros_like(system.right)
@@ -140,7 +137,7 @@ class _Refinement:
         """As far as one form of the system leads; to another ``tolerance`` if that is given."""
         state, loop, most = self._state, self._loop, self._most
         tolerance = self._tolerance if tolerance is None else tolerance
-        cases, norm = len(system.right), state.norm
+        cases = len(system.right)
         self._estimate = np.full(cases, np.inf)
         self._message = f"stopped after {most} iterations"
         inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
@@ -187,13 +184,13 @@ class _Refinement:
             state.floor = np.where(near & ~np.isfinite(state.mu), off, state.floor)
             correction, history, inside = _run(
                 system, loop, state, x, rz, near, aim * self._inside, _ENOUGH * tolerance,
-                most - self.iterations, self._chunk, report,
+                most - self.iterations, report,
             )  # fmt: skip
             self._x, self._image, self._begun = x + correction, None, True
             loop.keep()
             left = state.left(history, rz, self._x)
             size = state.size(self.total)
-            drift = norm.size(correction) / np.where(size > 0.0, size, 1e-300)
+            drift = extent(correction, even=False) / np.where(size > 0.0, size, 1e-300)
             self.iterations += len(history)
             self._histories.append(history)
             if state.doubtful(self.iterations, aim * self._inside):
@@ -230,7 +227,6 @@ def _run(
     tolerance: float,
     enough: float,
     most: int,
-    chunk: int,
     progress: Callable[[int, float], None] | None,
 ) -> tuple[Float, Float, Float]:
     """One run from the residual that the loop holds; returns (correction, history, estimate).
@@ -250,7 +246,7 @@ def _run(
     plain = estimate.copy()
     correction, base = np.zeros_like(system.right), x + state.given
     while active.any() and len(history) < most:
-        lines = loop.run(min(chunk, most - len(history)), active)
+        lines = loop.run(1, active)
         check_finite(lines, "conjugate gradients")
         bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
         if bent.any():
@@ -271,7 +267,7 @@ def _run(
         size = state.size(base + correction)
         estimate = np.where(active, state.over(energy, size), estimate)
         plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
-        told = ~fresh | (state.over(energy, state.norm.size(correction)) <= _LOOSEST)
+        told = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
         active &= ~((estimate <= tolerance) & (plain <= enough) & told)
         if progress is not None:
             progress(len(history), float(estimate.max()))
@@ -288,6 +284,5 @@ def _refuse_indefinite(system: System, bad: npt.NDArray[np.bool_]) -> None:
         raise NotConverged(
             "conjugate gradients: the preconditioner isn't positive definite in load case "
             f"{system.first_case + np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or "
-            "element sizes extremely unequal?); expected r.z > 0, or method 'direct' "
-            "or 'block_jacobi'"
+            "element sizes extremely unequal?); expected r.z > 0, or method 'direct'"
         )

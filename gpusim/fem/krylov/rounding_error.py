@@ -33,7 +33,7 @@ class Inverse(Protocol):
 
 class Blur:
     """By a preconditioner in place of the inverse; it is within a factor of two for the soft
-    motions that matter here. Block Jacobi isn't, and can't tell."""
+    motions that matter here."""
 
     def __init__(self, inverse: Inverse, tolerance: float) -> None:
         self._inverse, self._negligible = inverse, _NEGLIGIBLE * tolerance

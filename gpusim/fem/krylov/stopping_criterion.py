@@ -14,10 +14,10 @@ smaller. The displacement error follows from a norm N with a known least eigenva
     ||e||_N <= ||e||_A / sqrt(lambda_N),     relative to ||u||_N,
 
 where N = I (root-mean-square displacement of the nodes) and lambda_N comes from the multigrid
-hierarchy, and from `gpusim.fem.krylov.soft_modes` where that converges slowly; or, for block
-Jacobi, N = D = M and lambda_N = mu. The bound assumes that the whole error sits in the softest
-mode, so it is pessimistic for stiff load cases. It speaks of the root mean square; a single node
-may be off by more, most of all where soft and stiff parts meet.
+hierarchy, and from `gpusim.fem.krylov.soft_modes` where that converges slowly. The bound assumes
+that the whole error sits in the softest mode, so it is pessimistic for stiff load cases. It speaks
+of the root mean square; a single node may be off by more, most of all where soft and stiff parts
+meet.
 """
 
 from __future__ import annotations

@@ -30,7 +30,8 @@ class Solution:
         when the solve has converged.
     unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
         should know (dangling nodes). timings : seconds per part. backend, real,
-        method, element_classes, row_classes : how it was computed.
+        method, element_classes, row_classes : how it was computed. reasons : the solver's choices
+        and why, one a line.
     """
 
     u: Float
@@ -50,6 +51,7 @@ class Solution:
     method: str
     element_classes: int
     row_classes: int
+    reasons: tuple[str, ...] = ()
 
     @property
     def energy_balance(self) -> float:

@@ -13,11 +13,9 @@ In the order in which data passes:
   surface.
 - `column_blocks`: Columns of nodes across flat cells, as blocks that are smoothed and aggregated
   as a whole.
-- `patches`: Overlapping patches as a smoother, for nearly incompressible bodies on a lattice.
 - `smoothers`: Block-Jacobi and Chebyshev smoothing, host side; ``relaxation`` has the device's.
 - `coarse_solver`: The coarsest level of multigrid, solved exactly: a band where the body is long,
   or an inverse.
 - `hierarchy`: The levels of multigrid: geometry first, then smoothed aggregation.
-- `preconditioner`: Preconditioners: block Jacobi, and a multigrid V-cycle over an aggregation
-  hierarchy.
+- `preconditioner`: The V-cycle as a preconditioner.
 """

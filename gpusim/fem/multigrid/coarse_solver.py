@@ -10,7 +10,8 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+from scipy.linalg import LinAlgError, cho_factor, cho_solve_banded, cholesky_banded
+from scipy.linalg.lapack import dpotri
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -103,8 +104,10 @@ class Bottom:
             factor = cho_factor(lower, lower=True)
         except LinAlgError:
             raise _indefinite() from None
-        inverse = cho_solve(factor, np.eye(len(lower)))
-        inverse = 0.5 * (inverse + inverse.T) * np.outer(self._scale, self._scale)
+        # the lower triangle is the inverse's
+        inverse = np.tril(dpotri(factor[0], lower=True)[0])
+        inverse += np.tril(inverse, -1).T
+        inverse *= np.outer(self._scale, self._scale)
         result = np.zeros((self.unknowns, self.unknowns))
         result[np.ix_(self._kept, self._kept)] = inverse
         return result

@@ -31,7 +31,6 @@ from gpusim.fem.multigrid.geometric_coarsening import (
     has_midsides,
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
-from gpusim.fem.multigrid.patches import Patches, make_patches
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, Transfer
 
@@ -65,7 +64,7 @@ _EVEN = 100.0
 class Level:
     """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
     (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
-    ``smoother`` of patches or columns serves instead, the eigenvalue is its own. ``lightly``: one
+    ``smoother`` of columns serves instead, the eigenvalue is its own. ``lightly``: one
     step of smoothing is enough, because the coarser level has the same elements. ``twice``: a cycle
     goes through this level and what is below twice, as aggregated levels are cheap, and poor where
     bodies are flat or long (see ``Multigrid``)."""
@@ -74,7 +73,7 @@ class Level:
     inverse: Float
     largest: float
     transfer: Transfer
-    smoother: Patches | Columns | None = None
+    smoother: Columns | None = None
     lightly: bool = False
     twice: bool = False
 
@@ -97,7 +96,7 @@ def build_hierarchy(
     points: Float,
     rows: BlockRows,
     scale: float,
-    patched: bool = False,
+    stiff_in_bulk: bool = False,
     inverted: bool = False,
     harsh: bool = False,
 ) -> Hierarchy:
@@ -105,10 +104,11 @@ def build_hierarchy(
 
     ``matrix`` K / scale with 3x3 blocks, as a stencil or as its product, ``rows`` the same as
     block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
-    (N,3), ``points`` (N,3). ``patched`` asks for patches as smoothers on lattices, ``inverted`` for
-    a coarsest matrix that can be inverted, as devices do. Where stiffnesses differ greatly the
-    matrix is ``harsh``: interpolation from aggregates stays in float64 then, and its levels aren't
-    gone through twice, as rounding brings eigenvalues of a cycle above 1.
+    (N,3), ``points`` (N,3). Aggregation by sheets or columns is of no use to bodies that are
+    ``stiff_in_bulk``; ``inverted`` asks for a coarsest matrix that can be inverted, as devices do.
+    Where stiffnesses differ greatly the matrix is ``harsh``: interpolation from aggregates stays
+    in float64 then, and its levels aren't gone through twice, as rounding brings eigenvalues of a
+    cycle above 1.
     """
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
@@ -120,17 +120,13 @@ def build_hierarchy(
             inverse = _inverses(matrix, free)
         coarse_free = free[coarser.kept]
         transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
-        product, patches = _product(matrix), None
+        product = _product(matrix)
         lightly = all(_compact_tets(group, points) for group in groups)
-        if patched and lattice is not None:
-            patches = make_patches(_assembled(matrix), only_group(groups), lattice, free)
-        if patches is not None:
-            largest = largest_eigenvalue(product, patches, _STEPS)
-        elif sum(group.distinct for group in groups) <= _FEW:
+        if sum(group.distinct for group in groups) <= _FEW:
             largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
         else:
             largest = largest_eigenvalue(product, inverse, _FEW_STEPS if lightly else _STEPS)
-        levels.append(Level(product, inverse, largest, transfer, patches, lightly))
+        levels.append(Level(product, inverse, largest, transfer, lightly=lightly))
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
@@ -139,17 +135,14 @@ def build_hierarchy(
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
     whole = len(points)
-    smoothed_by_patches = bool(levels) and levels[-1].smoother is not None
-    if not patched and lattice is None and [group.name for group in groups] == ["hex8"]:
+    if not stiff_in_bulk and lattice is None and [group.name for group in groups] == ["hex8"]:
         assert not isinstance(matrix, Stencil)
         matrix, free, points = _by_sheets(levels, matrix, groups[0], free, points)
-    # aggregation is of no use to nearly incompressible bodies
-    coarsest = _COARSEST_INVERTED if smoothed_by_patches else _COARSEST
     longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
     column = None
-    if not patched and len(points) == whole:
+    if not stiff_in_bulk and len(points) == whole:
         column = columns_across(groups, points)
-    return _aggregate(levels, matrix, free, points, coarsest, longest, column, harsh)
+    return _aggregate(levels, matrix, free, points, longest, column, harsh)
 
 
 def _by_sheets(
@@ -284,12 +277,11 @@ def _aggregate(
     matrix: bsr_matrix | Stencil | RowsProduct,
     free: Bool,
     points: Float,
-    coarsest: int,
     longest: int,
     column: npt.NDArray[np.int64] | None,
     harsh: bool,
 ) -> Hierarchy:
-    """Aggregate until ``coarsest`` unknowns remain, or ``longest`` in a narrow band; at first by
+    """Aggregate until a few hundred unknowns remain, or ``longest`` in a narrow band; at first by
     ``column``, where nodes stand in columns."""
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max()) or 1.0
@@ -297,7 +289,7 @@ def _aggregate(
     stalled = False
     unknowns = free.size
     narrow = None
-    while not levels or (unknowns > coarsest and not stalled):
+    while not levels or (unknowns > _COARSEST and not stalled):
         own = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
         if levels and unknowns <= longest and isinstance(own, bsr_matrix):
             narrow = narrow_order(own, levels[0].product.unknowns)
@@ -316,13 +308,13 @@ def _aggregate(
         column = None
         unknowns = matrix.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
-    if narrow is None and unknowns > coarsest and longest > _COARSEST_INVERTED:
+    if narrow is None and unknowns > _COARSEST and longest > _COARSEST_INVERTED:
         # loose bodies can't be aggregated any further, however many there are
         narrow = narrow_order(_assembled(matrix), levels[0].product.unknowns)
     if narrow is None and unknowns > _MOST_INVERTED:
         raise NotConverged(
             f"multigrid: aggregation ended at {unknowns} unknowns; expected at most "
-            f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'block_jacobi'"
+            f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'direct'"
         )
     coarsest_matrix = _assembled(matrix)
     bottom = Bottom(coarsest_matrix, mask, narrow)

@@ -1,4 +1,4 @@
-"""Preconditioners: block Jacobi, and a multigrid V-cycle over an aggregation hierarchy."""
+"""The preconditioner: a multigrid V-cycle over a hierarchy of levels."""
 
 from __future__ import annotations
 
@@ -11,60 +11,23 @@ import numpy.typing as npt
 from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.device.arena import Allocator
 from gpusim.fem.device.operator_form import DeviceOperator
-from gpusim.fem.device.relaxation import relaxation
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
 from gpusim.fem.lattice.lattice_cycle import LatticeCycle
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
-from gpusim.fem.multigrid.patches import Patches
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev, columns, relax
-from gpusim.gpu import Recording
-from gpusim.gpu.texture_array import Texels
 
-__all__ = ["BlockJacobi", "Multigrid", "smoothing_steps"]
+__all__ = ["Multigrid", "smoothing_steps"]
 
 Float = npt.NDArray[np.float64]
 
-_JACOBI = Relaxation(0.0, 1.0, 0.0)
 _DEGREE = 2
 # eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
 # cost an iteration
 _RANGE = 12.0
 # the same of a single step, which mustn't come near twice the inverse of the greatest
 _LIGHT_RANGE = 8.0
-
-
-class BlockJacobi:
-    """z = D^-1 r with the 3x3 diagonal blocks of K; ``inverse`` (N,3,3), zero where fixed."""
-
-    name = "block_jacobi"
-
-    def __init__(self, inverse: Float) -> None:
-        self.inverse = inverse
-        self._columns = columns(inverse)
-
-    def apply(self, r: Float) -> Float:
-        """z = D^-1 r for (L,3N) r."""
-        return relax(self._columns, r, None, None, None, _JACOBI)[2]
-
-    def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> _DeviceJacobi:
-        """The same on a device."""
-        return _DeviceJacobi(device, self.inverse, stiffness, cases)
-
-    def device_bytes(self, cases: int) -> int:
-        """Bytes on a device, beside the stiffness; never less than are taken."""
-        return Texels.footprint(3 * len(self.inverse))
-
-
-class _DeviceJacobi:
-    def __init__(
-        self, device: Allocator, inverse: Float, stiffness: DeviceOperator, cases: int
-    ) -> None:
-        self._scaling = relaxation(device, stiffness.texels, inverse, cases, "fem.jacobi")
-
-    def record(self, recording: Recording, r: Texels, z: Texels) -> None:
-        self._scaling.begin(recording, r, z, 1.0)
 
 
 def smoothing_steps(level: Level) -> tuple[Relaxation, ...]:
@@ -87,8 +50,6 @@ class Multigrid:
     with the V-cycle V of a level, I - t V A once more brings its spectrum from (0, 1] to
     1 - (1 - t x)^2, positive for t < 2, and small values to 2 t times as much.
     """
-
-    name = "multigrid"
 
     def __init__(self, hierarchy: Hierarchy) -> None:
         self.hierarchy = hierarchy
@@ -188,11 +149,6 @@ class Multigrid:
             r, d, x = relax(inverse, r, level.product(d), d, x, step)
         return x
 
-    @property
-    def patched(self) -> bool:
-        """Whether patches smooth, which devices don't have."""
-        return any(isinstance(level.smoother, Patches) for level in self.hierarchy.levels)
-
     def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> DeviceMultigrid:
         """The same on a device; the matrix of ``stiffness`` is that of the finest level."""
         steps = [smoothing_steps(level) for level in self.hierarchy.levels]
@@ -203,10 +159,9 @@ class Multigrid:
         return multigrid_bytes(self.hierarchy, cases)
 
 
-def _smoothed(level: Level, smoother: Patches | Columns, b: Float, x: Float | None) -> Float:
+def _smoothed(level: Level, smoother: Columns, b: Float, x: Float | None) -> Float:
     """Chebyshev steps with blocks larger than a node's, from x or from zero; the twin of
-    `gpusim.fem.device.relaxation.ColumnRelaxation`. Patches have no device form: they gather and
-    scatter whole blocks of nodes, which the host's matrix products do well."""
+    `gpusim.fem.device.relaxation.ColumnRelaxation`."""
     r = b if x is None else b - level.product(x)
     x = np.zeros_like(b) if x is None else x
     d = np.zeros_like(b)

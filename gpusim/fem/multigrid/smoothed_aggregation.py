@@ -18,7 +18,6 @@ from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks
 from gpusim.fem.assembly.matrix_product import Product, RowsProduct, ahead, row_shares, shared
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
-from gpusim.fem.multigrid.patches import Patches
 from gpusim.fem.multigrid.transfer import in_single
 
 __all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
@@ -233,15 +232,15 @@ def _block_diagonal(blocks: Float) -> bsr_matrix:
 
 
 def largest_eigenvalue(
-    product: Product | StencilProduct, inverse: Float | Patches | Columns, steps: int
+    product: Product | StencilProduct, inverse: Float | Columns, steps: int
 ) -> float:
-    """Of M A for the smoother's M, D^-1, patches or columns: Lanczos in the norm of M^-1 from a
+    """Of M A for the smoother's M, D^-1 or columns: Lanczos in the norm of M^-1 from a
     fixed start, with the residual and a little more on top (Zhou & Li, Linear Algebra Appl. 435
     (2011) 480). A value 4 % too small already makes the smoother, and the cycle, indefinite.
     """
 
     def scaled(r: Float) -> Float:
-        if isinstance(inverse, Patches | Columns):
+        if isinstance(inverse, Columns):
             return np.asarray(inverse.apply(r[None])[0])
         size = inverse.shape[1]
         blocks = np.matmul(inverse, r.reshape(-1, size, 1))

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import bsr_matrix, csr_matrix, diags, kron
+from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.plane_interpolation import PlaneWeights
@@ -63,13 +63,6 @@ class NodeTransfer:
         data = (weights.data[:, None] * both)[:, :, None] * np.eye(3)
         return bsr_matrix((data, weights.indices, weights.indptr), shape=self.shape)
 
-    def matrix(self) -> csr_matrix:
-        """(3N,3K), with the zeros of fixed unknowns stored where whole blocks aren't."""
-        spread = kron(self.weights, np.eye(3), format="csr")
-        left = diags(self.free.ravel().astype(np.float64))
-        right = diags(self.coarse_free.ravel().astype(np.float64))
-        return csr_matrix(left @ spread @ right)
-
 
 def in_single(prolongation: bsr_matrix) -> bsr_matrix:
     """The same in float32."""
@@ -100,9 +93,15 @@ class MatrixTransfer:
         """The transpose."""
         return _product(self._restriction, r)
 
-    def matrix(self) -> csr_matrix:
-        """(fine, coarse), float64."""
-        return csr_matrix(self._prolongation.matrix).astype(np.float64)
+    @property
+    def matrix(self) -> bsr_matrix:
+        """(fine, coarse), in its own dtype."""
+        return self._prolongation.matrix
+
+    @property
+    def transposed(self) -> bsr_matrix:
+        """(coarse, fine)."""
+        return self._restriction.matrix
 
 
 def _product(product: Product, x: Float) -> Float:

@@ -51,6 +51,7 @@ class Solved:
         balance = max(s.energy_balance for s in solutions)
         facts = {
             "method": worst.method,
+            "choices of the solver": "; ".join(worst.reasons),
             "solver arithmetic": worst.real,
             "distinct element matrices": str(sum(s.element_classes for s in solutions)),
             "energy balance": f"{balance:.1e}",

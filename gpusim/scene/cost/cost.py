@@ -21,7 +21,6 @@ _SOLVER = {
     "auto": "direct or multigrid, whichever is quicker for the matrix",
     "direct": "direct",
     "multigrid": "multigrid",
-    "block_jacobi": "conjugate gradients without multigrid",
 }
 # Seconds to compile what an image with this in it needs for the first time
 _COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 2.5, "gloss": 5.0, "bump": 0.5, "lens": 0.5,

@@ -77,7 +77,7 @@ class SolverTable(Table):
     max_iterations: Annotated[int, Field(ge=1)] | None = None
     """Of conjugate gradients (a direct solver has none); without it the solver chooses; running out
     of them ends the run with exit code 3."""
-    method: Literal["auto", "direct", "multigrid", "block_jacobi"] = "auto"
+    method: Literal["auto", "direct", "multigrid"] = "auto"
     """"auto": the quicker one of a direct solver and multigrid, by an estimate for the matrix."""
 
 

@@ -1,13 +1,12 @@
 // Steps of a Chebyshev smoother with block-diagonal scaling, float32 (gpusim/fem/device/relaxation.py has twin
-// and driver, gpusim/fem/device/block_texels.py and row_packs.py the matrix's layouts):
+// and driver, gpusim/fem/device/block_texels.py the matrix's layout):
 //   x_out = x + keep (x - before) + gain D^-1 (b - A x),  (A x)_i = sum_j A_ij (x_j - x_i)
-// One thread per node and load case, or per four nodes with equal rows (the entries ending in 4),
-// or per node where A x are forces of elements, which are summed up (the entries ending in _forces).
+// One thread per node and load case; A x are forces of elements, which are summed up (the entries ending in _forces).
 #import lib/numeric/index
 #import lib/numeric/texel
 
 struct Params {
-    count: u32,   // nodes or packs in this part
+    count: u32,   // nodes in this part
     nodes: u32,   // nodes in all
     cases: u32,   // load cases
     keep: f32,
@@ -18,15 +17,13 @@ struct Params {
 }
 
 const BLOCK: u32 = 64u;
-const RUN_BITS: u32 = 8u;   // of the fourth word of a pack; the rest is the number of its row
 
 // per node: first neighbours, fours of them, first blocks, the node;
-// per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row;
 // with forces: first texel of their list, texels of it, nothing, the node
 @group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_storage_2d<rgba32uint, read>;  // four a texel
-@group(0) @binding(2) var blocks: texture_storage_2d<rgba32float, read>;     // nine texels per four blocks, or runs
-// three texels per node, or per row of packs: columns of D^-1 (xyz), whether it is free (w)
+@group(0) @binding(2) var blocks: texture_storage_2d<rgba32float, read>;     // nine texels per four blocks
+// three texels per node: columns of D^-1 (xyz), whether it is free (w)
 @group(0) @binding(3) var inverse: texture_2d<f32>;
 @group(0) @binding(4) var x_in: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(5) var b_in: texture_2d<f32>;
@@ -70,79 +67,6 @@ fn product(base: u32, row: vec4u, own: vec3f) -> vec3f {
         let d3 = load_x(other.w) - own;
         sum += vec3f(g.w, h.xy) * d3.x + vec3f(h.zw, i.x) * d3.y + i.yzw * d3.z;
         at += 9u * stride;
-    }
-    return sum;
-}
-
-// three blocks by columns
-struct Run {
-    k0: vec3f,
-    k1: vec3f,
-    k2: vec3f,
-    l0: vec3f,
-    l1: vec3f,
-    l2: vec3f,
-    m0: vec3f,
-    m1: vec3f,
-    m2: vec3f,
-}
-
-fn add_run(sum: vec3f, k: Run, p: vec3f, q: vec3f, r: vec3f) -> vec3f {
-    return sum + k.k0 * p.x + k.k1 * p.y + k.k2 * p.z + k.l0 * q.x + k.l1 * q.y + k.l2 * q.z
-        + k.m0 * r.x + k.m1 * r.y + k.m2 * r.z;
-}
-
-// x and A x of four nodes in a row with equal rows of blocks
-struct Sums {
-    own0: vec3f,
-    own1: vec3f,
-    own2: vec3f,
-    own3: vec3f,
-    a: vec3f,
-    b: vec3f,
-    c: vec3f,
-    d: vec3f,
-}
-
-fn packed(node: u32, pack: vec4u) -> Sums {
-    let own0 = load_x(node);
-    let own1 = load_x(node + 1u);
-    let own2 = load_x(node + 2u);
-    let own3 = load_x(node + 3u);
-    var at = pack.z;
-    // what the rows lack to a sum of zero
-    let rest0 = load_four(at).xyz;
-    let rest1 = load_four(at + 1u).xyz;
-    let rest2 = load_four(at + 2u).xyz;
-    at += 3u;
-    var sum = Sums(own0, own1, own2, own3,
-        rest0 * own0.x + rest1 * own0.y + rest2 * own0.z,
-        rest0 * own1.x + rest1 * own1.y + rest2 * own1.z,
-        rest0 * own2.x + rest1 * own2.y + rest2 * own2.z,
-        rest0 * own3.x + rest1 * own3.y + rest2 * own3.z);
-    for (var run = 0u; run < (pack.w & ((1u << RUN_BITS) - 1u)); run++) {
-        // three blocks for three nodes in a row, and how far they lie from the pack's
-        let a = load_four(at);
-        let b = load_four(at + 1u);
-        let c = load_four(at + 2u);
-        let d = load_four(at + 3u);
-        let e = load_four(at + 4u);
-        let f = load_four(at + 5u);
-        let g = load_four(at + 6u);
-        at += 7u;
-        let first = node + bitcast<u32>(i32(g.w));
-        let u0 = load_x(first);
-        let u1 = load_x(first + 1u);
-        let u2 = load_x(first + 2u);
-        let u3 = load_x(first + 3u);
-        let u4 = load_x(first + 4u);
-        let u5 = load_x(first + 5u);
-        let k = Run(a.xyz, vec3f(a.w, b.xy), vec3f(b.zw, c.x), c.yzw, d.xyz, vec3f(d.w, e.xy),
-            vec3f(e.zw, f.x), f.yzw, g.xyz);
-        sum.a = add_run(sum.a, k, u0 - own0, u1 - own0, u2 - own0);
-        sum.b = add_run(sum.b, k, u1 - own1, u2 - own1, u3 - own1);
-        sum.c = add_run(sum.c, k, u2 - own2, u3 - own2, u4 - own2);
-        sum.d = add_run(sum.d, k, u3 - own3, u4 - own3, u5 - own3);
     }
     return sum;
 }
@@ -194,18 +118,6 @@ fn begin(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     textureStore(x_out, at, vec4f(x, 0.0));
 }
 
-@compute @workgroup_size(64)
-fn begin4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let here = place(gid, groups);
-    if (here.z == 0u) { return; }
-    let pack = textureLoad(info, texel(here.x), 0);
-    for (var k = 0u; k < pack.y; k++) {
-        let at = texel(here.y + pack.x + k);
-        let x = params.gain * scaled(3u * (pack.w >> RUN_BITS), textureLoad(b_in, at, 0).xyz);
-        textureStore(x_out, at, vec4f(x, 0.0));
-    }
-}
-
 // x_out = x + keep x - lag before + gain D^-1 (b - A x)
 @compute @workgroup_size(64)
 fn relax(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -226,20 +138,6 @@ fn relax_forces(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     step(node, 3u * row.w, load_x(node), summed(row));
 }
 
-@compute @workgroup_size(64)
-fn relax4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let here = place(gid, groups);
-    if (here.z == 0u) { return; }
-    let pack = textureLoad(info, texel(here.x), 0);
-    let node = here.y + pack.x;
-    let at = 3u * (pack.w >> RUN_BITS);
-    let sum = packed(node, pack);
-    step(node, at, sum.own0, sum.a);
-    if (pack.y > 1u) { step(node + 1u, at, sum.own1, sum.b); }
-    if (pack.y > 2u) { step(node + 2u, at, sum.own2, sum.c); }
-    if (pack.y > 3u) { step(node + 3u, at, sum.own3, sum.d); }
-}
-
 // x_out = b - A x, zero on fixed unknowns
 @compute @workgroup_size(64)
 fn residual(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -258,18 +156,4 @@ fn residual_forces(@builtin(global_invocation_id) gid: vec3u,
     if (here.z == 0u) { return; }
     let row = textureLoad(info, texel(here.x), 0);
     leave(here.y + row.w, 3u * row.w, summed(row));
-}
-
-@compute @workgroup_size(64)
-fn residual4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let here = place(gid, groups);
-    if (here.z == 0u) { return; }
-    let pack = textureLoad(info, texel(here.x), 0);
-    let node = here.y + pack.x;
-    let at = 3u * (pack.w >> RUN_BITS);
-    let sum = packed(node, pack);
-    leave(node, at, sum.a);
-    if (pack.y > 1u) { leave(node + 1u, at, sum.b); }
-    if (pack.y > 2u) { leave(node + 2u, at, sum.c); }
-    if (pack.y > 3u) { leave(node + 3u, at, sum.d); }
 }

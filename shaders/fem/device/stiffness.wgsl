@@ -1,13 +1,12 @@
 // y = K u in float64 with K in block texels (gpusim/fem/device/stiffness.py has twin and driver,
 // gpusim/fem/device/block_texels.py the layout): (K u)_i = sum_j K_ij (u_j - u_i), the diagonal is not
-// stored. K and u are pairs of float32 textures (high, low); one thread per node and load case, or
-// per four nodes with equal rows (row_packs.py).
+// stored. K and u are pairs of float32 textures (high, low); one thread per node and load case.
 #import lib/numeric/index
 #import lib/numeric/texel
 #import lib/numeric/real
 
 struct Params {
-    count: u32,   // nodes or packs in this part
+    count: u32,   // nodes in this part
     nodes: u32,   // nodes in all
     columns: u32, // nodes of u: the same for the stiffness
     cases: u32,   // load cases
@@ -19,8 +18,7 @@ const BLOCK: u32 = 64u;
 override plain: u32 = 0u;    // 1: sum_j A_ij u_j for any matrix
 override rounded: u32 = 0u;  // 1: u is its high half
 
-// per node: first neighbours, fours of them, first blocks, the node;
-// per pack: first node, nodes, first texel of its row, runs + 256 times the number of the row
+// per node: first neighbours, fours of them, first blocks, the node
 @group(0) @binding(0) var info: texture_2d<u32>;
 @group(0) @binding(1) var neighbour: texture_2d<u32>;  // four a texel
 // nine texels per four blocks; the low halves of all of them behind the high ones
@@ -66,20 +64,6 @@ fn difference(at: u32, own: Vec) -> Vec {
 // sum + a column of a block times one component
 fn add(sum: Vec, x: real, y: real, z: real, d: real) -> Vec {
     return Vec(r_fma(x, d, sum.x), r_fma(y, d, sum.y), r_fma(z, d, sum.z));
-}
-
-struct Block {
-    x: Vec,   // columns
-    y: Vec,
-    z: Vec,
-}
-
-fn add_block(sum: Vec, k: Block, u: Vec, own: Vec) -> Vec {
-    let x = r_sub(u.x, own.x);
-    let y = r_sub(u.y, own.y);
-    let z = r_sub(u.z, own.z);
-    return add(add(add(sum, k.x.x, k.x.y, k.x.z, x), k.y.x, k.y.y, k.y.z, y),
-        k.z.x, k.z.y, k.z.z, z);
 }
 
 fn store(at: u32, sum: Vec) {
@@ -128,53 +112,4 @@ fn apply(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
         at += 9u * stride;
     }
     store(here.y * (params.nodes + 1u) + row.w, sum);
-}
-
-// four nodes in a row with equal rows of blocks: the rows are packs
-@compute @workgroup_size(64)
-fn apply4(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    let here = row_and_case(linear_id(gid, groups, BLOCK), params.cases, BLOCK);
-    if (here.x >= params.count) { return; }
-    let pack = textureLoad(info, texel(here.x), 0);
-    let node = here.y * (params.nodes + 1u) + pack.x;
-    let own0 = load_u(node);
-    let own1 = load_u(node + 1u);
-    let own2 = load_u(node + 2u);
-    let own3 = load_u(node + 3u);
-    let zero = Vec(r_f32(0.0), r_f32(0.0), r_f32(0.0));
-    var sum0 = zero;
-    var sum1 = zero;
-    var sum2 = zero;
-    var sum3 = zero;
-    // behind the three texels of what the rows lack to a sum of zero: K lacks nothing
-    var at = pack.z + 3u;
-    for (var run = 0u; run < (pack.w & 255u); run++) {
-        // three blocks for three nodes in a row, and how far they lie from the pack's
-        let a = load_four(at);
-        let b = load_four(at + 1u);
-        let c = load_four(at + 2u);
-        let d = load_four(at + 3u);
-        let e = load_four(at + 4u);
-        let f = load_four(at + 5u);
-        let g = load_four(at + 6u);
-        let first = node + bitcast<u32>(i32(textureLoad(blocks, texel(at + 6u)).w));
-        at += 7u;
-        let k = Block(Vec(a.x, a.y, a.z), Vec(a.w, b.x, b.y), Vec(b.z, b.w, c.x));
-        let l = Block(Vec(c.y, c.z, c.w), Vec(d.x, d.y, d.z), Vec(d.w, e.x, e.y));
-        let m = Block(Vec(e.z, e.w, f.x), Vec(f.y, f.z, f.w), Vec(g.x, g.y, g.z));
-        let u0 = load_u(first);
-        let u1 = load_u(first + 1u);
-        let u2 = load_u(first + 2u);
-        let u3 = load_u(first + 3u);
-        let u4 = load_u(first + 4u);
-        let u5 = load_u(first + 5u);
-        sum0 = add_block(add_block(add_block(sum0, k, u0, own0), l, u1, own0), m, u2, own0);
-        sum1 = add_block(add_block(add_block(sum1, k, u1, own1), l, u2, own1), m, u3, own1);
-        sum2 = add_block(add_block(add_block(sum2, k, u2, own2), l, u3, own2), m, u4, own2);
-        sum3 = add_block(add_block(add_block(sum3, k, u3, own3), l, u4, own3), m, u5, own3);
-    }
-    store(node, sum0);
-    if (pack.y > 1u) { store(node + 1u, sum1); }
-    if (pack.y > 2u) { store(node + 2u, sum2); }
-    if (pack.y > 3u) { store(node + 3u, sum3); }
 }

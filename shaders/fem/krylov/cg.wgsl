@@ -1,21 +1,19 @@
 // Vector and scalar steps of preconditioned conjugate gradients (gpusim/fem/krylov/cg.py has the twin).
-// q = K p and r are pairs of float32 textures (high, low), one texel a node, and so is p, unless it
-// is rounded; z is float32, and so is r for the preconditioner: its high half.
+// q = K p and r are pairs of float32 textures (high, low), one texel a node; p and z are float32,
+// and so is r for the preconditioner: its high half.
 // Sums are trees of fixed shape: the same bits on every run. Grid y is the load case.
 #import lib/numeric/real
 #import lib/numeric/texel
 
 const GROUPS: u32 = 128u;   // partial sums per load case
 const WIDTH: u32 = 64u;
-override rounded: u32 = 0u;  // 1: p is its high half
 
 struct Params {
     nodes: u32,
     capacity: u32,   // iterations that fit in the history
 }
 
-@group(0) @binding(0) var p_high: texture_storage_2d<rgba32float, read>;
-@group(0) @binding(1) var p_low: texture_2d<f32>;
+@group(0) @binding(0) var p_in: texture_storage_2d<rgba32float, read>;
 @group(0) @binding(2) var q_high: texture_storage_2d<rgba32float, read>;   // K p
 @group(0) @binding(3) var q_low: texture_2d<f32>;
 @group(0) @binding(4) var r_high_in: texture_2d<f32>;
@@ -39,10 +37,8 @@ struct Vec {
 }
 
 fn load_p(at: vec2u) -> Vec {
-    let high = textureLoad(p_high, at);
-    if (rounded == 1u) { return Vec(r_f32(high.x), r_f32(high.y), r_f32(high.z)); }
-    let low = textureLoad(p_low, at, 0);
-    return Vec(r_pair(high.x, low.x), r_pair(high.y, low.y), r_pair(high.z, low.z));
+    let p = textureLoad(p_in, at);
+    return Vec(r_f32(p.x), r_f32(p.y), r_f32(p.z));
 }
 
 fn load_q(at: vec2u) -> Vec {
@@ -174,32 +170,17 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     }
 }
 
-// new p = z + beta p
-fn turned(here: vec2u, ratio: real) -> Vec {
-    let z = textureLoad(z_in, here);
-    let p = load_p(here);
-    return Vec(r_fma(ratio, p.x, r_f32(z.x)), r_fma(ratio, p.y, r_f32(z.y)),
-        r_fma(ratio, p.z, r_f32(z.z)));
-}
-
+// new p = z + beta p, to the nearest float32
 @compute @workgroup_size(64)
 fn turn(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32,
     @builtin(num_workgroups) groups: vec3u) {
     let ratio = scalars[4u * group.y + 2u];
     for (var i = group.x * WIDTH + lane; i < params.nodes; i += groups.x * WIDTH) {
         let here = place(group.y, i);
-        store(here, turned(here, ratio));
-    }
-}
-
-// the same to the nearest float32
-@compute @workgroup_size(64)
-fn turn_rounded(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) lane: u32,
-    @builtin(num_workgroups) groups: vec3u) {
-    let ratio = scalars[4u * group.y + 2u];
-    for (var i = group.x * WIDTH + lane; i < params.nodes; i += groups.x * WIDTH) {
-        let here = place(group.y, i);
-        let p = turned(here, ratio);
+        let z = textureLoad(z_in, here);
+        let before = load_p(here);
+        let p = Vec(r_fma(ratio, before.x, r_f32(z.x)), r_fma(ratio, before.y, r_f32(z.y)),
+            r_fma(ratio, before.z, r_f32(z.z)));
         textureStore(high_out, here, vec4f(r_high(p.x), r_high(p.y), r_high(p.z), 0.0));
     }
 }

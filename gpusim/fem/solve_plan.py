@@ -1,0 +1,181 @@
+"""Every choice of a solve, made once before work, each with its reason in words."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache, partial
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.system import System
+from gpusim.fem.direct_solvers.solver_choice import (
+    Direct,
+    direct_solver,
+    least_seconds,
+    multigrid_seconds,
+)
+from gpusim.fem.krylov.outer_iteration import HARSH
+from gpusim.fem.model.model import Model
+from gpusim.gpu import Device, default_device, software_adapter
+
+__all__ = ["METHODS", "Clock", "Options", "SolvePlan", "plan_solve"]
+
+Float = npt.NDArray[np.float64]
+
+METHODS = ("auto", "direct", "multigrid")
+# where stiffnesses differ greatly a direct solver may take this many times as long as multigrid
+# would, or (s)
+_HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
+# ratio of greatest and least modulus, 300 at nu = 0.495, from which on a material is stiff in bulk
+_STIFF_IN_BULK = 300.0
+
+
+@dataclass
+class Clock:
+    """Seconds since the last mark, per part."""
+
+    timings: dict[str, float] = field(default_factory=dict)
+    last: float = field(default_factory=time.perf_counter)
+
+    def mark(self, name: str) -> None:
+        now = time.perf_counter()
+        self.timings[name] = self.timings.get(name, 0.0) + now - self.last
+        self.last = now
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to solve, the ``formulation`` per cell type, and the clock that times the parts."""
+
+    method: str
+    device: Device | None
+    backend: str
+    tolerance: float
+    most: int | None
+    start: Float | None
+    progress: Callable[[int, float], None] | None
+    formulation: Mapping[str, str]
+    clock: Clock
+
+
+@dataclass(frozen=True, eq=False)
+class SolvePlan:
+    """``attempts`` are tried in turn until one converges: "none" (nothing to solve), "direct",
+    "pressures" (conjugate gradients on displacements and pressures), "multigrid" (on displacements
+    alone). Multigrid iterates ``on_device`` or on the host; its levels heed ``harsh`` differences
+    of stiffness and materials that are ``stiff_in_bulk``. ``direct`` looks for the cheaper direct
+    solver, once. ``reasons`` say why, choice by choice."""
+
+    attempts: tuple[str, ...]
+    on_device: bool
+    harsh: bool
+    stiff_in_bulk: bool
+    direct: Callable[[], Direct | None]
+    device: Device | None
+    reasons: Mapping[str, str]
+
+    def __str__(self) -> str:
+        return "\n".join(f"{choice}: {reason}" for choice, reason in self.reasons.items())
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The choices in words, one a line."""
+        return tuple(str(self).split("\n"))
+
+    def adapter(self) -> Device:
+        """The device that was given, or the process-wide one."""
+        return self.device if self.device is not None else default_device()
+
+
+def plan_solve(model: Model, assembled: Assembled, system: System, options: Options) -> SolvePlan:
+    """The plan of one static solve.
+
+    Raises InputError for method "direct" and a body whose factors don't fit.
+    """
+    direct = cache(partial(direct_solver, assembled, system.free, model.mesh.points, system.scale))
+    attempts: tuple[str, ...]
+    harsh, stiff, on_device = system.contrast > HARSH, False, False
+    if not system.right.any():
+        attempts, why = ("none",), "no load: the solution is what is prescribed"
+    elif options.method == "direct":
+        attempts, why = ("direct",), f"asked for; {_fitting(direct()).description}"
+    elif options.method == "multigrid":
+        attempts, why = ("multigrid",), "multigrid, asked for"
+    else:
+        attempts, why = _cheaper(assembled, system, direct)
+    reasons = {"solver": why}
+    if "multigrid" in attempts:
+        on_device, reasons["iterations"] = _place(options)
+        stiff = _stiff_in_bulk(model)
+    if stiff and options.formulation == {"hex8": "bbar"}:
+        attempts = ("pressures", *attempts)
+        reasons["material"] = "nearly incompressible: displacements and pressures together"
+    elif stiff:
+        reasons["material"] = (
+            "nearly incompressible: displacements alone, as pressures go with mean-dilatation "
+            "bricks ('bbar')"
+        )
+    if harsh:
+        reasons["stiffness"] = (
+            f"differs by {system.contrast:.0e} from node to node: coarse levels in float64, gone "
+            "through once"
+        )
+    lattice = assembled.lattice is not None
+    reasons["numbering"] = "a lattice, whose rows repeat" if lattice else "general"
+    return SolvePlan(attempts, on_device, harsh, stiff, direct, options.device, reasons)
+
+
+def _cheaper(
+    assembled: Assembled, system: System, direct: Callable[[], Direct | None]
+) -> tuple[tuple[str, ...], str]:
+    """Attempts of method "auto", and why."""
+    patience = multigrid_seconds(int(system.free.sum()))
+    if system.contrast > HARSH:
+        # multigrid takes many times as long there, and its error is harder to tell
+        patience = max(_HARSH_PATIENCE * patience, _HARSH_SECONDS)
+    allowed = f"multigrid: {patience:.2g} s allowed, a direct solver takes"
+    least = least_seconds(assembled, system.free)
+    if least > patience:
+        return ("multigrid", "direct"), f"{allowed} {least:.2g} s at least"
+    found = direct()
+    if found is None:
+        return ("multigrid", "direct"), "multigrid: no direct solver is to be thought of"
+    if found.seconds <= patience and found.fits:
+        why = f"direct: {found.seconds:.2g} s estimated, {patience:.2g} s allowed"
+        return ("direct",), f"{why}; {found.description}"
+    why = f"{allowed} {found.seconds:.2g} s and {found.nbytes / 1e9:.2g} GB"
+    return ("multigrid", "direct"), why
+
+
+def _fitting(direct: Direct | None) -> Direct:
+    if direct is None or not direct.fits:
+        raise InputError(
+            "solve: method 'direct'; got a body whose factors "
+            + ("can't be ordered" if direct is None else f"need {direct.nbytes / 1e9:.1f} GB")
+            + "; expected one that fits the free memory, or method 'multigrid'"
+        )
+    return direct
+
+
+def _place(options: Options) -> tuple[bool, str]:
+    """Whether multigrid iterates on a device, and why."""
+    if options.backend == "gpu":
+        return True, "on the device, asked for"
+    if options.backend == "numpy":
+        return False, "on the host, asked for"
+    if options.device is not None:
+        return True, "on the device that was given"
+    if software_adapter():
+        return False, "on the host: the adapter is the host's own processors, or there is none"
+    return True, "on the device: the adapter is real hardware"
+
+
+def _stiff_in_bulk(model: Model) -> bool:
+    """Whether some material's bulk modulus outweighs its shear modulus beyond Jacobi smoothing."""
+    moduli = [np.linalg.eigvalsh(material.stiffness()) for material in model.materials]
+    return max(float(one.max() / one.min()) for one in moduli) > _STIFF_IN_BULK
