@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
-from gpusim.gpu.buffer_pool import Kept
+from gpusim.gpu.buffer_pool import BufferPool
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.edge_pixels.fragment_lists import bin_edges
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
@@ -156,7 +156,7 @@ def test_edge_pixels_know_the_same_triangles_however_they_are_looked_up(
 
 
 def test_texels_serve_one_frame_after_the_other(device: Device) -> None:
-    kept = Kept(device)
+    kept = BufferPool(device)
     first = kept.texels(30_000, "rgba32uint", "some")
     assert kept.texels(20_000, "rgba32uint", "some") is first
     assert kept.texels(30_001, "rgba32uint", "some") is not first

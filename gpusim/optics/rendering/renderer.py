@@ -291,7 +291,7 @@ def _begun_band(
     """What the device shades bands by, and the first one, with which it begins: by all lamps;
     whether that is all of it."""
     shade_pass = ShadePass(tables, rows, sight is not None, sight, shadowed)
-    begun = tables.device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+    begun = tables.device.pool.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
     if tables.glancing and not shadowed:
         shade_pass.begin(begun, first, rows)
         return shade_pass, begun, False
@@ -321,7 +321,7 @@ def _bands(
         count = min(starts.step, stop - row0)
         if relit is not None:
             relit.finish()
-        radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
+        radiance = begun or device.pool.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             if begun is None or not shaded:
                 shade_pass.record(recording, radiance, row0, count)
@@ -334,7 +334,7 @@ def _bands(
             relit.record(radiance, row0, count)
         bands.append(Band(row0, count, stride, radiance))
         if wrong:
-            device.kept.give(radiance)
+            device.pool.give(radiance)
             return None
     if edge_pass is None:
         border = Border.of(setup.view, setup.background)

@@ -160,7 +160,7 @@ class LateSight(Sight):
 
     def release(self) -> None:
         super().release()
-        self.device.kept.give(self._found.screen)
+        self.device.pool.give(self._found.screen)
 
 
 def _usual_depth(points: Array, camera: Camera) -> float:

@@ -61,7 +61,7 @@ class Projection:
         """That of ``vertices`` whose other texels are known, which lie about the place ``near``
         (3,)."""
         count = vertices.count // 3
-        screen = vertices.device.kept.take(8 * count, "project.screen")
+        screen = vertices.device.pool.take(8 * count, "project.screen")  # type: ignore[attr-defined]
         return Projection(camera, count, depth, near.astype(np.float32), vertices, screen)
 
     @property
@@ -83,7 +83,7 @@ class Projection:
         """Project ``points`` (V, 3) into the first texels; the last of six ``counts`` becomes 1
         where one may not be drawn as it is."""
         camera = self.camera
-        kernel = recording.device.kernel("optics/series/project")
+        kernel = recording.device.kernel("optics/series/project")  # type: ignore[attr-defined]
         world = camera.camera_from_world[:3].copy()
         world[:, 3] += world[:, :3] @ self.origin.astype(np.float64)
         world_high, world_low = split(world)
@@ -106,8 +106,8 @@ class Projection:
 
 def fill(recording: Recording, vertices: Texels, which: int, words: npt.NDArray[np.uint32]) -> None:
     """Write ``words`` (V, 4) into the second (1) or the last (2) of vertices' three texels."""
-    kernel = recording.device.kernel("optics/series/project", "fill")
-    own = recording.device.buffer(words, "project.words")
+    kernel = recording.device.kernel("optics/series/project", "fill")  # type: ignore[attr-defined]
+    own = recording.device.buffer(words, "project.words")  # type: ignore[attr-defined]
     params = {"count": len(words), "texel": which}
     bindings = kernel.bind(filled=params, words=own, vertices=vertices)
     recording.dispatch(kernel, bindings, threads=(len(words),))

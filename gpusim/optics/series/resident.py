@@ -40,12 +40,12 @@ class Resident:
     @staticmethod
     def of(device: Device, surface: Surface) -> Resident | None:
         """What is kept of a surface; None where it is new, or looked at in vain."""
-        known = device.kept.notes.get(LABEL)
+        known = device.pool.notes.get(LABEL)
         if not isinstance(known, Resident) or known.topology is not surface.topology:
-            device.kept.notes[LABEL] = Resident(device, surface)
+            device.pool.notes[LABEL] = Resident(device, surface)
             return None
         if known.steady is not None and not known.steady.is_of(surface):
-            device.kept.notes[LABEL] = known = Resident(device, surface)
+            device.pool.notes[LABEL] = known = Resident(device, surface)
         if known.trusted and known.steady is None:
             known.trusted = Steady.suits(surface)
             known.steady = Steady(surface) if known.trusted else None

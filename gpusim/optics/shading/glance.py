@@ -84,7 +84,7 @@ class GlancePass:
                 else:
                     self._own.append((program.constants, numbers))
         texels = (1 + self.quadratic) * max(view.count, 1)
-        self._glances = device.kept.texels(texels, "rgba32uint", "glance.glances")
+        self._glances = device.pool.texels(texels, "rgba32uint", "glance.glances")
         self._found = False
         setup = tables.setup
         self._degree = {"quadratic": float(self.quadratic), "spacing": 3.0 if self.marked else 1.0}

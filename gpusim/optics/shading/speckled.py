@@ -85,7 +85,7 @@ class SpeckledPass:
         kinds = [kind for kind in setup.groups_present() if kind]
         constants = {**setup.constants(kinds, False, False), "light_tiled": 0.0, "board": 0.0}
         self.kind = GlanceKind.of(device, constants, device.buffer(numbers, "speckled.numbers"))
-        self._seen = device.kept.texels(TEXELS * count, "rgba32uint", "speckled.seen")
+        self._seen = device.pool.texels(TEXELS * count, "rgba32uint", "speckled.seen")
         self._found = False
         self._constants = {"quadratic": 1.0, **{name: constants[name] for name in PAINT}}
         paint = int(setup.view.paint[0])
