@@ -96,18 +96,6 @@ WRONG_WAY: dict[str, set[str]] = {
     "shadow.receiver_planes": {"probes.paints", "shading.scene_buffers"},
 }
 CIRCLES: list[set[str]] = [
-    {
-        "gpu.buffer",
-        "gpu.buffer_pool",
-        "gpu.device",
-        "gpu.kernel",
-        "gpu.programs",
-        "gpu.raster",
-        "gpu.recording",
-        "gpu.texture_array",
-        "gpu.timing",
-        "gpu.uniform",
-    },
     {"measure.correlation.image_tiles", "measure.correlation.matching"},
     {"mesh.boundary", "mesh.mesh", "mesh.quality"},
     {
@@ -141,7 +129,6 @@ CIRCLES: list[set[str]] = [
         "optics.shadow.occluder_search",
         "optics.shadow.penumbra_mask",
     },
-    {"pipeline.runner.stage_report", "pipeline.runner.stage_runner"},
 ]
 
 MOST_MODULES = 20

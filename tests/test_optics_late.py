@@ -37,7 +37,7 @@ def needed(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(late, "FEWEST", 1000)
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
-    device.kept.notes.clear()
+    device.pool.notes.clear()
 
 
 def sheet(paint: Paint | dict[str, Paint] = BOARD) -> gs.Surface:
@@ -77,7 +77,7 @@ def found(
 
 
 def alone(device: Device, surface: gs.Surface, camera: gs.Camera) -> npt.NDArray[np.float32]:
-    device.kept.notes.clear()
+    device.pool.notes.clear()
     return gs.render([surface], camera, LIGHTS, device=device, background=0.02).radiance
 
 
@@ -115,7 +115,7 @@ def test_what_it_tells_is_what_looking_tells(
     np.testing.assert_array_equal(got.some(some).vertices, want.some(some).vertices)
     rough = np.array([got.table.some(np.arange(len(got.place))).about, want.place.T])
     assert 0.0 < np.abs(rough[0] - rough[1]).max() < 2e-3
-    device.kept.notes.clear()
+    device.pool.notes.clear()
     exact = gs.render([surface], camera, LIGHTS, device=device).truth()
     np.testing.assert_array_equal(frame.truth().face, exact.face)
 
@@ -248,9 +248,9 @@ def test_memory_goes_back(device: Device) -> None:
     surface = wave(sheet(), 0.1)
     for _ in range(2):
         gs.render([surface], CAMERA, LIGHTS, device=device).release()
-    assert isinstance(device.kept.notes[resident.LABEL], resident.Resident)
-    device.kept.free()
-    assert not device.kept.notes
+    assert isinstance(device.pool.notes[resident.LABEL], resident.Resident)
+    device.pool.free()
+    assert not device.pool.notes
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

@@ -56,7 +56,7 @@ def series(device: Device, monkeypatch: pytest.MonkeyPatch) -> Device:
     monkeypatch.setattr(late, "FEWEST", 1000)
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
-    device.kept.notes.clear()
+    device.pool.notes.clear()
     return device
 
 

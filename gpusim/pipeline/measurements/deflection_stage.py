@@ -20,7 +20,7 @@ from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.photo import build_sensor
 from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.marker_tracking import MarkerSet, collect_markers, follow_markers
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, collect_markers, track_markers
 from gpusim.pipeline.measurements.projection_error import projection_error
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -57,7 +57,7 @@ def measure_deflection(
     marks = collect_markers(what, spec.groups, spec.static, scene, bodies)
     last = len(scene.analysis.load_factors) - 1
     reference, deformed = image(spec.camera, 0), image(spec.camera, last)
-    seen = follow_markers(
+    seen = track_markers(
         what, marks, camera, reference, deformed,
         subset=spec.subset, sensor=build_sensor(scene.sensor_of(spec.camera), camera_spec, 1.0),
     )  # fmt: skip

@@ -29,7 +29,7 @@ from gpusim.pipeline.stages.grey_levels import level_warnings
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["Followed", "MarkerSet", "check_widths", "collect_markers", "follow_markers"]
+__all__ = ["MarkerSet", "MarkerTracks", "check_widths", "collect_markers", "track_markers"]
 
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
@@ -55,7 +55,7 @@ class MarkerSet:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class MarkerTracks:
     """What became of M markers between two images, px; NaN where something wasn't measured.
 
     ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
@@ -118,7 +118,7 @@ def collect_markers(
     )
 
 
-def follow_markers(
+def track_markers(
     what: str,
     marks: MarkerSet,
     camera: Camera,
@@ -127,7 +127,7 @@ def follow_markers(
     *,
     subset: int | None,
     sensor: Sensor,
-) -> Followed:
+) -> MarkerTracks:
     """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
 
     Harris corners and a fit of the cross find them, IC-GN subsets follow them, and the crosses are
@@ -179,7 +179,7 @@ def follow_markers(
     )
     unrefined = np.isfinite(moved).all(axis=1) & (found.rough | ~fine)
     close = gap[fine]
-    return Followed(
+    return MarkerTracks(
         names=marks.names,
         expected=expected,
         points=points,

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gpusim.errors import GpusimError
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.build.scene_objects import frame_word
-from gpusim.pipeline.build.solution_store import Solved
+from gpusim.pipeline.build.solution_store import SceneSolution
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.measurements import Result
 from gpusim.pipeline.measurements.stereo_report import (
@@ -56,7 +56,7 @@ class Findings:
     adapter: str
     stages: tuple[Stage, ...]
     summary: SolutionSummary | None
-    solved: Solved | None
+    solved: SceneSolution | None
     mechanics: Mechanics | None
     meshes: tuple[MeshSummary, ...]
     results: tuple[Result, ...]
@@ -227,8 +227,8 @@ def _unit(axis: str) -> Array:
 def _pairs(scene: Scene, out: Path, results: Sequence[Result]) -> tuple[FramePair, ...]:
     factors = scene.analysis.load_factors
     last = len(factors) - 1
-    things = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
-    own = any(thing.amplitude != factors for thing in things)  # the factors don't tell all then
+    objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
+    own = any(thing.amplitude != factors for thing in objects)  # the factors don't tell all then
     word = frame_word(scene).replace("_", " ")
     when = f"frames 0 and {last}" if own else f"{word} {factors[0]:g} and {factors[last]:g}"
     pairs = []

@@ -32,11 +32,12 @@ from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter,
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.stages.grey_levels import level_warnings
 from gpusim.pipeline.stages.image_window import Window, whole, window_of
+from gpusim.plan.run_options import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["Photographer", "Shot", "image_path", "read_exposure"]
+__all__ = ["Photographer", "Shot", "Studio", "image_path", "read_exposure"]
 
 SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
 
@@ -83,25 +84,33 @@ class Shot:
         return [self.path, *self.beside]
 
 
+@dataclass(frozen=True, eq=False)
+class Studio:
+    """What pictures of frames and of calibration targets have in common.
+
+    ``read``: how files of an earlier run are read.
+    """
+
+    scene: Scene
+    out: Path
+    device: Device | None
+    lights: Sequence[Light] | None
+    options: RunOptions
+    read: Reader = read_input
+
+
 class Photographer:
     """Renders and exposes frames of one kind; keeps one exposure per camera."""
 
     def __init__(
         self,
-        scene: Scene,
-        out: Path,
-        device: Device | None,
-        backend: str,
-        lights: Sequence[Light] | None,
+        studio: Studio,
         surfaces: Callable[[int | None], list[Surface]],
         kind: str = "",
-        skip: bool = True,
-        read: Reader = read_input,
     ) -> None:
-        """``read``: how files of an earlier run are read."""
-        self.scene, self.out, self.device, self.backend = scene, out, device, backend
-        self.lights, self.surfaces, self.kind, self.skip = lights, surfaces, kind, skip
-        self.read = read
+        self.scene, self.out, self.device = studio.scene, studio.out, studio.device
+        self.lights, self.options, self.read = studio.lights, studio.options, studio.read
+        self.surfaces, self.kind = surfaces, kind
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
         self._full_scale: dict[str, float] = {}
@@ -138,7 +147,7 @@ class Photographer:
             error=self.scene.render.error,
             background=self.scene.render.background,
             device=self.device,
-            backend=self.backend,
+            **self.options.for_renderer(),
         )
         self._last = (camera.name, frame, rendered)
         self._shown = () if callable(surfaces) else surfaces
@@ -150,7 +159,7 @@ class Photographer:
         self, surfaces: Sequence[Surface] | SurfacesAt, camera: m.Camera, viewer: Camera
     ) -> bool:
         """Whether the kept frame of this camera shows the same, to the last bit."""
-        if not self.skip or callable(surfaces) or not self._shown:
+        if not self.options.skip or callable(surfaces) or not self._shown:
             return False
         if same_surfaces(self._shown, surfaces):
             return True
@@ -170,7 +179,7 @@ class Photographer:
                 middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
                 surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
                 return Frame(local_view(surfaces, viewer, lit=True), self.device), whole(viewer)
-        window = window_of(surfaces[:bodies], viewer, BAND) if self.skip else None
+        window = window_of(surfaces[:bodies], viewer, BAND) if self.options.skip else None
         window = window or whole(viewer)
         return Frame(local_view(surfaces, window.camera(viewer), lit=True), self.device), window
 
@@ -227,7 +236,7 @@ class Photographer:
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
-        if not self.kind or not self.skip or self.scene.render.background > 0.0:
+        if not self.kind or not self.options.skip or self.scene.render.background > 0.0:
             return None
         spec = self.scene.sensor_of(camera.name)
         if camera.lens is not None or build_sensor(spec, camera, 1.0).signal():
