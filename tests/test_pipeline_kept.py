@@ -45,7 +45,7 @@ def ask(folder: Path, reuse: bool = True, **changed: Any) -> MarkerTracks:
                              "deformed": before.T.copy().reshape(20, 30), "subset": None,
                              "sensor": Sensor(8)} | changed  # fmt: skip
     markers = MarkerCache(folder, reuse)
-    found = markers.follow("space", **given)
+    found = markers.track("space", **given)
     assert [file.is_file() for file in markers.files] == [True]
     return found
 

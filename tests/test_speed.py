@@ -57,12 +57,12 @@ def test_a_slow_run_counts_less_than_a_quick_one(cache: Path) -> None:
 def test_shaders_that_the_driver_has_kept(cache: Path) -> None:
     speed = Speed.read("gpu")
     speed.learn({DRAW: 12.0}, "")
-    assert not speed.kept(["drawing"])  # the driver's own folder is gone
+    assert not speed.has_compiled(["drawing"])  # the driver's own folder is gone
     folder = cache.parents[1] / "driver" / "mesa_shader_cache"
     folder.mkdir(parents=True)
     (folder / "index").write_bytes(b"x")
-    assert speed.kept(["drawing"]) and speed.kept(["light", "drawing"])
-    assert not speed.kept(["gloss", "drawing"])
+    assert speed.has_compiled(["drawing"]) and speed.has_compiled(["light", "drawing"])
+    assert not speed.has_compiled(["gloss", "drawing"])
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ class Case:
 
 def _box(
     family: str, label: str, size: str, lengths: tuple[float, float, float],
-    divisions: tuple[int, int, int], force: tuple[float, float, float], *,
+    divisions: tuple[int, int, int], *, force: tuple[float, float, float],
     nu: float = 0.3, rule: str = "incompatible",
 ) -> Case:  # fmt: skip
     return Case(
@@ -63,15 +63,15 @@ def _box(
 
 
 def _beam(label: str, size: str, divisions: tuple[int, int, int]) -> Case:
-    return _box("beam", label, size, (800.0, 40.0, 4.0), divisions, (0.0, 2.0, -10.0))
+    return _box("beam", label, size, (800.0, 40.0, 4.0), divisions, force=(0.0, 2.0, -10.0))
 
 
 def _cube(label: str, size: str, n: int) -> Case:
-    return _box("cube", label, size, (100.0,) * 3, (n,) * 3, (0.0, 300.0, -1000.0))
+    return _box("cube", label, size, (100.0,) * 3, (n,) * 3, force=(0.0, 300.0, -1000.0))
 
 
 def _nearly_incompressible(label: str, size: str, n: int) -> Case:
-    return _box("cube-nu4999", label, size, (100.0,) * 3, (n,) * 3, (0.0, 300.0, -1000.0),
+    return _box("cube-nu4999", label, size, (100.0,) * 3, (n,) * 3, force=(0.0, 300.0, -1000.0),
                 nu=0.4999, rule="bbar")  # fmt: skip
 
 

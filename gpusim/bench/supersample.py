@@ -40,7 +40,7 @@ def reference_windows(case: ImageCase, n: int = SAMPLES) -> list[Array]:
     area = (q - p)[:, 0] * (r - p)[:, 1] - (q - p)[:, 1] * (r - p)[:, 0]
     seen = area < 0.0  # front sides turn the other way where y points down
     screen, z, albedo = screen[seen], c[seen][..., 2], albedo[seen]
-    return [_window(case, screen, z, albedo, window, n) for window in case.windows]
+    return [_window(case, screen, z, albedo, window, n=n) for window in case.windows]
 
 
 def _window(
@@ -49,6 +49,7 @@ def _window(
     z: Array,
     albedo: Array,
     window: tuple[int, int, int, int],
+    *,
     n: int,
 ) -> Array:
     r0, r1, c0, c1 = window

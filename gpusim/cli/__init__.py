@@ -21,6 +21,7 @@ from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
+    Destination,
     PrintableGroup,
     ProgressDisplay,
     exit_codes,
@@ -184,7 +185,8 @@ def solve(
     with exit_codes(), claim(output):
         from gpusim.cli.decks import solve_deck
 
-        solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
+        there = Destination(output, quiet, as_json)
+        solve_deck(deck, there, backend.value, tolerance, stress)
 
 
 app.command()(dic)

@@ -102,7 +102,10 @@ class Programs:
         module, values = load(name, self.device.real, self.device.shaders), dict(constants)
         if formats is None:
             return Kernel(self.device, module, entry, values, self.module)
-        return Raster(self.device, module, formats, self.module, entry, values, depth)
+        return Raster(
+            self.device, module, formats, self.module,
+            entries=entry, constants=values, depth=depth,
+        )  # fmt: skip
 
     def _module(self, module: Module) -> Any:
         with self.device.guard(f"shader {module.name}"):

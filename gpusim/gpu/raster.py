@@ -68,6 +68,7 @@ class Raster:
         module: Module,
         color_formats: tuple[str, ...],
         compiled: Callable[[Module], Any],
+        *,
         entries: tuple[str, str] = ("vertex", "fragment"),
         constants: dict[str, float] | None = None,
         depth: str = "greater",

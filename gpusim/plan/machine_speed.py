@@ -118,7 +118,7 @@ class Speed:
     def _ratio(self, kind: str) -> float:
         return self.ratios.get(kind, 1.0 if self.host is None else self.host)
 
-    def kept(self, shaders: Iterable[str]) -> bool:
+    def has_compiled(self, shaders: Iterable[str]) -> bool:
         """Whether the driver has compiled these before, as far as is known, and not lost them."""
         return set(shaders) <= self.compiled and _driver_keeps()
 

@@ -241,7 +241,7 @@ class _Planner:
         self.compiled.update(needed)
         if not seconds:
             return 0.0, ""
-        kept = self.speed is not None and self.speed.kept(needed)
+        kept = self.speed is not None and self.speed.has_compiled(needed)
         if kept or (self.state is not None and self.state.begun):
             return cost_of.KEPT * seconds, "; shaders are loaded"
         return seconds, "; shaders are compiled, unless the driver has kept them"

@@ -132,8 +132,8 @@ def linear_theory(shown: SceneObjects | None, solved: SceneSolution | None) -> l
     return linear_errors(shown)
 
 
-def with_known_warnings(error: Exception, doubts: Sequence[str]) -> Exception:
+def with_known_warnings(error: Exception, known: Sequence[str]) -> Exception:
     """The error of a measure or a picture with what was known before: most often that is why."""
-    if not doubts or type(error) not in (GpusimError, InputError):
+    if not known or type(error) not in (GpusimError, InputError):
         return error
-    return type(error)("\n".join([str(error), "known before:", *doubts]))
+    return type(error)("\n".join([str(error), "known before:", *known]))

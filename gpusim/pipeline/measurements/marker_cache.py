@@ -1,4 +1,4 @@
-"""Markers followed in a camera's pictures, kept beside the results they are for.
+"""Markers tracked in a camera's pictures, kept beside the results they are for.
 
 A rig's result depends on all of its cameras; where its markers went in one picture doesn't. So a
 new lens on one camera leaves the others' alone.
@@ -44,7 +44,7 @@ class MarkerCache:
         """Those of this run."""
         return list(self._found)
 
-    def follow(
+    def track(
         self,
         name: str,
         marks: MarkerSet,
@@ -56,7 +56,7 @@ class MarkerCache:
         sensor: Sensor,
     ) -> MarkerTracks:
         """As `track_markers`, for the measure ``name``."""
-        key = _key(marks, camera, reference, deformed, subset, sensor)
+        key = _key(marks, camera, (reference, deformed), subset, sensor)
         path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
         known, found = self._found.get(path, ("", None))
         if found is None or known != key:
@@ -80,15 +80,14 @@ class MarkerCache:
 def _key(
     marks: MarkerSet,
     camera: Camera,
-    reference: npt.NDArray[Any],
-    deformed: npt.NDArray[Any],
+    pictures: tuple[npt.NDArray[Any], ...],
     subset: int | None,
     sensor: Sensor,
 ) -> str:
     """A digest of all that the result depends on."""
     digest = hashlib.sha256()
     bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
-    for values in (reference, deformed, camera.K, camera.camera_from_world, bent,
+    for values in (*pictures, camera.K, camera.camera_from_world, bent,
                    marks.position, marks.size):  # fmt: skip
         digest.update(f"{values.shape} {values.dtype}".encode())
         digest.update(np.ascontiguousarray(values).data)

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-import numpy.typing as npt
 
 from gpusim.errors import GpusimError
 from gpusim.files.input_file import Reader
-from gpusim.measure.targets.boards import Sighting
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.deflection_stage import measure_deflection
-from gpusim.pipeline.measurements.marker_cache import MarkerCache
+from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.measurements.stereo import measure_stereo
 from gpusim.pipeline.measurements.stereo_result import StereoResult
 from gpusim.scene import Scene
@@ -23,27 +18,14 @@ from gpusim.scene.description import model as m
 __all__ = ["Result", "read", "run_measure"]
 
 Result = DeflectionResult | StereoResult
-Image = Callable[[str, int], npt.NDArray[Any]]
-Corners = Callable[[str, int], Sighting]
 
 
-def run_measure(
-    spec: m.Measure,
-    scene: Scene,
-    objects: SceneObjects,
-    image: Image,
-    corners: Corners,
-    markers: MarkerCache,
-) -> Result:
-    """Do one measurement.
-
-    ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board
-    in a calibration pose, ``markers`` follows those of a rig.
-    """
+def run_measure(spec: m.Measure, scene: Scene, objects: SceneObjects, sources: Sources) -> Result:
+    """Do one measurement."""
     if isinstance(spec, m.Deflection):
-        return measure_deflection(spec, scene, objects.bodies, objects.displacement, image)
+        return measure_deflection(spec, scene, objects.bodies, objects.displacement, sources.image)
     if isinstance(spec, m.Stereo):
-        return measure_stereo(spec, scene, objects, image, corners, markers)
+        return measure_stereo(spec, scene, objects, sources)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 

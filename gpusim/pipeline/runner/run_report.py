@@ -42,7 +42,7 @@ from gpusim.scene import Scene
 from gpusim.scene.cost.cost import effects
 from gpusim.scene.description import model as m
 
-__all__ = ["Findings", "make_report", "said", "write_page"]
+__all__ = ["Findings", "failure_text", "make_report", "write_page"]
 
 Array = npt.NDArray[np.float64]
 GOAL = 1e-3
@@ -277,6 +277,6 @@ def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:
     return tuple(links)
 
 
-def said(error: Exception) -> str:
+def failure_text(error: Exception) -> str:
     """The message, with the error's type where it isn't one of gpusim's own."""
     return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"

@@ -33,6 +33,7 @@ from gpusim.pipeline.checks.warnings import SceneWarnings, with_known_warnings
 from gpusim.pipeline.measurements import measurements
 from gpusim.pipeline.measurements.board_corners import read_corners, write_corners
 from gpusim.pipeline.measurements.marker_cache import MarkerCache
+from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.measurements.stereo import track_in_cameras
 from gpusim.pipeline.notes import Notes, StageResult
 from gpusim.pipeline.runner import run_report
@@ -140,7 +141,7 @@ class StageRunner(RunRecord):
             yield
         except Exception as error:
             told = with_known_warnings(error, self.scene_warnings.geometry)
-            write_report(self.report(failure=run_report.said(told)), self.out)
+            write_report(self.report(failure=run_report.failure_text(told)), self.out)
             if told is not error:
                 raise told from error
             raise
@@ -225,7 +226,9 @@ class StageRunner(RunRecord):
                 text = work()
             except Exception as error:
                 seconds = time.perf_counter() - started
-                self.stages.append(Stage(planned.name, "failed", run_report.said(error), seconds))
+                self.stages.append(
+                    Stage(planned.name, "failed", run_report.failure_text(error), seconds)
+                )
                 raise
         seconds = time.perf_counter() - started
         self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))
@@ -236,14 +239,14 @@ class StageRunner(RunRecord):
 
     def _solve(self) -> StageResult:
         # what solves is imported where something is solved: most runs of a scene only look again
-        from gpusim.pipeline.build.modelling import held_by
+        from gpusim.pipeline.build.modelling import support_of_freedom
         from gpusim.pipeline.stages.solving import solve_bodies
 
         note = partial(self.progress, "solve")
         solutions = solve_bodies(
             self.scene.solver, self.objects.bodies, self.models, self.options, note
         )
-        held = [held_by(parts) for parts in self.objects.bodies]
+        held = [support_of_freedom(parts) for parts in self.objects.bodies]
         solved = self.objects.solved = SceneSolution.of(solutions, self.models, held)
         self.seconds |= solver_seconds(solutions)
         self.note = f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}"
@@ -341,9 +344,9 @@ class StageRunner(RunRecord):
     def _measure(self) -> StageResult:
         files: list[Path] = []
         corners = partial(read_corners, self.scene, self.out, self._read)
-        sources = self._image, corners, self.markers
+        sources = Sources(self._image, corners, self.markers)
         for measure in self.scene.measures:
-            result = measurements.run_measure(measure, self.scene, self.objects, *sources)
+            result = measurements.run_measure(measure, self.scene, self.objects, sources)
             self.results.append(result)
             files += result.write(inside(self.out, "measure"))
             self.note = result.note
@@ -365,7 +368,7 @@ class StageRunner(RunRecord):
         path = inside(self.out, "solution", "stress.npz")
         self.stresses = write_stresses(
             path, self.objects.bodies, self.models, self.history, self.objects.displacement,
-            partial(self.progress, "stress"),
+            progress=partial(self.progress, "stress"),
         )  # fmt: skip
         most = max((peak.von_mises for peak in self.stresses.peaks), default=0.0)
         self.note = f"greatest von Mises stress {most / 1e6:.4g} MPa"

@@ -31,7 +31,7 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.stages.grey_levels import level_warnings
-from gpusim.pipeline.stages.image_window import Window, whole, window_of
+from gpusim.pipeline.stages.image_window import Window, whole_window, window_of
 from gpusim.plan.run_options import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -178,9 +178,11 @@ class Photographer:
             if callable(now):
                 middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
                 surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
-                return Frame(local_view(surfaces, viewer, lit=True), self.device), whole(viewer)
+                return Frame(local_view(surfaces, viewer, lit=True), self.device), whole_window(
+                    viewer
+                )
         window = window_of(surfaces[:bodies], viewer, BAND) if self.options.skip else None
-        window = window or whole(viewer)
+        window = window or whole_window(viewer)
         return Frame(local_view(surfaces, window.camera(viewer), lit=True), self.device), window
 
     def _moving(self, camera: m.Camera, frame: int) -> Sequence[Surface] | SurfacesAt:
@@ -208,7 +210,7 @@ class Photographer:
         common = self.scene.sensor
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
-        self._look_at(image, sensor, camera.name, frame)
+        self._check_levels(image, sensor, camera.name, frame)
         if window is not None:
             image = window.placed(image, build_camera(camera, self.scene.input))
         wide = camera.sensor[0]
@@ -227,7 +229,9 @@ class Photographer:
     def _adapter(self) -> str:
         return "none (numpy backend)" if self.device is None else self.device.name
 
-    def _look_at(self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int) -> None:
+    def _check_levels(
+        self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int
+    ) -> None:
         """Warn of the first picture of a camera whose grey values are bad."""
         texts = level_warnings(image, sensor)
         if texts and camera not in self._badly:
