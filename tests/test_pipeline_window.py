@@ -14,7 +14,7 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.props import build_prop
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.stages.image_window import window_of
-from gpusim.pipeline.stages.images import Photographer, Studio
+from gpusim.pipeline.stages.images import CaptureSetup, FrameCapture
 from gpusim.plan.run_options import RunOptions
 from gpusim.scene.amplitudes import LoadHistory
 
@@ -43,8 +43,8 @@ def photographs(scene: gs.Scene, folder: Path, skip: bool) -> list[np.ndarray]:
     things = SceneObjects(scene, LoadHistory(scene, scaled=True))
     things.props = [build_prop(prop) for prop in scene.props]
     options = RunOptions("numpy", skip=skip)
-    studio = Studio(scene, folder, None, build_lights(scene), options)
-    work = Photographer(studio, things.target, "calib-")
+    setup = CaptureSetup(scene, folder, None, build_lights(scene), options)
+    work = FrameCapture(setup, things.target, "calib-")
     images = []
     for pose in range(2):
         images.append(work.take(scene.cameras[0], pose).image)
@@ -94,8 +94,8 @@ def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
     props = [build_prop(prop) for prop in scene.props]
     found = []
     for skip in (True, False):
-        studio = Studio(scene, tmp_path, None, None, RunOptions("numpy", skip=skip))
-        work = Photographer(studio, lambda _: props)
+        setup = CaptureSetup(scene, tmp_path, None, None, RunOptions("numpy", skip=skip))
+        work = FrameCapture(setup, lambda _: props)
         frame, window = work.sight(scene.cameras[0], None, 1)
         truth = frame.truth(faces=(0, len(props[0].faces)))
         found.append((truth, truth.row + window.top, truth.column + window.left))
@@ -112,8 +112,8 @@ def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> Non
     scene = gs.Scene.from_document({**DOCUMENT, "camera": [camera]}, source="test")
     things = SceneObjects(scene, LoadHistory(scene, scaled=True))
     things.props = [build_prop(prop) for prop in scene.props]
-    studio = Studio(scene, tmp_path, None, build_lights(scene), RunOptions("numpy"))
-    work = Photographer(studio, things.target, "calib-")
+    setup = CaptureSetup(scene, tmp_path, None, build_lights(scene), RunOptions("numpy"))
+    work = FrameCapture(setup, things.target, "calib-")
     for pose in range(2):
         shot = work.take(scene.cameras[0], pose)
     assert shot.window is not None

@@ -72,7 +72,7 @@ class StageRunner(RunRecord):
         self.speed = Speed.read(options.backend)
         self.plan = self._planned()
         self.markers = MarkerCache(inside(self.out, "measure"), self.reuse, self._read)
-        self.photographer: images.Photographer | None = None
+        self.capture: images.FrameCapture | None = None
         self.device_before: dict[str, float] = {}
 
     def begin(self) -> Callable[[], Report]:
@@ -116,8 +116,8 @@ class StageRunner(RunRecord):
                 self.state.programs = []
             self._pictures()
             self._stage(self.plan["truth"], self._truth)
-        if self.photographer is not None:
-            self.photographer.forget()  # the next one may need its memory
+        if self.capture is not None:
+            self.capture.forget()  # the next one may need its memory
         if self.device is not None:
             self.seconds |= device_seconds(self.device, self.device_before)
         return self._end
@@ -292,19 +292,19 @@ class StageRunner(RunRecord):
 
     def _pictures(self) -> None:
         scene = self.scene
-        studio = images.Studio(
+        setup = images.CaptureSetup(
             scene, self.out, self.device, build_lights(scene), self.options, self._read
         )
-        self.photographer = images.Photographer(studio, self.objects.surfaces)
-        targets = images.Photographer(studio, self.objects.target, "calib-")
+        self.capture = images.FrameCapture(setup, self.objects.surfaces)
+        targets = images.FrameCapture(setup, self.objects.target, "calib-")
         if not scene.cameras:
             self._timed(self.plan["render"], None)
         if self.plan["measure"].runs:  # a quarter of a second, beside the device
             Thread(target=import_module, args=("scipy.ndimage",), daemon=True).start()
         views = [stage for stage in self.plan.stages if stage.camera is not None]
-        self._capture([stage for stage in views if stage.pose is None], self.photographer)
+        self._capture([stage for stage in views if stage.pose is None], self.capture)
         look = partial(write_corners, scene)
-        with ThreadPoolExecutor(1, thread_name_prefix="gpusim.follow") as aside:
+        with ThreadPoolExecutor(1, thread_name_prefix="gpusim.tracking") as aside:
             aside.submit(self._track_ahead)
             self._capture([stage for stage in views if stage.pose is not None], targets, look)
 
@@ -319,8 +319,8 @@ class StageRunner(RunRecord):
     def _capture(
         self,
         stages: Sequence[PlannedStage],
-        photographer: images.Photographer,
-        look: Callable[[images.Shot], list[Path]] | None = None,
+        capture: images.FrameCapture,
+        look: Callable[[images.CapturedImage], list[Path]] | None = None,
     ) -> None:
         by_name = {camera.name: camera for camera in self.scene.cameras}
         wanted = (
@@ -328,16 +328,16 @@ class StageRunner(RunRecord):
             for stage in stages
             if stage.runs
         )
-        with CaptureQueue(photographer, wanted, look) as queue:
+        with CaptureQueue(capture, wanted, look) as queue:
             for planned in stages:
                 self._stage(planned, queue.take)
 
     def _truth(self) -> StageResult:
         from gpusim.pipeline.stages.truth import write_truth  # HDF5 only where it is written
 
-        assert self.photographer is not None
+        assert self.capture is not None
         file = write_truth(
-            self.scene, self.out, self.photographer, self.objects.bodies, self.objects.displacement
+            self.scene, self.out, self.capture, self.objects.bodies, self.objects.displacement
         )
         return StageResult([file], Notes(adapter=self.own_adapter))
 

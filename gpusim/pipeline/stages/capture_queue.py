@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from gpusim.pipeline.notes import StageResult
-from gpusim.pipeline.stages.images import Photographer, Shot
+from gpusim.pipeline.stages.images import CapturedImage, FrameCapture
 from gpusim.scene.description import model as m
 
 __all__ = ["CaptureQueue"]
@@ -26,11 +26,11 @@ class CaptureQueue:
 
     def __init__(
         self,
-        photographer: Photographer,
+        capture: FrameCapture,
         wanted: Iterable[tuple[m.Camera, int]],
-        look: Callable[[Shot], list[Path]] | None = None,
+        look: Callable[[CapturedImage], list[Path]] | None = None,
     ) -> None:
-        self.photographer, self.look = photographer, look
+        self.capture, self.look = capture, look
         self._wanted = deque(wanted)
         self._coming: deque[Future[StageResult]] = deque()
         self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="gpusim.capture")
@@ -50,7 +50,7 @@ class CaptureQueue:
     def _begin(self) -> Future[StageResult]:
         camera, frame = self._wanted.popleft()
         try:
-            shot = self.photographer.take(camera, frame)
+            shot = self.capture.take(camera, frame)
         except Exception as error:  # it belongs to the picture that it happened to
             failed: Future[StageResult] = Future()
             failed.set_exception(error)
@@ -58,5 +58,5 @@ class CaptureQueue:
             return failed
         return self._pool.submit(self._end, shot)
 
-    def _end(self, shot: Shot) -> StageResult:
+    def _end(self, shot: CapturedImage) -> StageResult:
         return StageResult(shot.write() + (self.look(shot) if self.look else []), shot.notes)

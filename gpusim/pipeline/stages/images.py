@@ -37,7 +37,7 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["Photographer", "Shot", "Studio", "image_path", "read_exposure"]
+__all__ = ["CaptureSetup", "CapturedImage", "FrameCapture", "image_path", "read_exposure"]
 
 SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
 
@@ -60,7 +60,7 @@ def read_exposure(file: InputFile) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class CapturedImage:
     """An image that was taken, and where it belongs.
 
     ``window``: the part of it that isn't background alone; None for all of it. ``density``: pixels
@@ -85,7 +85,7 @@ class Shot:
 
 
 @dataclass(frozen=True, eq=False)
-class Studio:
+class CaptureSetup:
     """What pictures of frames and of calibration targets have in common.
 
     ``read``: how files of an earlier run are read.
@@ -99,17 +99,17 @@ class Studio:
     read: Reader = read_input
 
 
-class Photographer:
+class FrameCapture:
     """Renders and exposes frames of one kind; keeps one exposure per camera."""
 
     def __init__(
         self,
-        studio: Studio,
+        setup: CaptureSetup,
         surfaces: Callable[[int | None], list[Surface]],
         kind: str = "",
     ) -> None:
-        self.scene, self.out, self.device = studio.scene, studio.out, studio.device
-        self.lights, self.options, self.read = studio.lights, studio.options, studio.read
+        self.scene, self.out, self.device = setup.scene, setup.out, setup.device
+        self.lights, self.options, self.read = setup.lights, setup.options, setup.read
         self.surfaces, self.kind = surfaces, kind
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
@@ -198,7 +198,7 @@ class Photographer:
         around = self.surfaces(first), self.surfaces(last)
         return moving(around[0], now, around[1], (last - first) / rate) or now
 
-    def take(self, camera: m.Camera, frame: int) -> Shot:
+    def take(self, camera: m.Camera, frame: int) -> CapturedImage:
         """Render and expose one frame."""
         path = image_path(self.scene, self.out, camera.name, frame, self.kind)
         window = self._window(camera, frame)
@@ -217,7 +217,7 @@ class Photographer:
         density = camera.resolution[0] / wide if wide else None
         notes = Notes(tuple(self._warnings), self._facts(camera, linear), self._adapter)
         self._warnings = []
-        return Shot(path, image, window, density, tuple(beside), not self.kind, notes)
+        return CapturedImage(path, image, window, density, tuple(beside), not self.kind, notes)
 
     def _facts(self, camera: m.Camera, rendered: Frame) -> dict[str, str]:
         """What lens and shutter did."""
