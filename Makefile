@@ -32,11 +32,10 @@ check: setup
 
 bench:
 	@echo "Benchmarks (each prints its own options with --help):"
-	@for file in benchmarks/[a-z]*.py; do \
-	    echo "  .venv/bin/python -m benchmarks.$$(basename $$file .py)"; \
-	done
+	@grep -l __main__ benchmarks/*.py benchmarks/*/__main__.py | sed \
+	    -e 's|/__main__.py||' -e 's|.py$$||' -e 's|/|.|' -e 's|^|  .venv/bin/python -m |'
 	@echo "  .venv/bin/gpusim bench solver"
-	@echo "  .venv/bin/gpusim bench stability"
+	@echo "  .venv/bin/gpusim bench render"
 	@test -x .venv/bin/python || echo "first: scripts/setup.sh dev"
 
 setup:

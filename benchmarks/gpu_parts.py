@@ -21,8 +21,10 @@ import numpy as np
 
 import gpusim as gs
 from benchmarks.gpu_cases import IMAGES
-from gpusim.bench.cases import CASES, STEEL, Case
-from gpusim.bench.images import IMAGE_CASES, ImageCase
+from benchmarks.render.cases import IMAGE_CASES
+from benchmarks.solver.cases import CASES
+from gpusim.bench.image_cases import ImageCase
+from gpusim.bench.solver_cases import STEEL, Case
 from gpusim.errors import GpusimError
 from gpusim.gpu import Device, default_device, twin_checks
 from gpusim.gpu.adapter import is_processor

@@ -85,23 +85,10 @@ WRONG_WAY: dict[str, set[str]] = {
     "shadow.receiver_planes": {"shading.scene_buffers"},
 }
 CIRCLES: list[set[str]] = [
-    {
-        "gpu.buffer",
-        "gpu.buffer_pool",
-        "gpu.device",
-        "gpu.kernel",
-        "gpu.programs",
-        "gpu.raster",
-        "gpu.recording",
-        "gpu.texture_array",
-        "gpu.timing",
-        "gpu.uniform",
-    },
     {"measure.correlation.image_tiles", "measure.correlation.matching"},
     {"mesh.boundary", "mesh.mesh", "mesh.quality"},
     {"optics.shading.deferred_pass", "optics.shading.forward_pass"},
     {"optics.shading.scene_buffers", "optics.shadow.receiver_planes"},
-    {"pipeline.runner.stage_report", "pipeline.runner.stage_runner"},
 ]
 
 MOST_MODULES = 20

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from gpusim.bench.cases import CASES, find_cases
-from gpusim.bench.elements import ELEMENT_KINDS, element_matrices
-from gpusim.bench.problem import free_matrix
-from gpusim.bench.reference import as_arithmetic, reference_solution
+from benchmarks.solver.cases import CASES
+from benchmarks.solver.element_matrices import ELEMENT_KINDS, element_matrices
+from benchmarks.solver.problem import free_matrix
+from benchmarks.solver.reference import as_arithmetic, reference_solution
+from gpusim.bench.solver_cases import find_cases
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, face_force, solve
 from gpusim.mesh import box, select_faces
@@ -99,7 +100,7 @@ def test_a_free_body_has_no_reference() -> None:
 
 @pytest.mark.parametrize("name", ["beam-10k", "cube-nu4999-10k"])
 def test_the_matrix_that_peers_get_gives_the_solvers_answer(name: str) -> None:
-    (case,) = find_cases("small", name)
+    (case,) = find_cases("small", name, CASES)
     model = case.model()
     free = ~model.fixed.all(axis=1)
     u = np.zeros(model.mesh.points.shape)
@@ -115,7 +116,7 @@ def test_cases_are_found_by_name_family_and_size() -> None:
     assert [case.name for case in find_cases("full", "beam")] == [
         "beam-10k", "beam-100k", "beam-300k", "beam-1M",
     ]  # fmt: skip
-    assert len(find_cases("full")) == len(CASES) > len(find_cases("small"))
+    assert len(find_cases("full", None, CASES)) == len(CASES) > len(find_cases("small"))
     assert [case.name for case in find_cases("small", "cube-3M")] == ["cube-3M"]
     with pytest.raises(InputError, match="expected one of beam, cube"):
         find_cases("small", "sphere")

@@ -11,18 +11,19 @@ import pytest
 from typer.testing import CliRunner
 
 import gpusim as gs
-from gpusim.bench.images import IMAGE_CASES, ImageCase, Soup, find_image_cases, lamp_sides
-from gpusim.bench.render import (
+from benchmarks.render.cases import IMAGE_CASES, lamp_sides
+from benchmarks.render.disc_texture import disc_texture
+from benchmarks.render.measure import (
     IMAGE_PEERS,
-    ImagePoint,
-    ImageResult,
     RenderResult,
-    describe,
     run_image_peer,
     run_render_bench,
 )
-from gpusim.bench.render_tables import ratios, write_render
-from gpusim.bench.supersample import compare, disc_texture, reference_windows
+from benchmarks.render.tables import ratios, write_render
+from gpusim.bench import image_cases
+from gpusim.bench.image_cases import ImageCase, Soup, find_image_cases
+from gpusim.bench.images import ImagePoint, ImageResult, describe
+from gpusim.bench.supersample import compare, reference_windows
 from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.gpu import Device
@@ -127,28 +128,19 @@ def test_ratios_say_who_reaches_the_error_and_at_what_cost(tmp_path: Path) -> No
     assert "Cycles: missing" in text and figure.stat().st_size > 5000
 
 
-def test_an_installed_bench_says_that_it_measures_alone(
+def test_a_user_gets_time_against_error_of_an_image(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gpusim.bench.peers.peer_folder", lambda: None)
-
-    def measured(names: list[str], *rest: object, peers: object, **more: object) -> RenderResult:
-        assert peers == []
-        nan = float("nan")
-        lit = ImageResult(
-            "board-lit", 75, 50, 448, True, [ImagePoint("gpusim", 0.2, nan, nan, nan)]
-        )
-        return RenderResult("here", [lit])
-
-    monkeypatch.setattr("gpusim.bench.render.run_render_bench", measured)
-    arguments = ["bench", "render", "--case", "board-lit", "-o", str(tmp_path)]
+    for name in ("board", "board-lit"):
+        tiny = small(name)
+        monkeypatch.setitem(image_cases.IMAGE_CASES, name, lambda size, tiny=tiny: tiny)
+    arguments = ["bench", "render", "--case", "board", "-o", str(tmp_path)]
     ended = CliRunner().invoke(app, arguments)
-    assert ended.exit_code == 0 and "from a checkout only" in ended.output
-    text = (tmp_path / "render.md").read_text()
-    assert "nan" not in text and "| gpusim | 0.200 | 53333 | - | - | - | 1.0 |" in text
+    assert ended.exit_code == 0 and "board-lit: gpusim" in ended.output, ended.output
+    rows = [row for row in (tmp_path / "render.md").read_text().splitlines() if "| gpusim" in row]
+    unlit, lit = ([cell.strip() for cell in row.split("|")] for row in rows)
+    assert float(unlit[4]) <= 3e-4 and lit[4:7] == ["-"] * 3
     assert "no reference" in describe(ImagePoint("gpusim", 0.2, *[float("nan")] * 3))
-    ended = CliRunner().invoke(app, [*arguments, "--peer", "VTK"])
-    assert ended.exit_code == 2 and "got VTK; other programs" in ended.output
 
 
 def test_a_peer_is_given_the_scene_in_camera_axes_and_its_failure_is_told(
@@ -157,8 +149,6 @@ def test_a_peer_is_given_the_scene_in_camera_axes_and_its_failure_is_told(
     board = small("board")
     monkeypatch.setitem(IMAGE_CASES, "board", lambda size: board)
     monkeypatch.setenv("GPUSIM_PEERS_PYTHON", str(tmp_path / "no-python"))
-    # the scripts are in a checkout only, and this may be the installed package
-    monkeypatch.setattr("gpusim.bench.render.peer_folder", lambda: tmp_path)
     found = run_render_bench(["board"], "small", tmp_path, peers=IMAGE_PEERS[:1], tell=print)
     (case,) = found.cases
     own = case.own()
@@ -173,14 +163,14 @@ def test_a_peer_is_given_the_scene_in_camera_axes_and_its_failure_is_told(
     script = tmp_path / "riley_raster.py"
     script.write_text("raise SystemExit('no licence')")
     monkeypatch.delenv("GPUSIM_PEERS_PYTHON")
-    (failed,) = run_image_peer(IMAGE_PEERS[0], tmp_path, tmp_path, [4])
+    (failed,) = run_image_peer(IMAGE_PEERS[0], tmp_path, [4], scripts=tmp_path)
     assert failed == {"failed": "no licence"}
 
 
 def test_cases_are_found_by_the_beginning_of_their_name() -> None:
     assert find_image_cases("crane") == ["crane", "crane-lit"]
     with pytest.raises(InputError, match=r"got 'brd'; expected one of board, board-lit"):
-        find_image_cases("brd")
+        find_image_cases("brd", IMAGE_CASES)
 
 
 def test_a_peer_that_is_asked_for_by_name_may_take_more_samples() -> None:

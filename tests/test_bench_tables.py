@@ -11,13 +11,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from gpusim.bench import solver
-from gpusim.bench.cases import find_cases
-from gpusim.bench.peers import PEERS, Peer, peer_folder, run_peer
-from gpusim.bench.problem import write_problem
-from gpusim.bench.solver import CaseResult, Point, SolverResult
-from gpusim.bench.stability import RIGHT, SILENT, Verdict
-from gpusim.bench.tables import solver_markdown, stability_markdown, write_solver, write_stability
+from benchmarks.solver import measure
+from benchmarks.solver.cases import CASES
+from benchmarks.solver.measure import PeerCaseResult, SolverResult
+from benchmarks.solver.peers import PEERS, SCRIPTS, Peer, run_peer
+from benchmarks.solver.problem import write_problem
+from benchmarks.solver.tables import solver_markdown, write_solver
+from benchmarks.stability.suite import RIGHT, SILENT, Verdict
+from benchmarks.stability.tables import stability_markdown, write_stability
+from gpusim.bench.solver import Point
+from gpusim.bench.solver_cases import find_cases
 from gpusim.cli import app
 from gpusim.mesh import mesh_quality
 
@@ -31,7 +34,7 @@ def result() -> SolverResult:
     for unknowns in (30_000, 100_000, 1_000_000):
         seconds = 1e-6 * unknowns**1.1
         cases.append(
-            CaseResult(
+            PeerCaseResult(
                 f"cube-{unknowns}", "cube", unknowns,
                 [
                     point("gpusim", 0.5 * seconds, 1e-4, 1e-3),  # quicker, but not right to 1e-6
@@ -41,11 +44,11 @@ def result() -> SolverResult:
                     point("wrong", 0.1 * seconds, 2e-6),
                     point("CalculiX C3D8I, whole run", 2.0 * seconds, 9e-7),
                 ],
-                ["absent: missing: no such thing"], 0.2, 900.0,
+                ["absent: missing: no such thing"], 900.0,
+                {"assembly": 0.5}, "multigrid, gpu, f64", 0.2,
                 {"share": 0.61, "assembled_share": 0.83, "copy_bytes_per_s": 1e10,
                  "host_copy_bytes_per_s": 9e9,
                  "operator_seconds": 2e-3, "operator_bytes": 7e7, "unknowns": unknowns},
-                {"assembly": 0.5}, "multigrid, gpu, f64",
             )
         )  # fmt: skip
     return SolverResult("this machine", cases)
@@ -66,15 +69,15 @@ def test_a_second_load_case_is_told_by_the_least_of_alternating_runs(
     seconds = iter([2.0, 2.9, 1.0, 1.2, 1.5, 1.25])
     asked: list[int] = []
 
-    def worker(case: object, options: dict[str, Any]) -> dict[str, Any]:
+    def worker(case: object, options: dict[str, Any], module: str) -> dict[str, Any]:
         asked.append(options["load_cases"])
         return {"converged": len(asked) < 7, "seconds": next(seconds, 1.0)}
 
-    monkeypatch.setattr(solver, "_worker", worker)
+    monkeypatch.setattr(measure, "run_worker", worker)
     (case,) = find_cases("small", "beam-10k")
-    assert solver._second_case(case, 3) == pytest.approx(0.2)
+    assert measure.second_case(case, 3) == pytest.approx(0.2)
     assert asked == [1, 2, 1, 2, 1, 2]
-    assert np.isnan(solver._second_case(case, 3))  # the seventh didn't converge
+    assert np.isnan(measure.second_case(case, 3))  # the seventh didn't converge
 
 
 def test_exponent_of_growth() -> None:
@@ -121,7 +124,7 @@ def test_a_peer_that_fails_says_so(
     monkeypatch.setenv("GPUSIM_PEERS_PYTHON", sys.executable)
     (tmp_path / "p.py").write_text(script)
     limit = 1.0 if "sleep" in script else 60.0
-    (variant,) = run_peer(Peer("p", "p.py"), tmp_path, tmp_path, limit)
+    (variant,) = run_peer(Peer("p", "p.py"), tmp_path, limit, tmp_path)
     assert variant["name"] == name
     if failed is None:
         assert variant["peak_kib"] == 5
@@ -130,17 +133,14 @@ def test_a_peer_that_fails_says_so(
 
 
 def test_a_peers_script_reads_the_problem_and_measures_its_error(
-    tmp_path: Path, checkout: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scripts = checkout / "benchmarks" / "peers"
-    if not scripts.is_dir():
-        pytest.skip("the checkout's benchmarks aren't here")
     (case,) = find_cases("small", "cube-nu4999-10k")
     model = case.model()
     u = np.random.default_rng(1).normal(size=model.mesh.points.shape)
     write_problem(case, model, u, tmp_path / "problem")
     (tmp_path / "p.py").write_text(
-        f"import sys; sys.path.insert(0, {str(scripts)!r})\n"
+        f"import sys; sys.path.insert(0, {str(SCRIPTS)!r})\n"
         "from common import main, sweep\n"
         "def run(problem, options):\n"
         "    k = problem.scipy_csr()\n"
@@ -151,32 +151,32 @@ def test_a_peers_script_reads_the_problem_and_measures_its_error(
         "main(run)\n"
     )
     monkeypatch.setenv("GPUSIM_PEERS_PYTHON", sys.executable)
-    (variant,) = run_peer(Peer("p", "p.py"), tmp_path, tmp_path / "problem", 60.0)
+    (variant,) = run_peer(Peer("p", "p.py"), tmp_path / "problem", 60.0, tmp_path)
     assert [run["error"] for run in variant["runs"]] == pytest.approx([1e-3, 1e-7])
 
 
 def test_every_peer_has_its_script() -> None:
-    folder = peer_folder()
-    if folder is None:
-        pytest.skip("not a checkout")
-    assert all((folder / peer.script).is_file() for peer in PEERS)
+    assert all((SCRIPTS / peer.script).is_file() for peer in PEERS)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["solver", "--case", "sphere"], "expected one of beam"),
-        (["stability", "--case", "no such"], "no case's name holds it"),
-        (["stability", "--way", "guess"], "expected auto, multigrid"),
-    ],
-)
-def test_wrong_names_on_the_command_line(arguments: list[str], said: str) -> None:
-    ended = CliRunner().invoke(app, ["bench", *arguments])
-    assert ended.exit_code == 2 and said in ended.output
+def test_a_wrong_case_on_the_command_line() -> None:
+    ended = CliRunner().invoke(app, ["bench", "solver", "--case", "sphere"])
+    assert ended.exit_code == 2 and "expected one of beam" in ended.output
+
+
+def test_a_user_gets_time_against_error_of_the_solver(tmp_path: Path) -> None:
+    words = ["bench", "solver", "--case", "cube-10k", "-o", str(tmp_path)]
+    ended = CliRunner().invoke(app, words)
+    assert ended.exit_code == 0, ended.output
+    rows = [
+        line for line in (tmp_path / "solver.md").read_text().splitlines() if "| gpusim" in line
+    ]
+    assert [row.split(" | ")[1] for row in rows] == ["0.001", "1e-06", "1e-08"]
+    assert all(float(row.split(" | ")[5]) <= float(row.split(" | ")[1]) for row in rows)
 
 
 def test_no_two_bricks_of_an_uneven_cube_are_alike() -> None:
-    (case,) = find_cases("small", "uneven-10k")
+    (case,) = find_cases("small", "uneven-10k", CASES)
     mesh = case.model().mesh
     low, high = mesh.bounds
     assert (low == 0.0).all() and (high == 100.0).all()

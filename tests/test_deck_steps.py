@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpusim.bench.hard_cases import bar
-from gpusim.bench.reference import reference_solution
+from benchmarks.solver.reference import reference_solution
+from benchmarks.stability.hard_bodies import bar
 from gpusim.deck import Deck, Step, load_deck
 from gpusim.deck.constrained import solve_constrained
 from gpusim.deck.equations import Equations

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from benchmarks.solver.element_matrices import element_matrices
+from benchmarks.solver.reference import reference_solution
+from benchmarks.stability.hard_bodies import STEEL, bar, contrast
 from gpusim.arrays.error_free_sums import high_half, two_sum
-from gpusim.bench.elements import element_matrices
-from gpusim.bench.hard_cases import STEEL, bar, contrast
-from gpusim.bench.reference import reference_solution
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
-from gpusim.bench.reference import reference_solution
+from benchmarks.solver.reference import reference_solution
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gpusim.fem.multigrid.hierarchy as hierarchy
+from benchmarks.solver.cases import uneven_bricks
 from gpusim.arrays.path_sums import along_paths
-from gpusim.bench.cases import uneven_bricks
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix

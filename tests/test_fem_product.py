@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.sparse import bsr_matrix
 
+from benchmarks.solver.cases import CASES
+from benchmarks.solver.operator import host_probe
 from gpusim import fem
-from gpusim.bench.cases import CASES
-from gpusim.bench.operator import host_probe
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
 from gpusim.fem.assembly.matrix_product import Product, RowsProduct

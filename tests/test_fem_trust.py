@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 from threadpoolctl import threadpool_info
 
+from benchmarks.stability.hard_bodies import cantilever
 from gpusim import InputError, Isotropic, Mesh, Model, NotConverged, solve
-from gpusim.bench.hard_cases import cantilever
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.model import rigid_body_modes

@@ -15,7 +15,7 @@ import pytest
 
 from benchmarks.gpu_cases import FE, IMAGES
 from benchmarks.gpu_report import write_report
-from gpusim.bench.cases import CASES
+from benchmarks.solver.cases import CASES
 
 
 def script(checkout: Path, name: str) -> ModuleType:

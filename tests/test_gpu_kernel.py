@@ -14,7 +14,7 @@ import pytest
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu import Device, Kernel, default_device
 from gpusim.gpu.uniform import pack
-from gpusim.gpu.warmup import beforehand, meanwhile
+from gpusim.gpu.warmup import compile_ahead, compile_during
 from gpusim.gpu.wgsl import load
 
 COUNT = """
@@ -354,7 +354,7 @@ def test_threads_that_ask_at_once_get_one_program(lab: Device) -> None:
 
 def test_programs_are_compiled_for_as_long_as_there_is_need(lab: Device) -> None:
     lab.programs.clear()
-    with meanwhile(lab, [["count", "main", []]]):
+    with compile_during(lab, [["count", "main", []]]):
         assert lab.kernel("count") is lab.kernel("count")
     enough = threading.Event()
     enough.set()
@@ -364,10 +364,10 @@ def test_programs_are_compiled_for_as_long_as_there_is_need(lab: Device) -> None
 
 
 def test_the_device_is_opened_before_it_is_needed() -> None:
-    with beforehand([["fem/no such", "main", []]]):
+    with compile_ahead([["fem/no such", "main", []]]):
         opened = default_device()
     assert default_device() is opened
-    with pytest.raises(ZeroDivisionError), beforehand([]):
+    with pytest.raises(ZeroDivisionError), compile_ahead([]):
         raise ZeroDivisionError
 
 
@@ -379,11 +379,11 @@ def test_what_was_begun_beforehand_ends_with_the_work_that_it_is_for(
         enough.wait(60)
 
     monkeypatch.setattr(default_device().programs, "compile", compile_for_ever)
-    with beforehand([["count", "main", []]]):
+    with compile_ahead([["count", "main", []]]):
         pass
-    with pytest.raises(KeyboardInterrupt), meanwhile(default_device(), []):
+    with pytest.raises(KeyboardInterrupt), compile_during(default_device(), []):
         raise KeyboardInterrupt
     for thread in threading.enumerate():
-        if thread.name == "gpusim.beforehand":
+        if thread.name == "gpusim.warmup":
             thread.join(10)
             assert not thread.is_alive()

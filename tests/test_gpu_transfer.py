@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import gpusim.gpu.device as device_module
+import gpusim.gpu.context as device_module
 from gpusim.errors import DeviceLost
 from gpusim.gpu import Device
 from gpusim.gpu.adapter import is_processor

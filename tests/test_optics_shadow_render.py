@@ -148,10 +148,10 @@ def test_another_body_in_a_small_picture(device: Device) -> None:
 def test_moving_and_with_too_small_a_pool(device: Device) -> None:
     surfaces, _, _ = shadow_scene()
     lights = [LAMPS["area"], LAMPS["sun"]]
-    device.kept.notes["shadow.capacity"] = 4
+    device.pool.notes["shadow.capacity"] = 4
     for step in (0.0, 0.05):
         block = surfaces[2].moved(surfaces[2].points + np.array([step, 0.0, step]))
         scene = matte([surfaces[0], surfaces[1], block]), SMALL, lights
         want = shown(*scene)
         differ(shown(*scene, device), want)
-    assert device.kept.notes["shadow.capacity"] != 4
+    assert device.pool.notes["shadow.capacity"] != 4

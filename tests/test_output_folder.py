@@ -159,7 +159,7 @@ def sources(words: str) -> Iterator[tuple[str, ast.AST]]:
 
 
 def test_files_are_written_and_deleted_by_a_few_modules_only() -> None:
-    device = {"gpu/buffer.py", "gpu/device.py"}  # `write_bytes` is a buffer's
+    device = {"gpu/buffer.py"}
     words = "|".join(sorted(WRITING | OPENING | ALIKE))
     found = {name: set(calls(tree)) for name, tree in sources(rf"\b({words})\(")}
     elsewhere = {name: seen for name, seen in found.items() if seen and name not in ALLOWED}

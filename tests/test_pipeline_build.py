@@ -109,7 +109,7 @@ def test_a_report_speaks_only_for_its_own_run(
         assert not (tmp_path / "report.json").exists()
         raise ZeroDivisionError("by accident")
 
-    monkeypatch.setattr("gpusim.pipeline.stages.images.Photographer.take", broken)
+    monkeypatch.setattr("gpusim.pipeline.stages.images.FrameCapture.take", broken)
     with pytest.raises(ZeroDivisionError):
         gs.run(less.replace("light.bulb.power_W", 41.0), tmp_path, backend="numpy")
     report = json.loads((tmp_path / "report.json").read_text())

@@ -9,7 +9,7 @@ from gpusim import measure
 from gpusim.optics import Camera, Sensor
 from gpusim.pipeline.measurements import marker_detection
 from gpusim.pipeline.measurements.deflection import unrefined_text
-from gpusim.pipeline.measurements.marker_tracking import Followed, MarkerSet, follow_markers
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, track_markers
 from tests.measure_images import Marker, board
 
 WIDTH, HEIGHT, SIZE = 420, 90, 22.0
@@ -34,8 +34,8 @@ def picture(moved: np.ndarray, degrees: float = 0.0) -> np.ndarray:
     return np.rint(board(WIDTH, HEIGHT, markers)).astype(np.uint8)
 
 
-def follow(reference: np.ndarray, deformed: np.ndarray) -> Followed:
-    return follow_markers(
+def follow(reference: np.ndarray, deformed: np.ndarray) -> MarkerTracks:
+    return track_markers(
         "measure 'line'", marker_set(), camera(), reference, deformed, subset=None, sensor=Sensor(8)
     )
 

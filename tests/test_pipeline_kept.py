@@ -12,13 +12,13 @@ import pytest
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.pipeline.measurements import marker_cache
-from gpusim.pipeline.measurements.marker_cache import KeptMarkers
-from gpusim.pipeline.measurements.marker_tracking import Followed, MarkerSet
+from gpusim.pipeline.measurements.marker_cache import MarkerCache
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks
 
 CAMERA = Camera.from_lens((36.0, 24.0), 50.0, (30, 20), (0.0, -1.0, 0.2), (0.0, 0.0, 0.1), name="a")
 MARKS = MarkerSet((), 2, np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.7]]), np.array([0.01, 0.012]),
                   ("m-1", "m-2"), ("m", "m"))  # fmt: skip
-FOUND = Followed(
+FOUND = MarkerTracks(
     names=("m-1", "m-2"), expected=np.array([[1.0, 2.0], [3.5, 4.0]]),
     points=np.array([[1.1, 2.2], [np.nan, np.nan]]),
     displacement=np.array([[0.3, 0.4], [np.nan, np.nan]]), sigma=np.array([0.01, np.nan]),
@@ -31,21 +31,21 @@ FOUND = Followed(
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     made: list[str] = []
 
-    def follow(what: str, *_: Any, **__: Any) -> Followed:
+    def follow(what: str, *_: Any, **__: Any) -> MarkerTracks:
         made.append(what)
         return FOUND
 
-    monkeypatch.setattr(marker_cache, "follow_markers", follow)
+    monkeypatch.setattr(marker_cache, "track_markers", follow)
     return made
 
 
-def ask(folder: Path, reuse: bool = True, **changed: Any) -> Followed:
+def ask(folder: Path, reuse: bool = True, **changed: Any) -> MarkerTracks:
     before = np.arange(600, dtype=np.uint8).reshape(20, 30)
     given: dict[str, Any] = {"marks": MARKS, "camera": CAMERA, "reference": before,
                              "deformed": before.T.copy().reshape(20, 30), "subset": None,
                              "sensor": Sensor(8)} | changed  # fmt: skip
-    markers = KeptMarkers(folder, reuse)
-    found = markers.follow("space", **given)
+    markers = MarkerCache(folder, reuse)
+    found = markers.track("space", **given)
     assert [file.is_file() for file in markers.files] == [True]
     return found
 
@@ -53,7 +53,7 @@ def ask(folder: Path, reuse: bool = True, **changed: Any) -> Followed:
 def test_kept_for_the_same_pictures(tmp_path: Path, calls: list[str]) -> None:
     first, again = ask(tmp_path), ask(tmp_path)
     assert calls == ["measure 'space'"]
-    for item in fields(Followed):
+    for item in fields(MarkerTracks):
         one, other = getattr(first, item.name), getattr(again, item.name)
         assert type(one) is type(other)
         assert np.array_equal(

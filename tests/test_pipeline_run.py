@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -122,8 +123,6 @@ def test_rerun_reuses_everything(done: tuple[gs.Report, Path], scene: gs.Scene) 
 
 def test_new_camera_does_not_solve_again(done: tuple[gs.Report, Path], scene: gs.Scene,
                                          tmp_path: Path) -> None:  # fmt: skip
-    import shutil
-
     _, out = done
     copy = tmp_path / "copy"
     shutil.copytree(out, copy)
@@ -149,11 +148,24 @@ def test_numpy_backend_gives_the_same(done: tuple[gs.Report, Path], scene: gs.Sc
 
 def test_skipping_changes_nothing(done: tuple[gs.Report, Path], scene: gs.Scene,
                                   tmp_path: Path) -> None:  # fmt: skip
-    _, out = done
-    run(scene, tmp_path / "all", skip=False)
+    report, out = done
+    whole = run(scene, tmp_path / "all", skip=False)
+    assert "reused" not in states(whole).values()
+    for one, other in zip(report.measurements, whole.measurements, strict=True):
+        assert one.name == other.name
+        assert other.measured == pytest.approx(one.measured, rel=1e-9, abs=1e-9)
+        assert other.truth == pytest.approx(one.truth, rel=1e-9, abs=1e-9)
     for frame in ("0000", "0001"):
         a = read_image(out / f"images/side/{frame}.png")
         assert np.array_equal(a, read_image(tmp_path / f"all/images/side/{frame}.png"))
+
+
+def test_without_shortcuts_nothing_is_reused(done: tuple[gs.Report, Path], scene: gs.Scene,
+                                             tmp_path: Path) -> None:  # fmt: skip
+    copy = tmp_path / "copy"
+    shutil.copytree(done[1], copy)
+    assert "reused" in states(run(scene, copy)).values()
+    assert "reused" not in states(run(scene, copy, skip=False)).values()
 
 
 def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.pipeline import run
 from gpusim.pipeline.measurements import marker_cache
-from gpusim.pipeline.measurements.marker_tracking import follow_markers
+from gpusim.pipeline.measurements.marker_tracking import track_markers
 from gpusim.pipeline.measurements.stereo_result import StereoResult
 
 LENS = {"sensor_mm": [36.0, 24.0], "resolution_px": [1050, 700], "focal_mm": 50.0}
@@ -118,9 +118,9 @@ def test_a_new_lens_leaves_the_other_camera_alone(
 
     def follow(what: str, marks: Any, camera: Any, *pictures: Any, **more: Any) -> Any:
         followed.append(camera.name)
-        return follow_markers(what, marks, camera, *pictures, **more)
+        return track_markers(what, marks, camera, *pictures, **more)
 
-    monkeypatch.setattr(marker_cache, "follow_markers", follow)
+    monkeypatch.setattr(marker_cache, "track_markers", follow)
     left, right = CHANGES["camera"]
     scene = scene_of(checkout, camera=[{**left, "focal_mm": 48.0}, right])
     report = run(scene, out)

@@ -21,7 +21,7 @@ from gpusim.optics.sensor.emva1288 import emva_twin
 from gpusim.pipeline import run
 from gpusim.pipeline.checks.pattern_scale import pixels_per_metre
 from gpusim.pipeline.checks.viewing import winding_numbers
-from gpusim.pipeline.checks.warnings import warnings_beforehand
+from gpusim.pipeline.checks.warnings import scene_warnings
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.projection_error import projection_error
 from gpusim.pipeline.stages.grey_levels import level_warnings
@@ -109,7 +109,7 @@ def test_a_pressure_along_the_axis(
 ) -> None:
     load = {"name": "push", "type": "pressure", "pressure_MPa": 0.1, "where": where}
     changes = {"body.bar.load": [load], "body.bar.mesh.divisions": [12, 2, 2]}
-    texts = warnings_beforehand(gs.load_scene(checkout / "examples" / "cantilever.toml", changes))
+    texts = scene_warnings(gs.load_scene(checkout / "examples" / "cantilever.toml", changes))
     told = [text for text in texts if "acts along the axis" in text]
     assert len(told) == (share is not None)
     assert all(
@@ -148,7 +148,7 @@ def test_parts_of_a_projection_error_add_up() -> None:
 
 def test_the_examples_raise_no_doubts(checkout: Path) -> None:
     for name in ("crane", "crane_stereo", "strip", "bimetal"):
-        assert warnings_beforehand(gs.load_scene(checkout / "examples" / f"{name}.toml")) == []
+        assert scene_warnings(gs.load_scene(checkout / "examples" / f"{name}.toml")) == []
 
 
 @pytest.mark.parametrize(
@@ -165,13 +165,13 @@ def test_the_examples_raise_no_doubts(checkout: Path) -> None:
 def test_a_camera_that_sees_no_marker(tmp_path: Path, key: str, value: Any, said: str) -> None:
     scene = mini({key: value})
     with pytest.raises(InputError) as error:
-        warnings_beforehand(scene)
+        scene_warnings(scene)
     assert said in str(error.value) and "'front'" in str(error.value)
     with pytest.raises(InputError):
         run(scene, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     if "small" not in said:  # without a measure it is a warning, of the wall none
-        texts = warnings_beforehand(mini({key: value}, measure=[]))
+        texts = scene_warnings(mini({key: value}, measure=[]))
         assert [said in text for text in texts] == ([] if "hidden" in said else [True])
 
 
@@ -180,9 +180,9 @@ def lamp(place: list[float]) -> dict[str, Any]:
 
 
 def test_a_lamp_inside_a_body() -> None:
-    (text,) = warnings_beforehand(mini(light=[lamp([20.0, 1.0, 300.0])]))
+    (text,) = scene_warnings(mini(light=[lamp([20.0, 1.0, 300.0])]))
     assert text == "light 'lamp' is inside 'crane': nothing outside is lit by it"
-    assert warnings_beforehand(mini(light=[lamp([20.0, -21.0, 300.0])])) == []
+    assert scene_warnings(mini(light=[lamp([20.0, -21.0, 300.0])])) == []
 
 
 def test_more_lamps_than_a_picture_takes(tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_more_lamps_than_a_picture_takes(tmp_path: Path) -> None:
         return [lamp([10.0 * k, -900.0, 300.0]) | {"name": f"bulb-{k}"} for k in range(count)]
 
     small = {"camera.front.resolution_px": [40, 30]}
-    assert warnings_beforehand(mini(small, light=lamps(256), measure=[])) == []
+    assert scene_warnings(mini(small, light=lamps(256), measure=[])) == []
     large = {"name": "panel", "type": "area", "position_mm": [300.0, -320.0, 300.0], "power_W": 9.0,
              "target_mm": [300.0, -20.0, 300.0], "size_mm": [300.0, 300.0]}  # fmt: skip
     for lights, told in (
@@ -202,7 +202,7 @@ def test_more_lamps_than_a_picture_takes(tmp_path: Path) -> None:
             run(scene, tmp_path / "out", backend="numpy")
         assert not (tmp_path / "out").exists()
     with pytest.raises(InputError, match=r"count as several points: 'panel' as \d+\)"):
-        warnings_beforehand(scene)
+        scene_warnings(scene)
 
 
 def test_winding_numbers() -> None:
@@ -237,11 +237,11 @@ def speckled(diameter: float) -> Scene:
 
 
 def test_speckle_that_is_too_fine_or_too_coarse() -> None:
-    (fine,) = warnings_beforehand(speckled(0.05))
+    (fine,) = scene_warnings(speckled(0.05))
     assert "discs of speckle 'speckle' on 'plate' are 1 px wide (0.05 mm); below 2 px" in fine
-    (coarse,) = warnings_beforehand(speckled(0.8))
+    (coarse,) = scene_warnings(speckled(0.8))
     assert "are 16 px wide (0.8 mm); above 15 px a subset needs 48 px to hold 3 of them" in coarse
-    assert warnings_beforehand(speckled(0.2)) == []
+    assert scene_warnings(speckled(0.2)) == []
 
 
 def test_speckle_behind_a_screen_is_not_told() -> None:
@@ -251,7 +251,7 @@ def test_speckle_behind_a_screen_is_not_told() -> None:
               "size_mm": [60.0, 60.0], "paint": [grey]}  # fmt: skip
     for size, told in ((60.0, 0), (20.0, 1)):  # all, and a part that is in the image's middle
         props = [*document["prop"], screen | {"size_mm": [size, size]}]
-        texts = warnings_beforehand(Scene.from_document({**document, "prop": props}))
+        texts = scene_warnings(Scene.from_document({**document, "prop": props}))
         assert len([text for text in texts if "discs of speckle" in text]) == told
 
 

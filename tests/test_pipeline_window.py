@@ -12,9 +12,10 @@ import gpusim as gs
 from gpusim.pipeline.build.build import build_lights
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.props import build_prop
-from gpusim.pipeline.build.scene_objects import Things
+from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.stages.image_window import window_of
-from gpusim.pipeline.stages.images import Photographer
+from gpusim.pipeline.stages.images import CaptureSetup, FrameCapture
+from gpusim.plan.run_options import RunOptions
 from gpusim.scene.amplitudes import LoadHistory
 
 CAMERA = {
@@ -39,10 +40,11 @@ DOCUMENT = {
 
 
 def photographs(scene: gs.Scene, folder: Path, skip: bool) -> list[np.ndarray]:
-    things = Things(scene, LoadHistory(scene, scaled=True))
+    things = SceneObjects(scene, LoadHistory(scene, scaled=True))
     things.props = [build_prop(prop) for prop in scene.props]
-    lights = build_lights(scene)
-    work = Photographer(scene, folder, None, "numpy", lights, things.target, "calib-", skip)
+    options = RunOptions("numpy", skip=skip)
+    setup = CaptureSetup(scene, folder, None, build_lights(scene), options)
+    work = FrameCapture(setup, things.target, "calib-")
     images = []
     for pose in range(2):
         images.append(work.take(scene.cameras[0], pose).image)
@@ -92,7 +94,8 @@ def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
     props = [build_prop(prop) for prop in scene.props]
     found = []
     for skip in (True, False):
-        work = Photographer(scene, tmp_path, None, "numpy", None, lambda _: props, "", skip)
+        setup = CaptureSetup(scene, tmp_path, None, None, RunOptions("numpy", skip=skip))
+        work = FrameCapture(setup, lambda _: props)
         frame, window = work.sight(scene.cameras[0], None, 1)
         truth = frame.truth(faces=(0, len(props[0].faces)))
         found.append((truth, truth.row + window.top, truth.column + window.left))
@@ -107,11 +110,10 @@ def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
 def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> None:
     camera = {**CAMERA, "resolution_px": [900, 600]}
     scene = gs.Scene.from_document({**DOCUMENT, "camera": [camera]}, source="test")
-    things = Things(scene, LoadHistory(scene, scaled=True))
+    things = SceneObjects(scene, LoadHistory(scene, scaled=True))
     things.props = [build_prop(prop) for prop in scene.props]
-    work = Photographer(
-        scene, tmp_path, None, "numpy", build_lights(scene), things.target, "calib-"
-    )
+    setup = CaptureSetup(scene, tmp_path, None, build_lights(scene), RunOptions("numpy"))
+    work = FrameCapture(setup, things.target, "calib-")
     for pose in range(2):
         shot = work.take(scene.cameras[0], pose)
     assert shot.window is not None

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from gpusim.plan.machine_speed import HOST_SECONDS, Speed, Work, cache_folder, host_seconds
+from gpusim.plan.machine_speed import HOST_SECONDS, Speed, Workload, cache_folder, host_seconds
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 
-DRAW = Work("render", "5616x3744 px, 3 lights", 12.0, 9.0, ("drawing", "light"))
-MORE = Work("render", "400x300 px, 3 lights", 0.5)
+DRAW = Workload("render", "5616x3744 px, 3 lights", 12.0, 9.0, ("drawing", "light"))
+MORE = Workload("render", "400x300 px, 3 lights", 0.5)
 
 
 @pytest.fixture
@@ -28,20 +28,20 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_machine_that_is_half_as_fast(cache: Path) -> None:
     speed = Speed.read("gpu")
     assert speed.seconds(DRAW) == 12.0 and not cache.exists()
-    speed.learn({Work("solve", "a", 2.0): 4.0, MORE: 1.0}, "a card")
+    speed.learn({Workload("solve", "a", 2.0): 4.0, MORE: 1.0}, "a card")
     speed.save()
     again = Speed.read("gpu")
     assert again.adapter == "a card"
-    assert again.seconds(Work("solve", "b", 3.0)) == 6.0
-    assert again.seconds(Work("solve", "a", 2.0)) == 4.0
+    assert again.seconds(Workload("solve", "b", 3.0)) == 6.0
+    assert again.seconds(Workload("solve", "a", 2.0)) == 4.0
     # pictures twice as slow; of shaders nothing is known
     assert again.seconds(DRAW) == 2.0 * 3.0 + 9.0
-    assert Speed.read("numpy").seconds(Work("solve", "b", 3.0)) == 3.0
+    assert Speed.read("numpy").seconds(Workload("solve", "b", 3.0)) == 3.0
     again.learn({DRAW: 6.0 + 18.0}, "a card")
     assert again.ratios["compile"] == 2.0 and again.seconds(DRAW) == 24.0
     # another card has all to be learned
     again.learn({MORE: 0.1}, "another card")
-    assert again.seconds(Work("solve", "b", 3.0)) == 3.0 and again.ratios == {"render": 0.2}
+    assert again.seconds(Workload("solve", "b", 3.0)) == 3.0 and again.ratios == {"render": 0.2}
 
 
 def test_a_slow_run_counts_less_than_a_quick_one(cache: Path) -> None:
@@ -57,12 +57,12 @@ def test_a_slow_run_counts_less_than_a_quick_one(cache: Path) -> None:
 def test_shaders_that_the_driver_has_kept(cache: Path) -> None:
     speed = Speed.read("gpu")
     speed.learn({DRAW: 12.0}, "")
-    assert not speed.kept(["drawing"])  # the driver's own folder is gone
+    assert not speed.has_compiled(["drawing"])  # the driver's own folder is gone
     folder = cache.parents[1] / "driver" / "mesa_shader_cache"
     folder.mkdir(parents=True)
     (folder / "index").write_bytes(b"x")
-    assert speed.kept(["drawing"]) and speed.kept(["light", "drawing"])
-    assert not speed.kept(["gloss", "drawing"])
+    assert speed.has_compiled(["drawing"]) and speed.has_compiled(["light", "drawing"])
+    assert not speed.has_compiled(["gloss", "drawing"])
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gpusim.bench.hard_cases import HardCase, hard_cases
-from gpusim.bench.reference import Reference, reference_solution
-from gpusim.bench.stability import RIGHT, SILENT, STOPPED, TOLD, WAYS, run_suite, try_case
+from benchmarks.solver.reference import Reference, reference_solution
+from benchmarks.stability.hard_cases import HardCase, hard_cases
+from benchmarks.stability.suite import RIGHT, SILENT, STOPPED, TOLD, WAYS, run_suite, try_case
 from gpusim.fem import Isotropic, Model, Solution, face_force
 from gpusim.gpu import Device
 from gpusim.mesh import box, select_faces
@@ -81,7 +81,7 @@ def test_a_wrong_answer_is_a_silent_failure(monkeypatch: pytest.MonkeyPatch) -> 
     """The judge itself: a solver that is off by 2e-6 and says that it isn't."""
     from dataclasses import replace
 
-    import gpusim.bench.stability as module
+    import benchmarks.stability.suite as module
 
     honest = module.solve
 
@@ -97,7 +97,7 @@ def test_a_wrong_answer_is_a_silent_failure(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_other_endings_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    import gpusim.bench.stability as module
+    import benchmarks.stability.suite as module
     from gpusim.errors import NotConverged
 
     def ends(error: Exception) -> str:

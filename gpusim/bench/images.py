@@ -1,283 +1,124 @@
-"""Scenes of the render benchmark, for gpusim and as coloured triangles for everybody else.
-
-Fields and markers are triangles of their own colour there, so that all render the same shapes and
-no peer's texture filter stands in for its geometry; only speckle comes as a texture, as users of
-those programs have it.
-"""
+"""Run time of a frame against the error of its image, on this machine's adapter."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
-from gpusim.mesh import boundary_faces, crane, select_faces
-from gpusim.optics import AreaLight, Camera
-from gpusim.surface import PaintFrame, Skin, Surface
-from gpusim.surface.paint import Checker, Markers, Paint, Plain, Speckle
-from gpusim.surface.surface import triangulate
+from gpusim.bench.image_cases import IMAGE_CASES, ImageCase
+from gpusim.bench.supersample import compare, reference_windows
+from gpusim.gpu import Device, default_device
+from gpusim.optics import render
 
-__all__ = ["IMAGE_CASES", "ImageCase", "Soup", "Texture", "find_image_cases", "lamp_sides"]
+__all__ = ["ImagePoint", "ImageResult", "run_image_bench"]
 
 Array = npt.NDArray[np.float64]
-Builder = Callable[[str], "ImageCase"]
-SIZES = ("small", "standard", "full")
-LIFT = 1e-6
-"""m by which markers as triangles lie before the face that they are painted on."""
+Tell = Callable[[str], None]
+_WARM = 4
 
 
-@dataclass(frozen=True, eq=False)
-class Soup:
-    """Triangles (T, 3, 3) in world coordinates, front sides counter-clockwise, albedo (T,)."""
+@dataclass(frozen=True)
+class ImagePoint:
+    """One renderer at one setting: warm seconds of a frame and what the image is off by."""
 
-    corners: Array
-    albedo: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Texture:
-    """A plate painted by discs: corner ``origin``, unit ``s_axis``, ``t_axis``, ``size``."""
-
-    origin: Array
-    s_axis: Array
-    t_axis: Array
-    size: tuple[float, float]
-    paint: Speckle
+    renderer: str
+    seconds: float
+    rms: float
+    shift_rms: float
+    bias: float
 
 
-@dataclass(frozen=True, eq=False)
-class ImageCase:
-    """One scene at one size. ``windows`` are rows and columns (r0, r1, c0, c1) that are judged."""
+@dataclass
+class ImageResult:
+    case: str
+    width: int
+    height: int
+    triangles: int
+    lit: bool
+    points: list[ImagePoint] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
 
-    name: str
-    camera: Camera
-    surfaces: list[Surface]
-    soup: Soup
-    lights: tuple[AreaLight, ...] = ()
-    texture: Texture | None = None
-    windows: tuple[tuple[int, int, int, int], ...] = ()
-    facts: str = field(default="")
+    @classmethod
+    def of(cls, case: ImageCase) -> ImageResult:
+        camera, triangles = case.camera, len(case.soup.albedo)
+        return cls(case.name, camera.width, camera.height, triangles, bool(case.lights))
 
-    @property
-    def pixels(self) -> int:
-        return self.camera.width * self.camera.height
+    def own(self) -> ImagePoint | None:
+        return next((p for p in self.points if p.renderer == "gpusim"), None)
 
-
-def _quad(origin: Array, a: Array, b: Array) -> Array:
-    """Two triangles (2, 3, 3) of a parallelogram, counter-clockwise from a to b."""
-    p = np.stack([origin, origin + a, origin + a + b, origin + b])
-    return np.stack([p[[0, 1, 2]], p[[0, 2, 3]]])
-
-
-def lamp_sides(lamp: AreaLight) -> tuple[Array, Array, Array]:
-    """Centre of a lamp and two half sides whose cross product is the way it shines."""
-    centre = np.array(lamp.position)
-    axis = np.array(lamp.target) - centre
-    axis /= np.linalg.norm(axis)
-    across = np.cross(axis, [0.0, 0.0, 1.0])
-    across /= np.linalg.norm(across)
-    along = np.cross(across, axis)
-    return centre, 0.5 * lamp.size[1] * along, 0.5 * lamp.size[0] * across
+    def add(
+        self, renderer: str, seconds: float, windows: list[Array], wanted: list[Array], tell: Tell
+    ) -> None:
+        """Enter an image's windows, beside the reference's if there is one."""
+        white = max(float(part.max()) for part in wanted) if wanted and self.lit else 1.0
+        off = compare(windows, wanted, white) if wanted else None
+        numbers = (off.rms, off.shift_rms, off.bias) if off else (np.nan,) * 3
+        self.points.append(ImagePoint(renderer, seconds, *numbers))
+        tell(f"{self.case}: {describe(self.points[-1])}")
 
 
-def _windows(camera: Camera, points: Array, side: int) -> tuple[tuple[int, int, int, int], ...]:
-    """Squares of ``side`` px around projected points, inside the image."""
-    found = []
-    for x, y in camera.project(points):
-        c0 = int(np.clip(round(x) - side // 2, 0, camera.width - side))
-        r0 = int(np.clip(round(y) - side // 2, 0, camera.height - side))
-        found.append((r0, r0 + side, c0, c0 + side))
-    return tuple(dict.fromkeys(found))
+def run_image_bench(
+    names: Sequence[str],
+    size: str,
+    work: Path,
+    tell: Tell,
+    save: Callable[[list[ImageResult]], object],
+) -> list[ImageResult]:
+    """Render every case; ``work`` keeps references. Lit images have none here: their times only."""
+    device, results = default_device(), []
+    for name in names:
+        case = IMAGE_CASES[name](size)
+        folder = work / f"{name}-{size}"
+        folder.mkdir(parents=True, exist_ok=True)
+        wanted = [] if case.lights else unlit_reference(case, folder / "reference.npz", tell)
+        results.append(ImageResult.of(case))
+        results[-1].add("gpusim", *render_warm(case, device), wanted, tell)
+        save(results)
+    return results
 
 
-def _board(width: int, lit: bool) -> ImageCase:
-    """A chessboard of 18 x 12 fields on a plate, seen at an angle."""
-    columns, rows, cell, rim = 18, 12, 0.04, 0.02
-    height = width * 2 // 3
-    camera = Camera.from_lens((36.0, 24.0), 32.0, (width, height), (0.16, -0.86, 0.24),
-                              (0.01, 0.0, 0.015), up=(0.11, 0.0, 1.0))  # fmt: skip
-    size = np.array([columns * cell + 2 * rim, rows * cell + 2 * rim])
-    s, t = np.array([np.cos(0.13), np.sin(0.13), 0.0]), np.array([0.0, 0.0, 1.0])
-    corner = -0.5 * (size[0] * s + size[1] * t)
-    paint = Checker(cell, columns, rows, (rim, rim), 0.05, 0.9, 0.6)
-    plate = np.stack([corner, corner + size[0] * s, corner + size[0] * s + size[1] * t,
-                      corner + size[1] * t])  # fmt: skip
-    frame = PaintFrame(corner, s, t)
-    surface = Surface(plate, np.array([[0, 1, 2, 3]]), {"board": paint}, frames={"board": frame})
-    edges_s = np.array([0.0, rim, size[0] - rim, size[0]])
-    edges_t = np.array([0.0, rim, size[1] - rim, size[1]])
-    parts, albedo = [], []
-    for i in range(3):
-        for j in range(3):
-            if (i, j) != (1, 1):
-                at = corner + edges_s[i] * s + edges_t[j] * t
-                parts.append(_quad(at, np.diff(edges_s)[i] * s, np.diff(edges_t)[j] * t))
-                albedo.append(0.6)
-    for i in range(columns):
-        for j in range(rows):
-            at = corner + (rim + i * cell) * s + (rim + j * cell) * t
-            parts.append(_quad(at, cell * s, cell * t))
-            albedo.append(0.05 if (i + j) % 2 == 0 else 0.9)
-    lights = (
-        AreaLight((-0.7, -1.4, 0.9), (0.0, 0.0, 0.0), (0.25, 0.2), 30.0),
-        AreaLight((1.1, -1.2, -0.2), (0.0, 0.0, 0.0), (0.15, 0.3), 20.0),
+def render_warm(case: ImageCase, device: Device) -> tuple[float, list[Array]]:
+    """Seconds of a warm frame until it lies on the device, and the windows of its image."""
+    lights = list(case.lights) or None
+    seconds = []
+    for _ in range(1 + _WARM):
+        start = time.perf_counter()
+        frame = render(case.surfaces, case.camera, lights, device=device)
+        device.sync()
+        seconds.append(time.perf_counter() - start)
+        if len(seconds) <= _WARM:
+            frame.release()
+    image = frame.radiance
+    frame.release()
+    return min(seconds[1:]), [
+        image[r0:r1, c0:c1].astype(np.float64) for r0, r1, c0, c1 in case.windows
+    ]
+
+
+def unlit_reference(case: ImageCase, path: Path, tell: Tell) -> list[Array]:
+    """The windows' pixels from float64 samples of triangles and discs; ``path`` keeps them."""
+    if not path.is_file():
+        tell(f"{case.name}: reference")
+        np.savez(path, *reference_windows(case))
+    return load_windows(path)
+
+
+def load_windows(path: Path) -> list[Array]:
+    """The arrays of an npz file, in order."""
+    with np.load(path) as stored:
+        return [stored[name] for name in stored.files]
+
+
+def describe(point: ImagePoint) -> str:
+    """One line for the screen."""
+    if not np.isfinite(point.rms):
+        return f"{point.renderer}: {point.seconds:.3f} s, no reference to tell its error"
+    return (
+        f"{point.renderer}: {point.seconds:.3f} s, RMS {point.rms:.1e}, "
+        f"shift {point.shift_rms:.1e} px, bias {point.bias:.1e} px"
     )
-    rng = np.random.default_rng(7)
-    spots = corner + rng.uniform(0.1, 0.9, (4, 2)) * size @ np.stack([s, t])
-    return ImageCase(
-        "board-lit" if lit else "board", camera, [surface],
-        Soup(np.concatenate(parts), np.repeat(albedo, 2)), lights if lit else (),
-        windows=_windows(camera, spots, 96 if width >= 600 else 64),
-    )  # fmt: skip
-
-
-def _markers(centres: Array, size: float, s: Array, t: Array, out: Array) -> tuple[Array, Array]:
-    """2 x 2 fields of markers as triangles, lifted off their face, and their albedo."""
-    half, parts, albedo = 0.5 * size, [], []
-    for centre in centres:
-        for i in range(2):
-            for j in range(2):
-                at = centre + (i - 1) * half * s + (j - 1) * half * t + LIFT * out
-                parts.append(_quad(at, half * s, half * t))
-                albedo.append(0.04 if i == j else 0.9)
-    return np.concatenate(parts), np.repeat(albedo, 2)
-
-
-def _crane(width: int, lit: bool) -> ImageCase:
-    """The tower crane of `examples/crane.toml`, unloaded, before its wall."""
-    height = width * 2 // 3
-    camera = Camera.from_lens((36.0, 24.0), 30.0, (width, height), (0.3, -1.02, 0.29),
-                              (0.3, -0.02, 0.29))  # fmt: skip
-    grid = crane()
-    faces = boundary_faces(grid)
-    skin = Skin(grid, faces)
-    region = np.zeros(len(faces), np.int32)
-    x, z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    line = np.linspace(0.0, 1.0, 10)[:, None]
-    column = np.array([0.003, -0.02, 0.025]) + line * np.array([0.0, 0.0, 0.531])
-    beam = np.array([0.036, -0.02, 0.564]) + line * np.array([0.558, 0.0, 0.0])
-    paints: dict[str, Paint] = {"steel": Plain(0.35)}
-    frames = {}
-    for number, (name, centres, size, bounds) in enumerate(
-        (("column", column, 0.006, {"z_min": 0.0, "z_max": 0.562}),
-         ("beam", beam, 0.004, {"z_min": 0.562})), start=1
-    ):  # fmt: skip
-        own = select_faces(grid, normal="-y", bounds=bounds, faces=faces)
-        region[skin.numbers(own)] = number
-        frames[name] = PaintFrame(np.array([0.0, -0.02, 0.0]), x, z)
-        paints[name] = Markers(centres[:, [0, 2]], size, 0.04, 0.9, 0.35)
-    body = skin.surface(paints, region, frames, "crane")
-    corner, a, b = np.array([-0.6, 0.15, -0.36]), 1.8 * x, 1.3 * z
-    static = np.array([[-0.12, 0.08], [-0.12, 0.47], [0.17, 0.11], [0.17, 0.41], [0.48, 0.11],
-                       [0.48, 0.41]])  # fmt: skip
-    frame = PaintFrame(np.array([0.0, 0.15, 0.0]), x, z)
-    outline = np.stack([corner, corner + a, corner + a + b, corner + b])
-    targets: dict[str, Paint] = {"wall": Markers(static, 0.012, 0.04, 0.9, 0.55)}
-    wall = Surface(outline, np.array([[0, 1, 2, 3]], np.int32), targets, frames={"wall": frame})
-    on_wall = np.stack([static[:, 0], np.full(len(static), 0.15), static[:, 1]], axis=1)
-    parts = [
-        (body.points[triangulate(body.faces)[0]], 0.35),
-        (_quad(corner, a, b), 0.55),
-        *(_markers(c, size, x, z, np.array([0.0, -1.0, 0.0]))
-          for c, size in ((column, 0.006), (beam, 0.004), (on_wall, 0.012))),
-    ]  # fmt: skip
-    corners = np.concatenate([part for part, _ in parts])
-    albedo = np.concatenate([np.resize(np.array(value), len(part)) for part, value in parts])
-    lights = (
-        AreaLight((-0.5, -2.0, 0.1), (0.3, -0.02, 0.3), (0.12, 0.08), 60.0),
-        AreaLight((-1.3, -2.1, 0.05), (0.3, -0.02, 0.3), (0.12, 0.08), 60.0),
-    )
-    spots = np.concatenate([column[[2, 7]], beam[[3, 9]], on_wall[[3]]])
-    return ImageCase(
-        "crane-lit" if lit else "crane", camera, [body, wall], Soup(corners, albedo),
-        lights if lit else (), windows=_windows(camera, spots, 96),
-    )  # fmt: skip
-
-
-def _speckle(width: int) -> ImageCase:
-    """A plate of speckle that fills the frame: discs of about 6 px."""
-    height = width * 5 // 6
-    camera = Camera.from_lens((36.0, 30.0), 50.0, (width, height), (0.01, -1.0, -0.02),
-                              (0.0, 0.0, 0.0), up=(0.02, 0.0, 1.0))  # fmt: skip
-    s, t = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    size = (0.8, 0.7)
-    corner = np.array([-0.4, 0.0, -0.35])
-    paint = Speckle(6.0 / camera.K[0, 0], 0.5, seed=5, dot=0.1, ground=0.9)
-    plate = np.stack([corner, corner + size[0] * s, corner + size[0] * s + size[1] * t,
-                      corner + size[1] * t])  # fmt: skip
-    surface = Surface(plate, np.array([[0, 1, 2, 3]]), {"plate": paint},
-                      frames={"plate": PaintFrame(corner, s, t)})  # fmt: skip
-    spots = np.array([[-0.2, 0.0, 0.1], [0.0, 0.0, 0.0], [0.22, 0.0, -0.17]])
-    return ImageCase(
-        "speckle", camera, [surface], Soup(_quad(corner, size[0] * s, size[1] * t), np.ones(2)),
-        texture=Texture(corner, s, t, size, paint), windows=_windows(camera, spots, 96),
-    )  # fmt: skip
-
-
-def _faces(width: int, count: int, fields: tuple[int, int] | None = None) -> ImageCase:
-    """A wavy sheet of about ``count`` quadrilaterals, coloured like a chessboard: one by one, or
-    in ``fields`` along and across of many each."""
-    height = width * 2 // 3
-    camera = Camera.from_lens((36.0, 24.0), 30.0, (width, height), (0.12, -1.0, 0.2),
-                              (0.0, 0.0, 0.0), up=(0.1, 0.0, 1.0))  # fmt: skip
-    columns = round((1.5 * count) ** 0.5)
-    rows = round(count / columns)
-    x, z = np.meshgrid(np.linspace(-0.55, 0.55, columns + 1), np.linspace(-0.36, 0.36, rows + 1))
-    y = 0.03 * np.sin(9.0 * x) * np.cos(7.0 * z)
-    points = np.stack([x, y, z], axis=-1).reshape(-1, 3)
-    node = np.arange(len(points)).reshape(x.shape)
-    faces = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1)
-    across, along = np.arange(rows), np.arange(columns)
-    if fields is not None:
-        along, across = along * fields[0] // columns, across * fields[1] // rows
-    colour = (np.add.outer(across, along) % 2).ravel().astype(np.int32)
-    quads = np.asarray(faces.reshape(-1, 4), np.int32)
-    surface = Surface(points, quads, {"dark": Plain(0.1), "light": Plain(0.8)}, colour)
-    triangles, source = triangulate(surface.faces)
-    albedo = np.array([0.1, 0.8])[colour[source]]
-    spots = np.array([[-0.2, 0.0, 0.1], [0.1, 0.0, -0.1]])
-    return ImageCase(
-        _faces_name(count, fields is None), camera, [surface], Soup(points[triangles], albedo),
-        windows=_windows(camera, spots, 64),
-    )  # fmt: skip
-
-
-def _sized(make: Callable[[int], ImageCase], widths: tuple[int, int, int]) -> Builder:
-    return lambda size: make(widths[SIZES.index(size)])
-
-
-def _faces_name(count: int, single: bool) -> str:
-    return f"{'faces' if single else 'sheet'}-{count:.0e}".replace("+0", "")
-
-
-def _faces_case(count: int, single: bool) -> Builder:
-    fields = None if single else _FIELDS
-    return _sized(lambda width: _faces(width, count, fields), (1200, 1200, 2400))
-
-
-_COUNTS = (1_000, 10_000, 100_000, 300_000, 1_000_000)
-_FIELDS = (24, 16)
-IMAGE_CASES: dict[str, Builder] = {
-    "board": _sized(lambda w: _board(w, False), (750, 750, 2448)),
-    "board-lit": _sized(lambda w: _board(w, True), (750, 750, 2448)),
-    "speckle": _sized(_speckle, (800, 1224, 2464)),
-    "crane": _sized(lambda w: _crane(w, False), (1404, 2808, 5616)),
-    "crane-lit": _sized(lambda w: _crane(w, True), (1404, 2808, 5616)),
-    **{
-        _faces_name(count, single): _faces_case(count, single)
-        for single in (True, False)
-        for count in _COUNTS
-    },
-}
-
-
-def find_image_cases(name: str = "") -> list[str]:
-    """Names of the cases that begin with ``name``. Raises InputError if there is none."""
-    found = [case for case in IMAGE_CASES if case.startswith(name)]
-    if not found:
-        known = ", ".join(IMAGE_CASES)
-        raise InputError(f"bench render: case; got {name!r}; expected one of {known}")
-    return found

@@ -1,4 +1,4 @@
-"""The solver benchmark: run time against displacement error, beside other solvers."""
+"""Run time of the solver against the error of its displacements, on this machine's adapter."""
 
 from __future__ import annotations
 
@@ -9,33 +9,34 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gpusim._version import __version__
-from gpusim.bench.cases import Case
-from gpusim.bench.peers import EXACT, PEERS, Peer, peer_folder, run_peer
+from gpusim.bench.solver_cases import Case
 from gpusim.errors import GpusimError
+from gpusim.gpu import default_device
 
-__all__ = ["CaseResult", "Point", "SolverResult", "run_solver_bench"]
+__all__ = ["CaseResult", "Point", "run_solver_bench"]
 
 Tell = Callable[[str], None]
 
-ENOUGH = 1e-6
 REFERENCE_TOLERANCE = 1e-10
-_LIMIT_S = 3600.0
+TOLERANCES = (1e-3, 1e-6, 1e-8)
+LIMIT_S = 3600.0
 
 
 @dataclass(frozen=True)
 class Point:
     """One run: seconds of everything counted, and the error it reached.
 
-    ``setup_s`` holds assembly too for gpusim, and not for peers, who are given the matrix.
-    ``difference`` is to the reference; ``error`` the same, but for a peer on a slender body to the
-    exact solution of the matrix it was given, whose rounding to float64 it can't help.
+    ``setup_s`` holds assembly too for gpusim, and not for other programs, which are given the
+    matrix. ``difference`` is to the reference; ``error`` the same, but for another program on a
+    slender body to the exact solution of the matrix it was given, whose rounding to float64 it
+    can't help.
     """
 
     solver: str
@@ -55,182 +56,104 @@ class Point:
 
 @dataclass
 class CaseResult:
-    """``checks``: differences between the reference and other solvers' best answers."""
+    """The runs of one case; ``timings`` and ``path`` are those of the run at tolerance 1e-6."""
 
     case: str
     family: str
-    unknowns: int
+    unknowns: int = 0
     points: list[Point] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
-    second_case: float = float("nan")
     bytes_per_unknown: float = float("nan")
-    operator: dict[str, Any] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
     path: str = ""
 
-    def own(self) -> Point | None:
-        """gpusim's run at the default tolerance, if it is right to 1e-6."""
-        own = [p for p in self.points if p.solver == "gpusim" and p.tolerance == ENOUGH]
-        return _fastest(own)
+    def fail(self, text: str, tell: Tell) -> None:
+        self.failures.append(text)
+        tell(f"{self.case}: {text}")
 
-    def best_peer(self, whole_runs: bool = False) -> Point | None:
-        """The fastest peer that is right to 1e-6; CalculiX's whole runs count apart."""
-        return _fastest(
-            [
-                p for p in self.points
-                if p.solver != "gpusim" and p.solver.startswith("CalculiX") == whole_runs
-            ]
-        )  # fmt: skip
-
-
-@dataclass
-class SolverResult:
-    """Everything measured, ready for `gpusim.bench.tables`."""
-
-    machine: str
-    cases: list[CaseResult] = field(default_factory=list)
-
-    def exponents(self) -> dict[str, float]:
-        """Per family with three sizes or more, the exponent of time against unknowns."""
-        found = {}
-        for family in dict.fromkeys(case.family for case in self.cases):
-            pairs = [
-                (case.unknowns, own.seconds)
-                for case in self.cases
-                if case.family == family and case.unknowns >= 25_000 and (own := case.own())
-            ]
-            if len(pairs) >= 3:
-                size, seconds = np.log(np.array(pairs)).T
-                found[family] = float(np.polyfit(size, seconds, 1)[0])
-        return found
-
-
-def _fastest(points: Sequence[Point]) -> Point | None:
-    right = [p for p in points if p.error <= ENOUGH]
-    return min(right, key=lambda p: p.seconds) if right else None
+    def add(self, point: Point, tell: Tell) -> None:
+        self.points.append(point)
+        tell(f"{self.case}: {describe(point)}")
 
 
 def run_solver_bench(
-    cases: Sequence[Case],
-    work: Path,
-    *,
-    peers: Sequence[Peer] = PEERS,
-    repeat: int = 3,
-    tell: Tell = print,
-    keep: bool = False,
-    save: Callable[[SolverResult], object] = lambda result: None,
-) -> SolverResult:
-    """Run every case; ``work`` is a folder for references (kept) and the peers' arrays.
-
-    ``repeat`` pairs of runs, with one load case and with two, tell what a second one costs.
+    cases: Sequence[Case], work: Path, tell: Tell, save: Callable[[list[CaseResult]], object]
+) -> list[CaseResult]:
+    """Every case at three tolerances; ``work`` is a folder that keeps references.
 
     A case that fails is reported as such, and the next one is run. ``save`` is called with what
     there is after each, so that an interrupted run keeps its results.
     """
-    result = SolverResult(_machine())
+    results = []
     for case in cases:
+        result = CaseResult(case.name, case.family)
+        results.append(result)
         try:
-            result.cases.append(_run_case(case, work / case.name, peers, repeat, tell))
+            reference = work / case.name / "reference"
+            if not is_current(reference, case):
+                make_reference(case, reference, tell)
+            measure_case(case, result, reference, tell)
         except GpusimError as error:
-            result.cases.append(CaseResult(case.name, case.family, 0, failures=[str(error)]))
-            tell(str(error))
-        if not keep:
-            shutil.rmtree(work / case.name / "problem", ignore_errors=True)
-        save(result)
-    return result
+            result.fail(str(error), tell)
+        save(results)
+    return results
 
 
-def _run_case(
-    case: Case, folder: Path, peers: Sequence[Peer], repeat: int, tell: Tell
-) -> CaseResult:
-    scripts = peer_folder() if peers else None
-    problem = folder / "problem"
-    reference = folder / "reference"
-    want_problem = scripts is not None and case.peers
-    stamp = json.dumps(case.describe(), sort_keys=True)
-    if not _is_current(reference, stamp) or (want_problem and not (problem / "u.npy").exists()):
-        tell(f"{case.name}: reference, tolerance {REFERENCE_TOLERANCE:g}")
-        made = _worker(case, {"tolerance": REFERENCE_TOLERANCE, "write": str(problem),
-                              "export": want_problem})  # fmt: skip
-        if "failed" in made:
-            raise GpusimError(f"bench {case.name}: no reference: {made['failed']}")
-        reference.mkdir(parents=True, exist_ok=True)
-        shutil.copy(problem / "u.npy", reference / "u.npy")
-        (reference / "case.json").write_text(stamp, encoding="utf-8")
-    found = CaseResult(case.name, case.family, 0)
-    small = case.size != "full"
-    for tolerance in (1e-3, 1e-6, 1e-8) if small else (1e-6,):
-        one = _worker(case, {"tolerance": tolerance, "reference": str(reference)})
-        _take(found, one, tolerance, tell)
-    found.second_case = _second_case(case, repeat)
-    if want_problem:
-        assert scripts is not None
-        if case.family == "beam" and not (problem / "solved.npy").exists():
-            for failed in run_peer(EXACT, scripts, problem, _LIMIT_S):
-                _take_peer(found, failed, tell)
-        for peer in peers:
-            if not peer.takes(case, found.unknowns):
-                continue
-            for variant in run_peer(peer, scripts, problem, _LIMIT_S):
-                _take_peer(found, variant, tell)
-    try:
-        operator = _worker(case, {"operator": True})
-    except GpusimError as error:
-        operator = {"failed": str(error)}
-    found.operator = operator
-    return found
+def measure_case(
+    case: Case, result: CaseResult, reference: Path, tell: Tell, worker: str = "gpusim.bench.worker"
+) -> None:
+    """gpusim's runs of one case, each cold, in a fresh process; large ones at 1e-6 alone."""
+    for tolerance in TOLERANCES if case.size != "full" else (1e-6,):
+        options = {"tolerance": tolerance, "reference": str(reference)}
+        run = run_worker(case, options, worker)
+        if "failed" in run:
+            result.fail(f"gpusim at {tolerance:g}: {run['failed']}", tell)
+            continue
+        timings = run["timings"]
+        result.unknowns, result.path = run["unknowns"], run["path"]
+        if tolerance == 1e-6:
+            result.timings = timings
+            grown = max(run["peak_kib"] - run["before_kib"], 0)
+            result.bytes_per_unknown = 1024.0 * grown / run["unknowns"]
+        solve_s = timings.get("iterations", 0.0) + timings.get("reactions", 0.0)
+        note = "" if run["converged"] else f"not converged: {run['message']}"
+        result.add(Point("gpusim", tolerance, run["seconds"] - solve_s, solve_s, run["error"],
+                         run["iterations"], run["peak_kib"], run["error"], note), tell)  # fmt: skip
 
 
-def _second_case(case: Case, repeat: int) -> float:
-    """What a second load case costs, over the first: of ``repeat`` alternating pairs of runs with
-    one load case and with both, the least of each. Single runs of a second differ by a third on a
-    shared machine, by more than what is to be told. NaN if one has failed."""
-    least = [np.inf, np.inf]
-    for _ in range(repeat):
-        for cases in (1, 2):
-            one = _worker(case, {"tolerance": ENOUGH, "load_cases": cases})
-            if not one.get("converged"):
-                return float("nan")
-            least[cases - 1] = min(least[cases - 1], one["seconds"])
-    return least[1] / least[0] - 1.0
+def is_current(reference: Path, case: Case) -> bool:
+    """Whether the folder holds the reference of this very case."""
+    note = reference / "case.json"
+    return (
+        (reference / "u.npy").exists() and note.exists() and note.read_text("utf-8") == stamp(case)
+    )
 
 
-def _is_current(folder: Path, stamp: str) -> bool:
-    note = folder / "case.json"
-    return (folder / "u.npy").exists() and note.exists() and note.read_text("utf-8") == stamp
+def make_reference(
+    case: Case,
+    reference: Path,
+    tell: Tell,
+    worker: str = "gpusim.bench.worker",
+    export: Path | None = None,
+) -> None:
+    """Displacements at a tolerance of 1e-10; ``export``: folder for other programs' arrays."""
+    tell(f"{case.name}: reference, tolerance {REFERENCE_TOLERANCE:g}")
+    folder = export or reference
+    options = {"tolerance": REFERENCE_TOLERANCE, "write": str(folder), "export": export is not None}
+    made = run_worker(case, options, worker)
+    if "failed" in made:
+        raise GpusimError(f"bench {case.name}: no reference: {made['failed']}")
+    reference.mkdir(parents=True, exist_ok=True)
+    if export is not None:
+        shutil.copy(export / "u.npy", reference / "u.npy")
+    (reference / "case.json").write_text(stamp(case), encoding="utf-8")
 
 
-def _take(found: CaseResult, one: dict[str, Any], tolerance: float, tell: Tell) -> None:
-    if "failed" in one:
-        found.failures.append(f"gpusim at {tolerance:g}: {one['failed']}")
-        tell(f"{found.case}: {found.failures[-1]}")
-        return
-    found.unknowns, found.path = one["unknowns"], one["path"]
-    timings = one["timings"]
-    solve_s = timings.get("iterations", 0.0) + timings.get("reactions", 0.0)
-    if tolerance == 1e-6:
-        found.timings = timings
-        grown = max(one["peak_kib"] - one["before_kib"], 0)
-        found.bytes_per_unknown = 1024.0 * grown / one["unknowns"]
-    note = "" if one["converged"] else f"not converged: {one['message']}"
-    point = Point("gpusim", tolerance, one["seconds"] - solve_s, solve_s, one["error"],
-                  one["iterations"], one["peak_kib"], one["error"], note)  # fmt: skip
-    found.points.append(point)
-    tell(f"{found.case}: {describe(point)}")
-
-
-def _take_peer(found: CaseResult, variant: dict[str, Any], tell: Tell) -> None:
-    if "failed" in variant:
-        found.failures.append(f"{variant['name']}: {variant['failed']}")
-        tell(f"{found.case}: {found.failures[-1]}")
-        return
-    for run in variant["runs"]:
-        point = Point(
-            variant["name"], run["tolerance"], variant["setup_s"], run["solve_s"], run["error"],
-            run["iterations"], variant["peak_kib"], run["difference"], variant.get("note", ""),
-        )  # fmt: skip
-        found.points.append(point)
-        tell(f"{found.case}: {describe(point)}")
+def stamp(case: Case) -> str:
+    """What tells one model from another, as text."""
+    facts = {"name": case.name, "rule": case.rule, "size": case.lengths,
+             "divisions": case.divisions, "material": asdict(case.material)}  # fmt: skip
+    return json.dumps(facts, sort_keys=True)
 
 
 def describe(point: Point) -> str:
@@ -242,13 +165,13 @@ def describe(point: Point) -> str:
     )
 
 
-def _worker(case: Case, options: dict[str, Any]) -> dict[str, Any]:
-    """Run one cold solve in a fresh process."""
-    command = [sys.executable, "-m", "gpusim.bench.worker", case.name, json.dumps(options)]
+def run_worker(case: Case, options: dict[str, Any], worker: str) -> dict[str, Any]:
+    """Run one cold solve in a fresh process; ``worker`` is its module."""
+    command = [sys.executable, "-m", worker, case.name, json.dumps(options)]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_LIMIT_S)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
     except subprocess.TimeoutExpired:
-        raise GpusimError(f"bench {case.name}: stopped after {_LIMIT_S:.0f} s") from None
+        raise GpusimError(f"bench {case.name}: stopped after {LIMIT_S:.0f} s") from None
     lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
     if done.returncode != 0 or not lines:
         why = (done.stderr.strip().splitlines() or [f"ended with {done.returncode}"])[-1]
@@ -257,9 +180,8 @@ def _worker(case: Case, options: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _machine() -> str:
-    from gpusim.gpu import default_device
-
+def machine() -> str:
+    """What the numbers were measured on."""
     return (
         f"gpusim {__version__}, {default_device().name}, {os.cpu_count()} cores, "
         f"{platform.system()} {platform.machine()}, NumPy {np.__version__}"

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.bench.images import ImageCase, Texture
+from gpusim.bench.image_cases import ImageCase, Texture
 
-__all__ = ["Difference", "compare", "disc_texture", "reference_windows"]
+__all__ = ["Difference", "compare", "reference_windows"]
 
 Array = npt.NDArray[np.float64]
 SAMPLES = 48
@@ -40,7 +40,7 @@ def reference_windows(case: ImageCase, n: int = SAMPLES) -> list[Array]:
     area = (q - p)[:, 0] * (r - p)[:, 1] - (q - p)[:, 1] * (r - p)[:, 0]
     seen = area < 0.0  # front sides turn the other way where y points down
     screen, z, albedo = screen[seen], c[seen][..., 2], albedo[seen]
-    return [_window(case, screen, z, albedo, window, n) for window in case.windows]
+    return [_window(case, screen, z, albedo, window, n=n) for window in case.windows]
 
 
 def _window(
@@ -49,6 +49,7 @@ def _window(
     z: Array,
     albedo: Array,
     window: tuple[int, int, int, int],
+    *,
     n: int,
 ) -> Array:
     r0, r1, c0, c1 = window
@@ -105,23 +106,6 @@ def _discs_at(case: ImageCase, plate: Texture, x: Array, y: Array) -> Array:
             continue
         covered[part] |= (s[part] - u) ** 2 + (t[part] - v) ** 2 <= radius * radius
     return np.where(covered, plate.paint.dot, plate.paint.ground)
-
-
-def disc_texture(plate: Texture, texel: float, n: int = 8) -> npt.NDArray[np.uint8]:
-    """The plate as an 8 bit image, each texel the mean of n x n samples; row 0 is t = 0."""
-    columns, rows = (round(length / texel) for length in plate.size)
-    step = np.array(plate.size) / [columns * n, rows * n]
-    centres, radii = plate.paint.discs((0.0, 0.0), plate.size)
-    fine = np.zeros((rows * n, columns * n), bool)
-    for (u, v), radius in zip(centres, radii, strict=True):
-        j0, j1 = (max(0, int((u + sign * radius) / step[0])) for sign in (-1, 1))
-        i0, i1 = (max(0, int((v + sign * radius) / step[1])) for sign in (-1, 1))
-        x = (np.arange(j0, min(j1 + 1, columns * n)) + 0.5) * step[0] - u
-        y = (np.arange(i0, min(i1 + 1, rows * n)) + 0.5) * step[1] - v
-        fine[i0 : i0 + len(y), j0 : j0 + len(x)] |= x**2 + y[:, None] ** 2 <= radius * radius
-    covered = fine.reshape(rows, n, columns, n).mean(axis=(1, 3))
-    albedo = plate.paint.ground + covered * (plate.paint.dot - plate.paint.ground)
-    return np.asarray(np.rint(255.0 * albedo), np.uint8)
 
 
 @dataclass(frozen=True)

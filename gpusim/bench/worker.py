@@ -11,37 +11,37 @@ import json
 import resource
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from gpusim.bench.bandwidth import measure_operator
-from gpusim.bench.cases import CASES
-from gpusim.bench.problem import write_problem
+from gpusim.bench.solver_cases import CASES, Case
 from gpusim.errors import GpusimError
-from gpusim.fem import solve
+from gpusim.fem import Model, solve
 
-__all__ = ["run"]
+__all__ = ["solve_cold"]
+
+Float = npt.NDArray[np.float64]
+Export = Callable[[Case, Model, Float, Path], None]
 
 
-def run(name: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Solve one case.
+def solve_cold(case: Case, options: dict[str, Any], export: Export | None = None) -> dict[str, Any]:
+    """Solve one case; times, iterations, memory and the error as plain values.
 
     ``options``: tolerance; load_cases (1 or 2); backend; ``reference`` a folder whose ``u.npy``
-    the result is compared with; ``write`` a folder for ``u.npy`` and, with ``export``, the arrays
-    for the peers; ``operator`` true to measure the operator's bandwidth instead of solving.
+    the result is compared with; ``write`` a folder for ``u.npy`` and what ``export`` writes.
     """
-    case = next(case for case in CASES if case.name == name)
     model = case.model(options.get("load_cases", 1))
-    if options.get("operator"):
-        return measure_operator(case, model)
+    tolerance = options.get("tolerance", 1e-6)
     before = _reset_peak()
     start = time.perf_counter()
     try:
         solution = solve(
             model,
-            tolerance=options.get("tolerance", 1e-6),
+            tolerance=tolerance,
             formulation={case.kind: case.rule},
             backend=options.get("backend", "auto"),
         )
@@ -51,7 +51,7 @@ def run(name: str, options: dict[str, Any]) -> dict[str, Any]:
     peak = _peak()
     first = solution.u if solution.u.ndim == 2 else solution.u[0]
     result: dict[str, Any] = {
-        "tolerance": options.get("tolerance", 1e-6),
+        "tolerance": tolerance,
         "seconds": seconds,
         "timings": dict(solution.timings),
         "iterations": solution.iterations,
@@ -69,8 +69,8 @@ def run(name: str, options: dict[str, Any]) -> dict[str, Any]:
     if "write" in options:
         folder = Path(options["write"])
         folder.mkdir(parents=True, exist_ok=True)
-        if options.get("export"):
-            write_problem(case, model, first, folder)
+        if export is not None:
+            export(case, model, first, folder)
         # last, so that a folder with u.npy is complete
         np.save(folder / "u.npy", first)
     return result
@@ -98,4 +98,5 @@ def _status(key: str) -> int:
 
 
 if __name__ == "__main__":
-    print(json.dumps(run(sys.argv[1], json.loads(sys.argv[2]))), flush=True)
+    chosen = next(case for case in CASES if case.name == sys.argv[1])
+    print(json.dumps(solve_cold(chosen, json.loads(sys.argv[2]))), flush=True)

@@ -21,6 +21,7 @@ from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
+    Destination,
     PrintableGroup,
     ProgressDisplay,
     exit_codes,
@@ -184,7 +185,8 @@ def solve(
     with exit_codes(), claim(output):
         from gpusim.cli.decks import solve_deck
 
-        solve_deck(deck, output, backend.value, tolerance, stress, quiet, as_json)
+        there = Destination(output, quiet, as_json)
+        solve_deck(deck, there, backend.value, tolerance, stress)
 
 
 app.command()(dic)
@@ -217,9 +219,9 @@ def plan(
         from gpusim.plan.machine_speed import Speed
         from gpusim.plan.plan import make_plan
 
-        beforehand = import_module("gpusim.pipeline.checks.warnings").warnings_beforehand(loaded)
+        beforehand = import_module("gpusim.pipeline.checks.warnings").scene_warnings(loaded)
         speed = Speed.read(backend.value).measured()
-        made = make_plan(loaded, output, backend.value, fresh, not no_skip, speed=speed)
+        made = make_plan(loaded, output, backend.value, fresh=fresh, skip=not no_skip, speed=speed)
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
             import_module("gpusim.pipeline.checks.files").check_mesher(loaded)
         short = import_module("gpusim.pipeline.checks.memory").memory_fault(made)

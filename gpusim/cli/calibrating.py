@@ -18,7 +18,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim._version import __version__
 from gpusim.cli.calibration_table import rig_table
-from gpusim.cli.console import out
+from gpusim.cli.console import Destination, out
 from gpusim.errors import InputError
 from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.files.atomic_files import atomic_path, write_text
@@ -29,7 +29,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.report import Link, Report, write_report
 from gpusim.report.stereo_figures import RigCamera, draw_calibration
 
-__all__ = ["Wishes", "calibrate_files"]
+__all__ = ["Settings", "calibrate_files"]
 
 Board = measure.Chessboard | measure.CharucoBoard
 
@@ -41,7 +41,7 @@ ENDINGS = {
 
 
 @dataclass(frozen=True)
-class Wishes:
+class Settings:
     """What the command line says beside the pictures."""
 
     board: str
@@ -57,10 +57,8 @@ class Wishes:
 def calibrate_files(
     first: Sequence[Path],
     others: Sequence[Path],
-    folder: Path,
-    wishes: Wishes,
-    quiet: bool,
-    as_json: bool,
+    settings: Settings,
+    destination: Destination,
 ) -> None:
     """Calibrate and write ``calibration.json``, files for other programs, and ``report.html``.
 
@@ -68,8 +66,8 @@ def calibrate_files(
     camera, whose pictures in the order of their names belong to those of the first. Raises
     InputError for what can't be read or calibrated.
     """
-    board = _board(wishes)
-    unknown = [name for name in wishes.formats if name not in ENDINGS]
+    board, folder = _board(settings), destination.folder
+    unknown = [name for name in settings.formats if name not in ENDINGS]
     if unknown:
         raise InputError(f"--format: got {unknown[0]!r}; expected one of {', '.join(ENDINGS)}")
     pictures = {"camera-1": _pictures(first)}
@@ -78,7 +76,7 @@ def calibrate_files(
     counts = {name: len(files) for name, files in pictures.items()}
     if len(set(counts.values())) > 1:
         raise InputError(f"calibrate: got pictures {counts}; expected as many of every camera")
-    _check_formats(wishes, len(pictures))
+    _check_formats(settings, len(pictures))
     seen = {name: _sightings(files, board) for name, files in pictures.items()}
     missed = [
         f"{file.name}: {sighting.problem}"
@@ -86,19 +84,19 @@ def calibrate_files(
         for file, sighting in zip(files, seen[name], strict=True)
         if sighting.problem
     ]
-    found = measure.calibrate(seen, lens=wishes.lens, square_pixels=wishes.square_pixels)
-    content = _content(found, seen, pictures, wishes)
+    found = measure.calibrate(seen, lens=settings.lens, square_pixels=settings.square_pixels)
+    content = _content(found, seen, pictures, settings)
     files = [write_text(inside(folder, "calibration.json"), json.dumps(content, indent=1) + "\n")]
-    for name in wishes.formats:
+    for name in settings.formats:
         path = inside(folder, f"calibration-{name}.{ENDINGS[name]}")
         with atomic_path(path) as part:
             write_calibration(part, _cameras(found), name, "mm" if name == "opencv" else None)
         files.append(path)
     report = _report(found, seen, missed, files, folder)
     write_report(report, folder)
-    if as_json:
+    if destination.as_json:
         out(json.dumps(content, indent=2))
-    elif not quiet:
+    elif not destination.quiet:
         for label, (value, note) in report.highlights.items():
             out(f"{label:<24}{value}  ({note})")
         for table in report.tables:
@@ -111,14 +109,14 @@ def calibrate_files(
         out(f"\nReport: {folder / 'report.html'}")
 
 
-def _check_formats(wishes: Wishes, cameras: int) -> None:
+def _check_formats(settings: Settings, cameras: int) -> None:
     """Refuse a format that has no place for the lens, before the work and not after it."""
-    for name in wishes.formats:
+    for name in settings.formats:
         able = [lens for lens in LENSES if _holds(name, lens, cameras)]
-        if wishes.lens in LENSES and wishes.lens not in able:
+        if settings.lens in LENSES and settings.lens not in able:
             raise InputError(
                 f"--format {name}: can't hold {cameras} camera{'s'[: cameras > 1]} with --lens "
-                f"{wishes.lens}; expected "
+                f"{settings.lens}; expected "
                 + (f"--lens {' or '.join(able)}" if able else "another format")
             )
 
@@ -143,19 +141,19 @@ def _holds(name: str, lens: str, cameras: int) -> bool:
     return True
 
 
-def _board(wishes: Wishes) -> Board:
-    match = re.fullmatch(r"(\d+)[xX](\d+)", wishes.board)
+def _board(settings: Settings) -> Board:
+    match = re.fullmatch(r"(\d+)[xX](\d+)", settings.board)
     if not match:
-        raise InputError(f"--board: got {wishes.board!r}; expected fields, COLUMNSxROWS like 9x8")
+        raise InputError(f"--board: got {settings.board!r}; expected fields, COLUMNSxROWS like 9x8")
     columns, rows = int(match[1]), int(match[2])
-    if wishes.kind == "chessboard":
-        if wishes.marker_mm is not None:
+    if settings.kind == "chessboard":
+        if settings.marker_mm is not None:
             raise InputError("--marker-mm: a chessboard has no markers; expected --kind charuco")
-        return measure.Chessboard(columns, rows, wishes.square_mm)
-    if wishes.marker_mm is None:
+        return measure.Chessboard(columns, rows, settings.square_mm)
+    if settings.marker_mm is None:
         raise InputError("--marker-mm: missing; a ChArUco board needs the side of its markers")
     return measure.CharucoBoard(
-        columns, rows, wishes.square_mm, wishes.marker_mm, wishes.dictionary
+        columns, rows, settings.square_mm, settings.marker_mm, settings.dictionary
     )
 
 
@@ -235,10 +233,10 @@ def _cameras(found: measure.Calibration) -> list[Camera]:
     return cameras
 
 
-def _board_notes(wishes: Wishes) -> dict[str, Any]:
-    notes = {"kind": wishes.kind, "fields": wishes.board, "square_mm": wishes.square_mm}
-    if wishes.kind == "charuco":
-        notes |= {"marker_mm": wishes.marker_mm, "dictionary": wishes.dictionary}
+def _board_notes(settings: Settings) -> dict[str, Any]:
+    notes = {"kind": settings.kind, "fields": settings.board, "square_mm": settings.square_mm}
+    if settings.kind == "charuco":
+        notes |= {"marker_mm": settings.marker_mm, "dictionary": settings.dictionary}
     return notes
 
 
@@ -246,14 +244,14 @@ def _content(
     found: measure.Calibration,
     seen: dict[str, list[measure.Sighting]],
     pictures: dict[str, list[Path]],
-    wishes: Wishes,
+    settings: Settings,
 ) -> dict[str, Any]:
     names = [f"{kind} {number} {name}" for kind, number, name in found.names]
     inner = [i for i, (kind, _, _) in enumerate(found.names) if kind != "view"]
     content: dict[str, Any] = {
         "schema": 1,
         "version": __version__,
-        "board": _board_notes(wishes),
+        "board": _board_notes(settings),
         "lens": found.lens,
         "rms_px": found.rms,
         "points": found.used,

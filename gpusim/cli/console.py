@@ -12,7 +12,8 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import TracebackType
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -26,6 +27,7 @@ from gpusim.printable import printable
 
 __all__ = [
     "INTERRUPTED",
+    "Destination",
     "PrintableGroup",
     "ProgressDisplay",
     "exit_codes",
@@ -33,6 +35,19 @@ __all__ = [
     "size_text",
     "time_text",
 ]
+
+
+@dataclass(frozen=True)
+class Destination:
+    """Where a command's results go, and what it prints: all, nothing, or JSON alone."""
+
+    folder: Path
+    quiet: bool
+    as_json: bool
+
+    def progress(self) -> ProgressDisplay:
+        """The display of what is done."""
+        return ProgressDisplay(self.quiet, stream_is_result=self.as_json)
 
 
 def out(text: str = "") -> None:
@@ -174,12 +189,7 @@ class ProgressDisplay:
             self._bars.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bars is not None:
             self._bars.stop()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
-from gpusim.cli.console import ProgressDisplay, out
+from gpusim.cli.console import Destination, out
 from gpusim.cli.stand_off import stand_off_warnings
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.correlation import write_correlation, write_stereo
@@ -74,13 +74,46 @@ class Choices:
     backend: str
 
 
+@dataclass
+class Output:
+    """What a correlation writes: tables and a map of each result, a page and JSON of all."""
+
+    destination: Destination
+    choices: Choices
+    settings: dict[str, Any]
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    figures: list[tuple[str, Figure]] = field(default_factory=list)
+
+    def path(self, number: int, picture: Path, suffix: str) -> Path:
+        """The file of a result, counted from 1."""
+        name = f"{number:04d}_{safe_name(picture.stem)}.{suffix}"
+        return inside(self.destination.folder, name)
+
+    def finish(self, title: str, warnings: Sequence[str] = ()) -> None:
+        """Report, and say so if an image has no point measured."""
+        rows, settings, folder = self.rows, self.settings, self.destination.folder
+        report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
+                  "warnings": list(warnings)}  # fmt: skip
+        text = json.dumps(report, indent=2)
+        write_text(inside(folder, "report.json"), text + "\n")
+        page = correlation_page(title, rows, self.figures, settings, warnings)
+        write_text(inside(folder, "report.html"), page)
+        if self.destination.as_json:
+            out(text)
+        elif not self.destination.quiet:
+            _print(rows, folder)
+            for warning in warnings:
+                out(f"warning: {warning}")
+        empty = [row["image"] for row in rows if row["measured"] == 0]
+        if empty:
+            raise NotConverged(
+                f"dic: no point could be measured in {', '.join(empty)}; "
+                f"{folder / 'report.html'} says why"
+            )
+
+
 def correlate_files(
-    reference: Path,
-    deformed: Sequence[Path],
-    folder: Path,
-    choices: Choices,
-    quiet: bool,
-    as_json: bool,
+    reference: Path, deformed: Sequence[Path], choices: Choices, destination: Destination
 ) -> None:
     """Correlate files and write ``<number>_<name>.csv`` (or other formats), maps, ``report.html``.
 
@@ -97,10 +130,8 @@ def correlate_files(
     roi = _roi(choices.roi)
     mask = None if choices.mask is None else _mask(choices.mask, first.shape)
     device = working_device("--backend", choices.backend)
-    rows: list[dict[str, Any]] = []
-    figures: list[tuple[str, Figure]] = []
-    settings = _settings(reference, choices, device)
-    with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+    output = Output(destination, choices, _settings(reference, choices, device))
+    with destination.progress() as progress:
         clock = time.perf_counter()
         progress("dic", 0.0, f"{len(deformed)} images")
 
@@ -114,15 +145,13 @@ def correlate_files(
                 found = strain(flat, window=choices.strain_window, kind=choices.strain)
             seconds = time.perf_counter() - clock
             path = deformed[number]
-            name = f"{number + 1:04d}_{safe_name(path.stem)}"
-            notes = settings | {"reference": str(reference), "deformed": str(path)}
+            notes = output.settings | {"reference": str(reference), "deformed": str(path)}
             for suffix in choices.formats:
-                write_correlation(inside(folder, f"{name}.{suffix}"), result, found, notes)
+                write_correlation(output.path(number + 1, path, suffix), result, found, notes)
             row = summary(str(path), result, found, seconds)
-            figures.append(
-                (path.name, draw_maps(first, result, found, inside(folder, f"{name}.png")))
-            )
-            rows.append(row)
+            figure = draw_maps(first, result, found, output.path(number + 1, path, "png"))
+            output.figures.append((path.name, figure))
+            output.rows.append(row)
             progress(
                 "dic", (number + 1) / len(deformed), f"{path.name}: {row['measured']} measured"
             )
@@ -131,32 +160,17 @@ def correlate_files(
         dic_sequence(
             first,
             (_alike(path, first.shape, reference) for path in deformed),
-            update=choices.update,
-            subset=choices.subset,
-            step=choices.step,
             roi=roi,
             mask=mask,
             progress=keep,
-            shape=choices.shape,
-            start=choices.start,
-            search_px=choices.search_px,
-            blur_px=choices.blur_px,
-            min_zncc=choices.min_zncc,
-            apart_px=choices.apart_px,
-            tolerance=choices.tolerance,
-            device=device,
-            backend="numpy" if device is None else "gpu",
+            **_motion_options(choices),
+            **_subset_options(choices, device),
         )
-    _finish(reference.name, rows, figures, settings, folder, quiet, as_json)
+    output.finish(reference.name)
 
 
 def correlate_pairs(
-    pictures: Sequence[Path],
-    calibration: Path,
-    folder: Path,
-    choices: Choices,
-    quiet: bool,
-    as_json: bool,
+    pictures: Sequence[Path], calibration: Path, choices: Choices, destination: Destination
 ) -> None:
     """Correlate pairs, left before right, the reference pair first; lengths are mm.
 
@@ -181,20 +195,9 @@ def correlate_pairs(
     mask = None if choices.mask is None else _mask(choices.mask, left.shape)
     device = working_device("--backend", choices.backend)
     settings = _settings(lefts[0], choices, device) | {"stereo": str(calibration)}
-    common: dict[str, Any] = {
-        "subset": choices.subset,
-        "step": choices.step,
-        "roi": _roi(choices.roi),
-        "mask": mask,
-        "blur_px": choices.blur_px,
-        "min_zncc": choices.min_zncc,
-        "tolerance": choices.tolerance,
-        "device": device,
-        "backend": "numpy" if device is None else "gpu",
-    }
-    rows: list[dict[str, Any]] = []
-    figures: list[tuple[str, Figure]] = []
-    with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+    output = Output(destination, choices, settings)
+    common = _subset_options(choices, device) | {"roi": _roi(choices.roi), "mask": mask}
+    with destination.progress() as progress:
         clock = time.perf_counter()
         progress("dic", 0.0, f"{len(lefts)} pairs")
         if len(lefts) == 1:
@@ -206,11 +209,7 @@ def correlate_pairs(
                 (_alike(path, left.shape, lefts[0]) for path in lefts[1:]),
                 (_alike(path, right.shape, rights[0]) for path in rights[1:]),
                 (one, two),
-                shape=choices.shape,
-                update=choices.update,
-                start=choices.start,
-                search_px=choices.search_px,
-                apart_px=choices.apart_px,
+                **_motion_options(choices),
                 **common,
             )
         seconds = (time.perf_counter() - clock) / len(results)
@@ -220,17 +219,33 @@ def correlate_pairs(
             if choices.strain != "none" and len(results) == len(lefts) - 1:
                 kind: Any = choices.strain
                 found = surface_strain(result, window=choices.strain_window, kind=kind)
-            name = f"{number:04d}_{safe_name(pair[0].stem)}"
             notes = settings | {"reference": str(lefts[0]), "left": str(pair[0]),
                                 "right": str(pair[1])}  # fmt: skip
             for suffix in choices.formats:
-                write_stereo(inside(folder, f"{name}.{suffix}"), result, found, notes)
-            figure = draw_stereo_maps(left, result, found, inside(folder, f"{name}.png"))
-            figures.append((f"{pair[0].name}, {pair[1].name}", figure))
-            rows.append(stereo_summary(str(pair[0]), result, found, seconds))
-            progress("dic", number / len(results), f"{pair[0].name}: {rows[-1]['measured']} points")
-    doubts = stand_off_warnings(calibration, (one, two), results)
-    _finish(lefts[0].name, rows, figures, settings, folder, quiet, as_json, doubts)
+                write_stereo(output.path(number, pair[0], suffix), result, found, notes)
+            figure = draw_stereo_maps(left, result, found, output.path(number, pair[0], "png"))
+            output.figures.append((f"{pair[0].name}, {pair[1].name}", figure))
+            row = stereo_summary(str(pair[0]), result, found, seconds)
+            output.rows.append(row)
+            progress("dic", number / len(results), f"{pair[0].name}: {row['measured']} points")
+    output.finish(lefts[0].name, stand_off_warnings(calibration, (one, two), results))
+
+
+def _subset_options(choices: Choices, device: Device | None) -> dict[str, Any]:
+    """Arguments of every correlation."""
+    return {
+        "subset": choices.subset, "step": choices.step, "blur_px": choices.blur_px,
+        "min_zncc": choices.min_zncc, "tolerance": choices.tolerance, "device": device,
+        "backend": "numpy" if device is None else "gpu",
+    }  # fmt: skip
+
+
+def _motion_options(choices: Choices) -> dict[str, Any]:
+    """Arguments of those that follow a motion."""
+    return {
+        "shape": choices.shape, "update": choices.update, "start": choices.start,
+        "search_px": choices.search_px, "apart_px": choices.apart_px,
+    }  # fmt: skip
 
 
 def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
@@ -286,37 +301,6 @@ def _check_files(paths: Sequence[Path]) -> None:
     if missing:
         raise InputError(
             f"image file{'s' if len(missing) > 1 else ''} not found: {', '.join(missing)}"
-        )
-
-
-def _finish(
-    title: str,
-    rows: list[dict[str, Any]],
-    figures: list[tuple[str, Figure]],
-    settings: dict[str, Any],
-    folder: Path,
-    quiet: bool,
-    as_json: bool,
-    warnings: Sequence[str] = (),
-) -> None:
-    """Report, and say so if an image has no point measured."""
-    report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
-              "warnings": list(warnings)}  # fmt: skip
-    text = json.dumps(report, indent=2)
-    write_text(inside(folder, "report.json"), text + "\n")
-    page = correlation_page(title, rows, figures, settings, warnings)
-    write_text(inside(folder, "report.html"), page)
-    if as_json:
-        out(text)
-    elif not quiet:
-        _print(rows, folder)
-        for warning in warnings:
-            out(f"warning: {warning}")
-    empty = [row["image"] for row in rows if row["measured"] == 0]
-    if empty:
-        raise NotConverged(
-            f"dic: no point could be measured in {', '.join(empty)}; "
-            f"{folder / 'report.html'} says why"
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
-from gpusim.cli.console import ProgressDisplay, out
+from gpusim.cli.console import Destination, out
 from gpusim.deck import Deck, Step, load_deck
 from gpusim.errors import GpusimError, NotConverged
 from gpusim.export import atomic_stream, write_pvd, write_vtu
@@ -28,13 +28,7 @@ _SCHEMA = 1
 
 
 def solve_deck(
-    path: Path,
-    folder: Path,
-    backend: str,
-    tolerance: float,
-    with_stress: bool,
-    quiet: bool,
-    as_json: bool,
+    path: Path, destination: Destination, backend: str, tolerance: float, with_stress: bool
 ) -> None:
     """Solve every step of ``path``; write ``folder``; print a table, or the report as JSON.
 
@@ -46,13 +40,13 @@ def solve_deck(
 
     Raises InputError as ``load_deck``, NotConverged after everything has been written.
     """
-    start = time.perf_counter()
+    start, folder = time.perf_counter(), destination.folder
     report: dict[str, Any] = {"schema": _SCHEMA, "version": __version__, "deck": str(path)}
     try:
         deck = load_deck(path)
         read = time.perf_counter() - start
         report |= _described(deck) | {"seconds": {"read": read}}
-        solutions = _solved(deck, backend, tolerance, quiet, as_json)
+        solutions = _solve_steps(deck, backend, tolerance, destination)
     except GpusimError as error:
         _write_report(folder, report | {"status": "failed", "error": str(error)})
         raise
@@ -72,9 +66,9 @@ def solve_deck(
     report["warnings"] = list(dict.fromkeys(text for one in solutions for text in one.warnings))
     report["status"] = "not converged" if loose else "ok"
     _write_report(folder, report)
-    if as_json:
+    if destination.as_json:
         out(json.dumps(report, indent=2))
-    elif not quiet:
+    elif not destination.quiet:
         _print(report, folder)
     if loose:
         first = solutions[loose[0] - 1]
@@ -84,10 +78,10 @@ def solve_deck(
         )
 
 
-def _solved(
-    deck: Deck, backend: str, tolerance: float, quiet: bool, as_json: bool
+def _solve_steps(
+    deck: Deck, backend: str, tolerance: float, destination: Destination
 ) -> tuple[Solution, ...]:
-    with ProgressDisplay(quiet, stream_is_result=as_json) as display:
+    with destination.progress() as display:
 
         def progress(iterations: int, error: float) -> None:
             # half a decade of error is worth as much as the next one

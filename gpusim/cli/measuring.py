@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gpusim.cli.console import exit_codes
+from gpusim.cli.console import Destination, exit_codes
 from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet
 from gpusim.files.output_folder import claim
 
@@ -98,29 +98,17 @@ def dic(
         from gpusim.cli.correlation import Choices, correlate_files, correlate_pairs
 
         choices = Choices(
-            subset=subset,
-            step=step,
-            shape=shape,
-            roi=roi,
-            mask=mask,
-            calibration=calibration,
-            calibration_unit=calibration_unit,
-            update=update,
-            start=start,
-            search_px=search_px,
-            blur_px=blur_px,
-            min_zncc=min_zncc,
-            apart_px=apart_px,
-            tolerance=tolerance,
-            strain=strain,
-            strain_window=strain_window,
+            subset=subset, step=step, shape=shape, roi=roi, mask=mask, calibration=calibration,
+            calibration_unit=calibration_unit, update=update, start=start, search_px=search_px,
+            blur_px=blur_px, min_zncc=min_zncc, apart_px=apart_px, tolerance=tolerance,
+            strain=strain, strain_window=strain_window, backend=backend.value,
             formats=tuple(one.value for one in formats or [Format.csv]),
-            backend=backend.value,
-        )
+        )  # fmt: skip
+        there = Destination(output, quiet, as_json)
         if stereo is None:
-            correlate_files(reference, deformed, output, choices, quiet, as_json)
+            correlate_files(reference, deformed, choices, there)
         else:
-            correlate_pairs([reference, *deformed], stereo, output, choices, quiet, as_json)
+            correlate_pairs([reference, *deformed], stereo, choices, there)
 
 
 def calibrate(
@@ -160,16 +148,12 @@ def calibrate(
     gpusim calibrate photos/ --kind charuco --board 7x5 --square-mm 30 --marker-mm 22 -o out
     """
     with exit_codes(), claim(output):
-        from gpusim.cli.calibrating import Wishes, calibrate_files
+        from gpusim.cli.calibrating import Settings, calibrate_files
 
-        wishes = Wishes(
-            board=board,
-            square_mm=square_mm,
-            kind=kind.value,
-            marker_mm=marker_mm,
-            dictionary=dictionary,
-            lens=lens,
-            square_pixels=square_pixels,
+        settings = Settings(
+            board=board, square_mm=square_mm, kind=kind.value, marker_mm=marker_mm,
+            dictionary=dictionary, lens=lens, square_pixels=square_pixels,
             formats=tuple(formats or ["opencv"]),
-        )
-        calibrate_files(images, others or [], output, wishes, quiet, as_json)
+        )  # fmt: skip
+        there = Destination(output, quiet, as_json)
+        calibrate_files(images, others or [], settings, there)

@@ -23,10 +23,10 @@ def starting(output: Path, backend: Backend) -> Iterator[None]:
     if backend is Backend.numpy:
         yield
         return
-    from gpusim.gpu.warmup import beforehand
+    from gpusim.gpu.warmup import compile_ahead
     from gpusim.plan.state import earlier_programs
 
-    with beforehand(earlier_programs(output)):
+    with compile_ahead(earlier_programs(output)):
         yield
 
 

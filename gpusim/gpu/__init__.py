@@ -6,8 +6,10 @@ In the order in which data passes:
   each.
 - `adapter`: Finding the adapter: Vulkan (or the system's native interface), the fastest first.
 - `faults`: What the driver reports, turned into gpusim errors.
-- `device`: The explicit device: one adapter, portable limits, buffers, kernels and recordings.
-- `backend`: Where numbers are made when nobody says so: one decision for everything public.
+- `timing`: Device time per stage from timestamp queries, resolved only when somebody asks.
+- `transfer`: Bytes between the host and a device's buffers.
+- `context`: What buffers, textures and programs need of an open device: limits, memory,
+  transfers, errors.
 - `wgsl`: WGSL as the single source: loading, ``#import``, and reflection of bindings and structs.
 - `uniform`: Uniform structs: checked, packed, and written to the device once for all that bind
   them.
@@ -20,12 +22,12 @@ In the order in which data passes:
   rows.
 - `buffer_pool`: Memory that one frame gives back and the next one takes.
 - `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096).
-- `transfer`: Bytes between the host and a device's buffers.
 - `binding_cache`: Values that many programs bind: bindings are made once for each program, and
   used again.
 - `recording`: A recording: dispatches and draws collected in order, sent to the device in one
   submit.
-- `timing`: Device time per stage from timestamp queries, resolved only when somebody asks.
+- `device`: The explicit device: buffers, kernels, rasters and recordings of one context.
+- `backend`: Where numbers are made when nobody says so: one decision for everything public.
 - `twin`: Comparing a kernel with its NumPy twin, and the registry that ``gpusim doctor`` runs.
 - `probes`: What a driver does with numbers.
 """
@@ -34,7 +36,8 @@ from gpusim.gpu.adapter import software_adapter
 from gpusim.gpu.backend import BACKENDS, chosen_backend, working_device
 from gpusim.gpu.binding_cache import Bound
 from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
-from gpusim.gpu.device import PORTABLE_LIMITS, Device, default_device
+from gpusim.gpu.context import PORTABLE_LIMITS
+from gpusim.gpu.device import Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import DeviceError, InputError
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
+from gpusim.gpu.context import DeviceContext
 
 __all__ = ["Buffer", "RealBuffer", "SplitBuffer", "from_real", "to_real"]
 
@@ -58,7 +56,7 @@ def from_real(data: npt.NDArray[Any], real: str) -> npt.NDArray[np.float64]:
 class Buffer:
     """A storage buffer on the device."""
 
-    device: Device
+    device: DeviceContext
     gpu: Any
     nbytes: int
     label: str
@@ -86,12 +84,12 @@ class Buffer:
                 f"reading {self.label}; got {size} bytes at {offset}; "
                 f"expected at most {self.nbytes}, a multiple of {kind.itemsize}"
             )
-        self.live("reading")
+        gpu = self.live("reading")
         if size == 0:
             yield np.zeros(shape if shape is not None else 0, kind)
             return
         first, last = offset - offset % 4, -(-(offset + size) // 4) * 4
-        with self.device.seen_bytes(self, first, last - first) as raw:
+        with self.device.seen_bytes(gpu, self.label, first, last - first) as raw:
             data = np.frombuffer(raw, np.uint8)[offset - first : offset - first + size]
             array = (data if offset == first else data.copy()).view(kind)
             yield array if shape is None else array.reshape(shape)
@@ -104,9 +102,22 @@ class Buffer:
                 f"writing {self.label}; got {data.nbytes} bytes at {offset}; "
                 f"expected at most {self.nbytes}"
             )
-        self.live("writing")
-        if data.nbytes:
-            self.device.write_bytes(self, data, offset)
+        gpu = self.live("writing")
+        if not data.nbytes:
+            return
+        end = offset + data.nbytes
+        first, last = offset - offset % 4, -(-end // 4) * 4
+        if first != offset or last != end:  # the device takes whole words: partial ones are merged
+            words = np.zeros(last - first, np.uint8)
+            for start in {first, last - 4}:
+                # nothing worth keeping lies before the start or behind the end of the buffer
+                if start < offset or start + 4 > end < self.nbytes:
+                    with self.device.seen_bytes(gpu, self.label, start, 4) as word:
+                        words[start - first : start - first + 4] = word
+            words[offset - first : end - first] = data.reshape(-1).view(np.uint8)
+            data, offset = words, first
+        with self.device.guard(f"writing {self.label}"):
+            self.device.transfer.write(gpu, data, offset)
 
     def live(self, what: str) -> Any:
         """The wgpu buffer; raises `InputError` if the buffer was released."""
@@ -119,7 +130,9 @@ class Buffer:
 
         A buffer that Python drops is freed too, once no `Bindings` hold it any more.
         """
-        self.device.forget(self)
+        if self.gpu is not None:
+            self.device.forget(self.gpu)
+            self.gpu = None
 
 
 @dataclass(eq=False)

@@ -6,26 +6,24 @@ written there then.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gpusim.gpu.buffer import Buffer
+from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.texture_array import TEXEL_WIDTH, Texels
 
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
-
-__all__ = ["Kept"]
+__all__ = ["BufferPool"]
 
 MOST_BYTES = 1 << 27
 """Enough for the largest frames; others go back to the system."""
 
 
-class Kept:
+class BufferPool:
     """Buffers of a device that wait for somebody who needs their size."""
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: DeviceContext) -> None:
         self.device = device
-        self._waiting: list[Any] = []
+        self._free_buffers: list[Any] = []
         self._texels: dict[str, Texels] = {}
         self.notes: dict[str, object] = {}
         """What others keep on the device from one frame to the next, as long as there is room."""
@@ -33,23 +31,23 @@ class Kept:
     @property
     def nbytes(self) -> int:
         """What is waiting."""
-        return sum(int(gpu.size) for gpu in self._waiting)
+        return sum(int(gpu.size) for gpu in self._free_buffers)
 
     def take(self, nbytes: int, label: str) -> Buffer:
         """A buffer whose content is anything."""
-        for place, gpu in enumerate(self._waiting):
+        for place, gpu in enumerate(self._free_buffers):
             if gpu.size - 16 < nbytes <= gpu.size:
-                return Buffer(self.device, self._waiting.pop(place), nbytes, label)
-        return self.device.empty(nbytes, label)
+                return Buffer(self.device, self._free_buffers.pop(place), nbytes, label)
+        return Buffer(self.device, self.device.allocate(nbytes, label), nbytes, label)
 
     def give(self, buffer: Buffer) -> None:
         """Release a buffer; the oldest ones are freed where they become too many."""
         if buffer.gpu is None:
             return
-        self._waiting.append(buffer.gpu)
+        self._free_buffers.append(buffer.gpu)
         buffer.gpu = None
         while self.nbytes > MOST_BYTES:
-            self._free(self._waiting.pop(0))
+            self.device.forget(self._free_buffers.pop(0))
 
     def texels(self, count: int, fmt: str, label: str) -> Texels:
         """At least ``count`` texels for one frame after the other: the last of that label if it
@@ -60,7 +58,7 @@ class Kept:
         kept = self._texels.pop(label, None)
         if kept is None or kept.format != fmt or not count <= kept.count <= 4 * count + TEXEL_WIDTH:
             del kept
-            kept = self.device.texels(count, fmt, label)
+            kept = Texels(self.device, count, fmt, label)
         self._texels[label] = kept
         return kept
 
@@ -68,8 +66,5 @@ class Kept:
         """Free all that waits."""
         self._texels.clear()
         self.notes.clear()
-        while self._waiting:
-            self._free(self._waiting.pop())
-
-    def _free(self, gpu: Any) -> None:
-        self.device.forget(Buffer(self.device, gpu, int(gpu.size), "kept"))
+        while self._free_buffers:
+            self.device.forget(self._free_buffers.pop())

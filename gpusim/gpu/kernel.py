@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import wgpu
 
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.buffer import Buffer, SplitBuffer
+from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.texture_array import Texels
 from gpusim.gpu.uniform import Uniform, pack
 from gpusim.gpu.wgsl import Binding, Module, type_layout
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
 
 __all__ = ["Bindings", "Kernel", "Layout"]
 
@@ -30,7 +29,7 @@ class Layout:
     Groups: 0 the stage's own resources, 1 the double-single guard, 2 the part of a split buffer.
     """
 
-    def __init__(self, device: Device, module: Module, entries: tuple[str, ...]) -> None:
+    def __init__(self, device: DeviceContext, module: Module, entries: tuple[str, ...]) -> None:
         self.device, self.module = device, module
         visibility = 0
         for entry in entries:
@@ -262,10 +261,18 @@ def _check_workgroup(size: tuple[int, int, int], limits: dict[str, int], where: 
 
 
 class Kernel:
-    """An immutable compute program: one entry point with its override constants."""
+    """An immutable compute program: one entry point with its override constants.
+
+    ``compiled`` gives the wgpu module of a shader file.
+    """
 
     def __init__(
-        self, device: Device, module: Module, entry: str, constants: dict[str, float]
+        self,
+        device: DeviceContext,
+        module: Module,
+        entry: str,
+        constants: dict[str, float],
+        compiled: Callable[[Module], Any],
     ) -> None:
         where = f"kernel {module.name}.{entry}"
         if entry not in module.entries:
@@ -287,7 +294,7 @@ class Kernel:
                 label=f"gpusim.{self.name}",
                 layout=self.layout.pipeline,
                 compute={
-                    "module": device.shader_module(module),
+                    "module": compiled(module),
                     "entry_point": entry,
                     "constants": constants,
                 },

@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Future
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
+from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Module, load
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
 
 __all__ = ["Programs"]
 
@@ -30,7 +28,7 @@ class Programs:
     ``asked``: every program that was asked for, in order, since that was emptied last.
     """
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: DeviceContext) -> None:
         self.device = device
         self.asked: dict[Key, None] = {}
         self._made: dict[Hashable, Future[Any]] = {}
@@ -58,7 +56,7 @@ class Programs:
         return found
 
     def module(self, module: Module) -> Any:
-        """As `Device.shader_module`."""
+        """The wgpu module of a shader file, compiled once however many entries it has."""
         return self._once(("module", module.name), lambda: self._module(module))
 
     def compile(self, programs: Iterable[Sequence[Any]], enough: Event) -> None:
@@ -103,8 +101,11 @@ class Programs:
     ) -> Kernel | Raster:
         module, values = load(name, self.device.real, self.device.shaders), dict(constants)
         if formats is None:
-            return Kernel(self.device, module, entry, values)
-        return Raster(self.device, module, formats, entry, values, depth)
+            return Kernel(self.device, module, entry, values, self.module)
+        return Raster(
+            self.device, module, formats, self.module,
+            entries=entry, constants=values, depth=depth,
+        )  # fmt: skip
 
     def _module(self, module: Module) -> Any:
         with self.device.guard(f"shader {module.name}"):

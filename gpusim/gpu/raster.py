@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import wgpu
 
 from gpusim.errors import InputError, OutOfDeviceMemory
+from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Bindings, Layout
 from gpusim.gpu.wgsl import Module
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
 
 __all__ = ["Raster", "Texture"]
 
@@ -20,7 +19,9 @@ __all__ = ["Raster", "Texture"]
 class Texture:
     """A two-dimensional render target that kernels can read."""
 
-    def __init__(self, device: Device, width: int, height: int, fmt: str, label: str) -> None:
+    def __init__(
+        self, device: DeviceContext, width: int, height: int, fmt: str, label: str
+    ) -> None:
         limit = device.limits["max-texture-dimension-2d"]
         if not (0 < width <= limit and 0 < height <= limit):
             raise OutOfDeviceMemory(
@@ -56,15 +57,18 @@ class Raster:
     """A triangle-list pipeline with a float32 reversed depth buffer (nearer is larger).
 
     Vertices are pulled from storage buffers by index; ``entries`` are (vertex, fragment).
+    ``compiled`` gives the wgpu module of a shader file.
     ``depth``: how what is drawn compares with what is there; only "greater" changes the depth.
     "none" has no depth buffer: what is drawn last is seen.
     """
 
     def __init__(
         self,
-        device: Device,
+        device: DeviceContext,
         module: Module,
         color_formats: tuple[str, ...],
+        compiled: Callable[[Module], Any],
+        *,
         entries: tuple[str, str] = ("vertex", "fragment"),
         constants: dict[str, float] | None = None,
         depth: str = "greater",
@@ -84,7 +88,7 @@ class Raster:
             )
         self.layout = Layout(device, module, entries)
         with device.guard(f"raster {module.name}"):
-            shader = device.shader_module(module)
+            shader = compiled(module)
             self.pipeline: Any = device.gpu.create_render_pipeline(
                 label=f"gpusim.{module.name}",
                 layout=self.layout.pipeline,

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import wgpu
 
 from gpusim.errors import InputError
 from gpusim.gpu.buffer import Buffer
+from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.faults import translate
 from gpusim.gpu.kernel import Bindings, Kernel
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
-    from gpusim.gpu.raster import Raster, Texture
+from gpusim.gpu.raster import Raster, Texture
 
 __all__ = ["Recording"]
 
@@ -22,7 +20,7 @@ __all__ = ["Recording"]
 class Recording:
     """Use as a context manager: the submit happens when the block ends without an error."""
 
-    def __init__(self, device: Device, stage: str) -> None:
+    def __init__(self, device: DeviceContext, stage: str) -> None:
         self.device, self.stage = device, stage
         with device.guard(stage):
             self._encoder = device.gpu.create_command_encoder(label=f"gpusim.{stage}")

@@ -9,16 +9,14 @@ storage textures, those it writes among them; what is read most should be the re
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import wgpu
 
 from gpusim.errors import InputError, OutOfDeviceMemory
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
+from gpusim.gpu.context import DeviceContext
 
 __all__ = ["TEXEL_WIDTH", "Texels", "most_texels"]
 
@@ -41,7 +39,7 @@ class Texels:
     sides are powers of two, and the width alone always is.
     """
 
-    def __init__(self, device: Device, count: int, fmt: str, label: str) -> None:
+    def __init__(self, device: DeviceContext, count: int, fmt: str, label: str) -> None:
         if fmt not in _FORMATS:
             raise InputError(f"texels {label}; got {fmt!r}; expected one of {sorted(_FORMATS)}")
         if not 0 <= count <= most_texels(device):
@@ -126,4 +124,6 @@ class Texels:
 
     def release(self) -> None:
         """Free the device memory as soon as submitted work is done; no use afterwards."""
-        self.device.forget(self)
+        if self.gpu is not None:
+            self.device.forget(self.gpu)
+            self.gpu = None

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any
 
 import numpy as np
 import wgpu
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
 
 __all__ = ["StageTimer"]
 
@@ -23,10 +22,12 @@ class StageTimer:
     aren't timed; `untimed` counts them.
     """
 
-    def __init__(self, device: Device, enabled: bool) -> None:
+    def __init__(
+        self, gpu: Any, guard: Callable[[str], AbstractContextManager[None]], enabled: bool
+    ) -> None:
         self.enabled = enabled
         self.untimed = 0
-        self._gpu, self._guard = device.gpu, device.guard
+        self._gpu, self._guard = gpu, guard
         self._stages: list[str] = []
         self._state: list[str] = []  # "open" while recording, "done" once submitted, else "void"
         self._total: dict[str, float] = defaultdict(float)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
+from gpusim.gpu.context import DeviceContext
 
 __all__ = ["Uniform", "pack"]
 
@@ -19,7 +17,7 @@ __all__ = ["Uniform", "pack"]
 class Uniform:
     """The values of a uniform struct, for several programs to bind."""
 
-    def __init__(self, device: Device, values: Any, label: str) -> None:
+    def __init__(self, device: DeviceContext, values: Any, label: str) -> None:
         self.device, self.values, self.label = device, values, label
         self._buffers: dict[np.dtype[np.void], Any] = {}
 

@@ -10,14 +10,14 @@ from typing import Any
 from gpusim.errors import GpusimError
 from gpusim.gpu.device import Device, default_device
 
-__all__ = ["beforehand", "meanwhile", "not_needed"]
+__all__ = ["compile_ahead", "compile_during", "stop_compiling"]
 
 _enough = Event()
 _thread: Thread | None = None
 
 
 @contextmanager
-def beforehand(programs: Sequence[Any]) -> Iterator[None]:
+def compile_ahead(programs: Sequence[Any]) -> Iterator[None]:
     """Open the default device and compile what an earlier run asked for (`Programs.asked`), in a
     thread that goes on when the block has ended; it stops if the block raises.
 
@@ -27,25 +27,25 @@ def beforehand(programs: Sequence[Any]) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        not_needed()
+        stop_compiling()
         raise
 
 
 @contextmanager
-def meanwhile(device: Device, programs: Sequence[Any]) -> Iterator[None]:
+def compile_during(device: Device, programs: Sequence[Any]) -> Iterator[None]:
     """The same for a ``device`` while the block runs, and no longer: a run that fails or is
-    interrupted needn't wait for programs that nobody will ask for. What `beforehand` is at goes
+    interrupted needn't wait for programs that nobody will ask for. What `compile_ahead` is at goes
     on in place of that."""
     if _thread is None or not _thread.is_alive():
         _begin(device, programs)
     try:
         yield
     finally:
-        not_needed()
+        stop_compiling()
 
 
-def not_needed() -> None:
-    """Let what `beforehand` has begun end soon."""
+def stop_compiling() -> None:
+    """Let what `compile_ahead` has begun end soon."""
     _enough.set()
 
 
@@ -53,7 +53,7 @@ def _begin(device: Device | None, programs: Sequence[Any]) -> None:
     global _thread
     _enough.clear()
     if programs:
-        _thread = Thread(target=_compile, args=(device, programs), name="gpusim.beforehand")
+        _thread = Thread(target=_compile, args=(device, programs), name="gpusim.warmup")
         _thread.start()
 
 

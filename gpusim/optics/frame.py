@@ -111,6 +111,7 @@ class Frame:
 
     def release(self) -> None:
         """Give the device memory back; radiance already read stays."""
-        for band in self.bands:
-            band.buffer.device.kept.give(band.buffer)
+        if self.device is not None:
+            for band in self.bands:
+                self.device.pool.give(band.buffer)
         self.bands = ()

@@ -12,7 +12,7 @@ from typing import Any
 
 from gpusim.report import MeshSummary
 
-__all__ = ["Made", "Notes"]
+__all__ = ["Notes", "StageResult"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Notes:
 
 
 @dataclass(frozen=True)
-class Made:
+class StageResult:
     """What a stage has made: its files, and what is said of them."""
 
     files: list[Path]

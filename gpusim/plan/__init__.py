@@ -2,6 +2,8 @@
 
 In the order in which data passes:
 
+- `run_options`: How a scene is run: on which backend, with which earlier results, and by which
+  shortcuts.
 - `machine_speed`: How fast this machine is: measured once in a moment, then learned from each
   run.
 - `stages`: A plan as data: its stages, what they cost, what they are by kinds of work.

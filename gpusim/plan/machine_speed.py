@@ -22,7 +22,7 @@ from typing import Any
 from gpusim._version import __version__
 from gpusim.parallel.cpu_budget import all_processors
 
-__all__ = ["HOST_SECONDS", "Speed", "Work", "cache_folder", "host_seconds"]
+__all__ = ["HOST_SECONDS", "Speed", "Workload", "cache_folder", "host_seconds"]
 
 _VERSION = 1
 _MOST_KNOWN = 500
@@ -34,7 +34,7 @@ HOST_SECONDS = 0.036
 
 
 @dataclass(frozen=True)
-class Work:
+class Workload:
     """All stages of one ``kind`` in a plan or a run.
 
     ``what`` says exactly how much it is; ``seconds`` by the reference costs, of which ``compiling``
@@ -108,7 +108,7 @@ class Speed:
         self.busy = 1.0 + _others() / all_processors()
         return self
 
-    def seconds(self, work: Work) -> float:
+    def seconds(self, work: Workload) -> float:
         """What this work takes here: what it took, or the reference cost times the ratios."""
         if work.signature in self.known:
             return self.busy * self.known[work.signature]
@@ -118,11 +118,11 @@ class Speed:
     def _ratio(self, kind: str) -> float:
         return self.ratios.get(kind, 1.0 if self.host is None else self.host)
 
-    def kept(self, shaders: Iterable[str]) -> bool:
+    def has_compiled(self, shaders: Iterable[str]) -> bool:
         """Whether the driver has compiled these before, as far as is known, and not lost them."""
         return set(shaders) <= self.compiled and _driver_keeps()
 
-    def learn(self, done: Mapping[Work, float], adapter: str) -> None:
+    def learn(self, done: Mapping[Workload, float], adapter: str) -> None:
         """Take in the seconds that works took, less what others working here have cost."""
         if adapter and self.adapter and adapter != self.adapter:
             self.ratios, self.known, self.compiled = {}, {}, set()

@@ -18,6 +18,7 @@ from typing import Any
 
 from gpusim._version import __version__
 from gpusim.plan.machine_speed import Speed
+from gpusim.plan.run_options import RunOptions
 from gpusim.plan.stages import Plan, PlannedStage, State, timed, works_of
 from gpusim.plan.state import StateFile, variant_folder
 from gpusim.scene import Scene, plausibility
@@ -34,6 +35,7 @@ def make_plan(
     scene: Scene,
     out: str | PathLike[str] | None = None,
     backend: str = "auto",
+    *,
     fresh: bool = False,
     skip: bool = True,
     state: StateFile | None = None,
@@ -49,27 +51,25 @@ def make_plan(
     """
     from gpusim.gpu import chosen_backend
 
-    backend = chosen_backend("plan", backend)
+    options = RunOptions(chosen_backend("plan", backend), fresh, skip)
     if scene.variants:
-        plan = _plan_variants(scene, out, backend, fresh, skip, speed)
+        plan = _plan_variants(scene, out, options, speed)
     else:
-        plan = _Planner(scene, out, backend, fresh, skip, state, speed).plan()
+        plan = _Planner(scene, out, options, state, speed).plan()
     return replace(plan, warnings=tuple(plausibility.warnings(scene)))
 
 
 def _plan_variants(
     scene: Scene,
     out: str | PathLike[str] | None,
-    backend: str,
-    fresh: bool,
-    skip: bool,
+    options: RunOptions,
     speed: Speed | None,
 ) -> Plan:
     """The stages of every variant, named ``<variant>/<stage>``, and their comparison."""
     stages, compiled = [], set[str]()
     for variant in scene.variants:
         folder = None if out is None else variant_folder(Path(out), variant.name)
-        planner = _Planner(scene.variant(variant.name), folder, backend, fresh, skip, None, speed)
+        planner = _Planner(scene.variant(variant.name), folder, options, None, speed)
         planner.compiled = compiled  # by one process, once
         plan = planner.plan()
         stages += [replace(stage, name=f"{variant.name}/{stage.name}") for stage in plan.stages]
@@ -80,7 +80,7 @@ def _plan_variants(
             )
     stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
     busy = 1.0 if speed is None else speed.busy
-    return Plan(scene.name, backend, tuple(stages), busy=busy)
+    return Plan(scene.name, options.backend, tuple(stages), busy=busy)
 
 
 class _Planner:
@@ -88,21 +88,17 @@ class _Planner:
         self,
         scene: Scene,
         out: str | PathLike[str] | None,
-        backend: str,
-        fresh: bool,
-        skip: bool,
+        options: RunOptions,
         state: StateFile | None,
         speed: Speed | None,
     ) -> None:
         self.speed = speed
-        self.scene, self.backend, self.skip = scene, backend, skip
+        self.scene, self.backend, self.skip = scene, options.backend, options.skip
         self.state = state or (StateFile(out) if out is not None else None)
-        self.no_reuse = "" if out is not None else "new run"
-        if not skip or fresh:
-            self.no_reuse = "--fresh" if skip else "--no-skip"
+        self.no_reuse = options.no_reuse or ("" if out is not None else "new run")
         self.cost = cost_of.estimate(scene)
         self.details = cost_of.describe(scene)
-        self.history = LoadHistory(scene, scaled=skip)
+        self.history = LoadHistory(scene, scaled=options.skip)
         cases = max((len(groups) for groups in self.history.groups), default=1)
         if cases > 1:
             self.details["solve"] += f", {cases} load cases"
@@ -245,7 +241,7 @@ class _Planner:
         self.compiled.update(needed)
         if not seconds:
             return 0.0, ""
-        kept = self.speed is not None and self.speed.kept(needed)
+        kept = self.speed is not None and self.speed.has_compiled(needed)
         if kept or (self.state is not None and self.state.begun):
             return cost_of.KEPT * seconds, "; shaders are loaded"
         return seconds, "; shaders are compiled, unless the driver has kept them"

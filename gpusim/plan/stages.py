@@ -7,7 +7,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from gpusim.plan.machine_speed import Speed, Work
+from gpusim.plan.machine_speed import Speed, Workload
 
 __all__ = ["Plan", "PlannedStage", "State", "timed", "works_of"]
 
@@ -62,7 +62,7 @@ class Plan:
     backend: str
     stages: tuple[PlannedStage, ...]
     warnings: tuple[str, ...] = ()
-    works: tuple[Work, ...] = ()
+    works: tuple[Workload, ...] = ()
     busy: float = 1.0
 
     def __getitem__(self, name: str) -> PlannedStage:
@@ -99,7 +99,7 @@ class Plan:
 
 def works_of(
     stages: Sequence[PlannedStage], size: str, shaders: AbstractSet[str]
-) -> dict[str, Work]:
+) -> dict[str, Workload]:
     """What is run of each kind; ``size`` of the scene goes with all of it, the ``shaders`` that
     were needed with what draws."""
     kinds: dict[str, list[PlannedStage]] = {}
@@ -107,7 +107,7 @@ def works_of(
         if stage.runs:
             kinds.setdefault(stage.kind, []).append(stage)
     return {
-        kind: Work(
+        kind: Workload(
             kind,
             "; ".join([size, *(stage.detail for stage in own)]),
             sum(stage.cost for stage in own),
@@ -119,7 +119,7 @@ def works_of(
 
 
 def timed(
-    stages: Sequence[PlannedStage], works: Mapping[str, Work], speed: Speed
+    stages: Sequence[PlannedStage], works: Mapping[str, Workload], speed: Speed
 ) -> list[PlannedStage]:
     """The stages with the seconds that they take at a machine's speed."""
     share = {kind: speed.seconds(work) / work.seconds for kind, work in works.items()}

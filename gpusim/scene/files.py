@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,13 +29,9 @@ def find_files(
     ``file`` and no ``builder`` gets the builder "file", a prop without a type the type "plate".
     What isn't of the right shape is left to the schema.
     """
-    found: Found = []
-    hashes = _Hashes(known)
-    bodies = document.get("body")
-    for index, body in enumerate(bodies if isinstance(bodies, list) else ()):
-        if not isinstance(body, dict):
-            continue
-        _pictures(body, ("body", index), folder, found, hashes)
+    files = _Files(folder, known)
+    for index, body in _tables(document, "body"):
+        files.enter_pictures(body, ("body", index))
         for key, expected in (("mesh", "a mesh or CAD file"), ("field", "a result file")):
             table = body.get(key)
             if not isinstance(table, dict) or not isinstance(table.get("file"), str):
@@ -44,75 +40,63 @@ def find_files(
                 table.setdefault("builder", "file")
                 if table["builder"] != "file":
                     continue
-            _enter(table, ("body", index, key, "file"), folder, expected, found, hashes)
-    props = document.get("prop")
-    for index, prop in enumerate(props if isinstance(props, list) else ()):
-        if isinstance(prop, dict):
-            _pictures(prop, ("prop", index), folder, found, hashes)
-            prop.setdefault("type", "plate")
-            if prop["type"] == "mesh" and isinstance(prop.get("file"), str):
-                _enter(prop, ("prop", index, "file"), folder, "a file of faces or a mesh", found,
-                       hashes)  # fmt: skip
-    cameras = document.get("camera")
-    for index, camera in enumerate(cameras if isinstance(cameras, list) else ()):
-        if isinstance(camera, dict) and isinstance(camera.get("calibration"), str):
-            _enter(camera, ("camera", index, "calibration"), folder, "a calibration file", found,
-                   hashes)  # fmt: skip
-    lights = document.get("light")
-    for index, light in enumerate(lights if isinstance(lights, list) else ()):
-        if isinstance(light, dict) and isinstance(light.get("file"), str):
-            _enter(light, ("light", index, "file"), folder, "a picture of radiances", found, hashes)
-    return found, tuple(sorted(hashes.found.items()))
+            files.enter(table, ("body", index, key, "file"), expected)
+    for index, prop in _tables(document, "prop"):
+        files.enter_pictures(prop, ("prop", index))
+        prop.setdefault("type", "plate")
+        if prop["type"] == "mesh":
+            files.enter(prop, ("prop", index, "file"), "a file of faces or a mesh")
+    for index, camera in _tables(document, "camera"):
+        files.enter(camera, ("camera", index, "calibration"), "a calibration file")
+    for index, light in _tables(document, "light"):
+        files.enter(light, ("light", index, "file"), "a picture of radiances")
+    return files.faults, tuple(sorted(files.hashes.items()))
 
 
-def _pictures(
-    thing: dict[str, Any], keys: Keys, folder: Path, found: Found, hashes: _Hashes
-) -> None:
-    """The bitmaps that a body or prop is painted with."""
-    paints = thing.get("paint")
-    for place, paint in enumerate(paints if isinstance(paints, list) else ()):
-        if isinstance(paint, dict) and isinstance(paint.get("file"), str):
-            _enter(paint, (*keys, "paint", place, "file"), folder, "a PNG or TIFF", found, hashes)
+def _tables(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    items = table.get(key)
+    for index, item in enumerate(items if isinstance(items, list) else ()):
+        if isinstance(item, dict):
+            yield index, item
 
 
-def _enter(
-    table: dict[str, Any],
-    keys: Keys,
-    folder: Path,
-    expected: str,
-    found: Found,
-    hashes: _Hashes,
-) -> None:
-    """Make the file of a table absolute and enter its hash, or its fault."""
-    key = str(keys[-1])
-    if not table[key]:
-        return
-    path = folder.absolute() / table[key]
-    try:
-        hashes.enter(path, expected)
-    except InputError as error:
-        found.append((keys, unread(error, dotted(keys), path)))
-    table[key] = str(path)
+class _Files:
+    """SHA-256 by path of files that were found, with those that they name; and faults."""
 
+    def __init__(self, folder: Path, known: Mapping[str, str]) -> None:
+        self.folder, self.known = folder, known
+        self.faults: Found = []
+        self.hashes: dict[str, str] = {}
 
-class _Hashes:
-    """SHA-256 by path of files that were ``found``, with those that they name."""
+    def enter(self, table: dict[str, Any], keys: Keys, expected: str) -> None:
+        """Make the file of a table, if it names one, absolute; enter its hash, or its fault."""
+        key = str(keys[-1])
+        if not isinstance(table.get(key), str) or not table[key]:
+            return
+        path = self.folder.absolute() / table[key]
+        try:
+            self._hash(path, expected)
+        except InputError as error:
+            self.faults.append((keys, unread(error, dotted(keys), path)))
+        table[key] = str(path)
 
-    def __init__(self, known: Mapping[str, str]) -> None:
-        self.known, self.found = known, dict[str, str]()
+    def enter_pictures(self, painted: dict[str, Any], keys: Keys) -> None:
+        """The bitmaps that a body or prop is painted with."""
+        for place, paint in _tables(painted, "paint"):
+            self.enter(paint, (*keys, "paint", place, "file"), "a PNG or TIFF")
 
-    def enter(self, path: Path, expected: str) -> None:
+    def _hash(self, path: Path, expected: str) -> None:
         """Raises InputError for a file, or one that it names, that can't be read or has changed."""
-        if str(path) in self.found:
+        if str(path) in self.hashes:
             return
         file = read_input(path, expected, self.known.get(str(path)))
-        self.found[str(path)] = file.sha256
+        self.hashes[str(path)] = file.sha256
         for included in included_files(file):
             key = str(included.path)
-            self.found[key] = read_input(included, sha256=self.known.get(key)).sha256
+            self.hashes[key] = read_input(included, sha256=self.known.get(key)).sha256
         for name in _series(file):
             try:
-                self.enter(name, expected)
+                self._hash(name, expected)
             except InputError as error:
                 text = str(error).removeprefix(f"{name}: ")
                 raise InputError(f"{path}: names {name.name}, {text}") from None

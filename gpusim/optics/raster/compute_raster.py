@@ -56,7 +56,7 @@ class VisibilityBuffer:
         self._begun: tuple[int, int] | None = None
         self.nearest: Buffer | None = None
         if device.atomics64 and view.extent <= LARGEST:
-            self.nearest = device.kept.take(8 * width * rows, "sight.nearest")
+            self.nearest = device.pool.take(8 * width * rows, "sight.nearest")
         else:
             self.depth = device.target(width, rows, "depth32float", "shade.depth")
 
@@ -80,7 +80,7 @@ class VisibilityBuffer:
     def release(self) -> None:
         """Leave its memory to the next one; ``ids`` stay."""
         if self.nearest is not None:
-            self.device.kept.give(self.nearest)
+            self.device.pool.give(self.nearest)
 
     def _look(self, recording: Recording, row0: int, rows: int) -> None:
         if self.nearest is None:
@@ -133,7 +133,7 @@ class VisibilityBuffer:
 def _places(vertex_buffers: VertexBuffers) -> Texels:
     """Vertices as the shader reads them, block by block while they are in the cache."""
     count = len(vertex_buffers.fixed)
-    texels = vertex_buffers.device.kept.texels(count, "rgba32uint", "sight.places")
+    texels = vertex_buffers.device.pool.texels(count, "rgba32uint", "sight.places")
     block = np.zeros((CHUNK, 4), np.uint32)
     for first in range(0, count, CHUNK):
         part = slice(first, min(first + CHUNK, count))

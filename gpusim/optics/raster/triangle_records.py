@@ -55,7 +55,7 @@ class TriangleRecords:
         traited = device.texels(len(traits), "rgba32float", "records.traits")
         traited.write(traits)
         per = TRIANGLE.itemsize // 16
-        self.texels = device.kept.texels(per * view.count, "rgba32uint", "records.triangles")
+        self.texels = device.pool.texels(per * view.count, "rgba32uint", "records.triangles")
         self._bound = {
             "corners": vertex_buffers.corners, "looks": looks, "vertices": vertices,
             "traits": traited, "triangles": self.texels,
@@ -68,7 +68,7 @@ class TriangleRecords:
         if not view.count or setup.bitmaps.images or setup.bumps is not None:
             return None
         inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
-        vertices = device.kept.texels(3 * len(view.place), "rgba32uint", "records.vertices")
+        vertices = device.pool.texels(3 * len(view.place), "rgba32uint", "records.vertices")
         for first, words, finite in vertex_blocks(setup, inverse_depth):
             if not finite:
                 return None

@@ -181,7 +181,7 @@ def _draw(
         # several bands needn't wait for the edges either
         if shadowed or rows < stop - first:
             shade_pass = ShadingPass(buffers, rows, visibility is not None, visibility, shadowed)
-            begun = device.kept.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
+            begun = device.pool.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
             with device.recording("optics.shade") as recording:
                 shade_pass.record(recording, begun, first, rows)
         if shadowed:
@@ -215,7 +215,7 @@ def _bands(
         count = min(starts.step, stop - row0)
         if relit is not None:
             relit.finish()
-        radiance = begun or device.kept.take(4 * count * stride, f"radiance[{row0}]")
+        radiance = begun or device.pool.take(4 * count * stride, f"radiance[{row0}]")
         with device.recording("optics.shade") as recording:
             if begun is None:
                 shade_pass.record(recording, radiance, row0, count)

@@ -47,7 +47,7 @@ def _found_by(shadows: Shadows, receivers: DeviceReceivers, label: str) -> Visib
     chunks as were needed last."""
     trees = shadows.trees
     assert trees is not None
-    known = trees.device.kept.notes.get(NEEDED)
+    known = trees.device.pool.notes.get(NEEDED)
     found = trees.notes.get(label)
     if not (isinstance(found, VisibleShares) and found.receivers is receivers):
         capacity = known if isinstance(known, int) else CAPACITY
@@ -79,7 +79,7 @@ def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
     """`VisibleShares.enlarged`, of which the next ones know."""
     result = found.enlarged(spaces)
     if result:
-        found.device.kept.notes[NEEDED] = found.search.capacity
+        found.device.pool.notes[NEEDED] = found.search.capacity
     return result
 
 
@@ -181,7 +181,7 @@ class PieceShares:
         self._found = _listed(shadows, starts, "pieces")
         self._found.make_room(shadows.spaces)
         self._receivers, self._casting = self._found.receivers, shadows.casting
-        self._painted = device.kept.take(16 * self._receivers.most, "shadow.painted")
+        self._painted = device.pool.take(16 * self._receivers.most, "shadow.painted")
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
             recording.clear(self._painted)
@@ -200,7 +200,7 @@ class PieceShares:
 
     def release(self) -> None:
         """Leave memory to others."""
-        self._device.kept.give(self._painted)
+        self._device.pool.give(self._painted)
 
     def find(self) -> None:
         """Let the device find what those see that are listed."""

@@ -30,7 +30,7 @@ def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels
     """Of each triangle n / d of its plane n x = d, and its `plane_words`; ``on`` (T,): the occluder
     that it is part of, -1 for none."""
     device, camera = buffers.device, buffers.setup.view.camera
-    texels = device.kept.texels(max(len(on), 1), "rgba32uint", "shadow.planes")
+    texels = device.pool.texels(max(len(on), 1), "rgba32uint", "shadow.planes")
     last = np.array([camera.width - 1.0, camera.height - 1.0])
     kernel = device.kernel(NAME, "main", {"distorted": float(camera.lens is not None)})
     bindings = kernel.bind_used(

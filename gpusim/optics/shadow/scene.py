@@ -84,10 +84,10 @@ class Shadows:
             own = Occluders.of(surfaces)
             return Shadows(view, own, points, relative, spaces, None)
         topologies = tuple(surface.topology for surface in surfaces)
-        kept = device.kept.notes.get(LABEL)
+        kept = device.pool.notes.get(LABEL)
         if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
             kept = _KeptOccluders(topologies, OccluderBVH(device, Occluders.of(surfaces)))
-            device.kept.notes[LABEL] = kept
+            device.pool.notes[LABEL] = kept
         kept.trees.move(points)
         own = kept.trees.occluders
         return Shadows(view, own, points, relative, spaces, kept.trees)

@@ -17,13 +17,13 @@ from gpusim.pipeline.build.places import cells_of, faces_of, nodes_of
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 
-__all__ = ["build_material", "build_model", "held_by", "temperature"]
+__all__ = ["build_material", "build_model", "support_of_freedom", "temperature"]
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class _Held:
+class _Supports:
     """Of each degree of freedom (N,3): the support that holds it (-1: none), and where."""
 
     support: npt.NDArray[np.int32]
@@ -64,14 +64,14 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
         everything = tuple((k, 1.0) for k in range(len(body.loads)))
         supports = tuple((k, 1.0) for k in range(len(body.supports)))
         groups = (LoadGroup((1.0,), everything, supports),)
-    held = _held(parts)
+    held = _supports(parts)
     materials, of_cell = _materials(parts)
     forces = np.zeros((len(groups), grid.node_count, 3))
     prescribed = np.zeros_like(forces)
     for case, group in enumerate(groups):
         for index, factor in group.loads:
             load = body.loads[index]
-            with _told(f"body {body.name!r}, load {load.name!r}"):
+            with _naming_place(f"body {body.name!r}, load {load.name!r}"):
                 forces[case] += factor * _load(parts, materials, of_cell, load)
         for index, factor in group.supports:
             mine = held.support == index
@@ -85,14 +85,14 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
         prescribed=prescribed[0] if one else prescribed,
         forces=forces[0] if one else forces,
     )
-    with _told(f"body {body.name!r}"):
+    with _naming_place(f"body {body.name!r}"):
         check_supports(model)
     return model
 
 
-def held_by(parts: BodyParts) -> npt.NDArray[np.int32]:
+def support_of_freedom(parts: BodyParts) -> npt.NDArray[np.int32]:
     """(N,3) index of the support that holds each degree of freedom, the first one; -1: none."""
-    return _held(parts).support
+    return _supports(parts).support
 
 
 def temperature(body: m.Body, frame: int | None) -> float:
@@ -105,7 +105,7 @@ def temperature(body: m.Body, frame: int | None) -> float:
 
 
 @contextmanager
-def _told(where: str) -> Iterator[None]:
+def _naming_place(where: str) -> Iterator[None]:
     """Say of which entry of the scene an error is."""
     try:
         yield
@@ -113,14 +113,14 @@ def _told(where: str) -> Iterator[None]:
         raise InputError(f"{where}: {error}") from None
 
 
-def _held(parts: BodyParts) -> _Held:
+def _supports(parts: BodyParts) -> _Supports:
     body, grid = parts.body, parts.mesh
     owner = np.full((grid.node_count, 3), -1, np.int32)
     place = np.zeros((grid.node_count, 3))
     for number, support in enumerate(body.supports):
         where = f"body {body.name!r}, support {support.name!r}"
         chosen = np.zeros((grid.node_count, 3), bool)
-        with _told(where):
+        with _naming_place(where):
             if support.symmetry:
                 chosen = fem.symmetry(grid, faces_of(grid, parts.skin.faces, support.where))
             else:
@@ -146,7 +146,7 @@ def _held(parts: BodyParts) -> _Held:
         free = chosen & (owner < 0)
         owner[free] = number
         place[free] = wanted[free]
-    return _Held(owner, place)
+    return _Supports(owner, place)
 
 
 def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int32]]:
@@ -156,7 +156,7 @@ def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int
     materials: list[fem.Material] = [build_material(body.material)]
     of_cell = np.zeros(parts.mesh.cell_count, np.int32)
     for number, part in enumerate(body.parts):
-        with _told(f"body {body.name!r}, part {number} of {part.material.name!r}"):
+        with _naming_place(f"body {body.name!r}, part {number} of {part.material.name!r}"):
             cells = cells_of(parts.mesh, part.where)
         of_cell[cells] = len(materials)
         materials.append(build_material(part.material))

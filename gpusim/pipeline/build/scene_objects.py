@@ -9,23 +9,23 @@ import numpy.typing as npt
 
 from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.props import posed
-from gpusim.pipeline.build.solution_store import Solved
+from gpusim.pipeline.build.solution_store import SceneSolution
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.surface import Surface
 
-__all__ = ["Things", "frame_word"]
+__all__ = ["SceneObjects", "frame_word"]
 
 
 @dataclass
-class Things:
+class SceneObjects:
     """Bodies and props as they were built; ``solved`` once there is a solution."""
 
     scene: Scene
     history: LoadHistory
     bodies: list[BodyParts] = field(default_factory=list)
     props: list[Surface] = field(default_factory=list)
-    solved: Solved | None = None
+    solved: SceneSolution | None = None
 
     def displacement(self, body: int, frame: int | None) -> npt.NDArray[np.float64]:
         """Nodal displacements (N, 3) of a body in a frame; linear, so load groups add up."""

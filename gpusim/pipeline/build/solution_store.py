@@ -13,7 +13,7 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     from gpusim.fem import Model, Solution
 
-__all__ = ["Solved", "solver_seconds"]
+__all__ = ["SceneSolution", "solver_seconds"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -22,7 +22,7 @@ _ARRAYS = ("u", "reactions", "applied")
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SceneSolution:
     """Displacements per body, (L, N, 3) float64 m, L its load groups, and how the solves ended.
 
     ``reactions``: per body (L, S, 3) the force of each support (N), ``applied``: (L, 3) the sum of
@@ -42,7 +42,7 @@ class Solved:
     warnings: tuple[str, ...]
 
     @staticmethod
-    def of(solutions: Sequence[Solution], models: Sequence[Model], held: Sequence[Int]) -> Solved:
+    def of(solutions: Sequence[Solution], models: Sequence[Model], held: Sequence[Int]) -> SceneSolution:
         """Bodies in order; the summary adds unknowns and takes the worst of the rest.
 
         ``held`` (N, 3) per body is the number of the support that holds a degree of freedom.
@@ -56,7 +56,7 @@ class Solved:
             "distinct element matrices": str(sum(s.element_classes for s in solutions)),
             "energy balance": f"{balance:.1e}",
         }
-        return Solved(
+        return SceneSolution(
             tuple(_cases(s.u) for s in solutions),
             tuple(_sums(s, own) for s, own in zip(solutions, held, strict=True)),
             tuple(model.load_cases.sum(axis=1) for model in models),
@@ -89,7 +89,7 @@ class Solved:
         return {**arrays, "summary": np.array(json.dumps(summary))}
 
     @staticmethod
-    def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> Solved:
+    def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> SceneSolution:
         """The inverse of `arrays`. Raises KeyError, TypeError or ValueError for damage."""
         summary = json.loads(str(arrays["summary"]))
         count = summary.pop("bodies")
@@ -97,7 +97,7 @@ class Solved:
             summary[name] = tuple(summary[name])
         for name in _ARRAYS:
             summary[name] = tuple(arrays[f"{name}{i}"] for i in range(count))
-        return Solved(**summary)
+        return SceneSolution(**summary)
 
     def check(self, groups: Sequence[int], nodes: Sequence[int] | None) -> None:
         """Raises ValueError if this isn't of bodies with so many load groups and ``nodes`` (None:

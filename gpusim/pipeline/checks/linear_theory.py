@@ -27,7 +27,7 @@ from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.modelling import build_model, temperature
-from gpusim.pipeline.build.scene_objects import Things
+from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.scene.description import model as m
 
 __all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]
@@ -93,20 +93,20 @@ class LinearError:
         )
 
 
-def linear_errors(things: Things) -> list[LinearError]:
+def linear_errors(objects: SceneObjects) -> list[LinearError]:
     """One per body that was solved for."""
     found = []
-    for i, parts in enumerate(things.bodies):
-        if parts.field is not None or things.solved is None:
+    for i, parts in enumerate(objects.bodies):
+        if parts.field is not None or objects.solved is None:
             continue
-        fields = [things.displacement(i, frame) for frame in range(things.history.frames)]
+        fields = [objects.displacement(i, frame) for frame in range(objects.history.frames)]
         reach = [float(np.linalg.norm(np.ptp(u, axis=0))) for u in fields]
         frame = int(np.argmax(reach))
         u = fields[frame]
         turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
         share, longer = 1.0, 0.0
         if turn > SMALL_TURN:
-            share, longer = _second_order(things, parts, i, frame, u)
+            share, longer = _second_order(objects, parts, i, frame, u)
         size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
         moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
         found.append(
@@ -116,10 +116,10 @@ def linear_errors(things: Things) -> list[LinearError]:
 
 
 def _second_order(
-    things: Things, parts: BodyParts, i: int, frame: int, u: Array
+    objects: SceneObjects, parts: BodyParts, i: int, frame: int, u: Array
 ) -> tuple[float, float]:
     body = parts.body
-    model = build_model(parts, things.history.groups[i])
+    model = build_model(parts, objects.history.groups[i])
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
     return second_order(model, u, body.formulation, forced=forced, temperature=change)

@@ -14,8 +14,8 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.pipeline.build.build import build_body
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.props import build_prop
-from gpusim.pipeline.build.scene_objects import Things
-from gpusim.pipeline.build.solution_store import Solved
+from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.build.solution_store import SceneSolution
 from gpusim.pipeline.checks.axial_loads import axial_loads
 from gpusim.pipeline.checks.lamp_count import check_lamp_count
 from gpusim.pipeline.checks.marker_visibility import marker_warnings
@@ -31,11 +31,11 @@ from gpusim.scene.schema.mesh import CAD_SUFFIXES
 if TYPE_CHECKING:
     from gpusim.pipeline.checks.linear_theory import LinearError
 
-__all__ = ["Doubts", "warnings_beforehand", "with_doubts"]
+__all__ = ["SceneWarnings", "scene_warnings", "with_known_warnings"]
 
 
 @dataclass
-class Doubts:
+class SceneWarnings:
     """What geometry and solution make doubtful of a scene that is run.
 
     ``geometry``: what is known before any work, of the things that are ``shown``, unloaded. All of
@@ -43,20 +43,23 @@ class Doubts:
     """
 
     geometry: tuple[str, ...] = ()
-    shown: Things | None = None
+    shown: SceneObjects | None = None
     kept: Notes | None = None
 
     @staticmethod
     def of(
-        scene: Scene, history: LoadHistory, built: Things | None, kept: Mapping[str, Any] | None
-    ) -> Doubts:
+        scene: Scene,
+        history: LoadHistory,
+        built: SceneObjects | None,
+        kept: Mapping[str, Any] | None,
+    ) -> SceneWarnings:
         """Those that a run has ``kept``, else of what is ``built``, or is built for it."""
         if kept is not None:
-            return Doubts(kept=Notes.of(kept))
-        shown = built or build_things(scene, history)
-        return Doubts(() if shown is None else tuple(geometry_warnings(shown)), shown)
+            return SceneWarnings(kept=Notes.of(kept))
+        shown = built or build_objects(scene, history)
+        return SceneWarnings(() if shown is None else tuple(geometry_warnings(shown)), shown)
 
-    def notes(self, solved: Solved | None) -> Notes:
+    def notes(self, solved: SceneSolution | None) -> Notes:
         """Warnings, and how far linear statics is off, once the scene is ``solved``."""
         if self.kept is None:
             errors = linear_theory(self.shown, solved)
@@ -66,7 +69,7 @@ class Doubts:
         return self.kept
 
 
-def warnings_beforehand(scene: Scene) -> list[str]:
+def scene_warnings(scene: Scene) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
 
     CAD files aren't meshed for it: a scene with one gives nothing. One that the free memory can't
@@ -76,11 +79,11 @@ def warnings_beforehand(scene: Scene) -> list[str]:
     if not scene.variants:
         if fault := mesh_fault(scene):
             return [fault]
-        things = build_things(scene, LoadHistory(scene))
-        return [] if things is None else geometry_warnings(things)
+        objects = build_objects(scene, LoadHistory(scene))
+        return [] if objects is None else geometry_warnings(objects)
     states: dict[str, list[str]] = {}
     for variant in scene.variants:
-        for text in warnings_beforehand(scene.variant(variant.name)):
+        for text in scene_warnings(scene.variant(variant.name)):
             states.setdefault(text, []).append(variant.name)
     every = len(scene.variants)
     return [
@@ -89,7 +92,7 @@ def warnings_beforehand(scene: Scene) -> list[str]:
     ]
 
 
-def build_things(scene: Scene, history: LoadHistory) -> Things | None:
+def build_objects(scene: Scene, history: LoadHistory) -> SceneObjects | None:
     """Bodies and props, unloaded; None where CAD would have to be meshed."""
     if any(
         isinstance(body.mesh, m.FileMesh) and Path(body.mesh.path).suffix.lower() in CAD_SUFFIXES
@@ -97,27 +100,29 @@ def build_things(scene: Scene, history: LoadHistory) -> Things | None:
     ):
         return None
     bodies = [build_body(body, scene.input) for body in scene.bodies]
-    return Things(scene, history, bodies, [build_prop(prop, scene.input) for prop in scene.props])
+    return SceneObjects(
+        scene, history, bodies, [build_prop(prop, scene.input) for prop in scene.props]
+    )
 
 
-def geometry_warnings(things: Things) -> list[str]:
+def geometry_warnings(objects: SceneObjects) -> list[str]:
     """The same of things that are built, unloaded. Raises InputError likewise."""
-    scene = things.scene
-    surfaces = things.surfaces(None)
+    scene = objects.scene
+    surfaces = objects.surfaces(None)
     cameras = [build_camera(camera, scene.input) for camera in scene.cameras]
     check_lamp_count(scene, surfaces, cameras)
     blind = blind_cameras(surfaces, cameras)
-    strict = things.history.unloaded(0)  # else the first picture shows other places
+    strict = objects.history.unloaded(0)  # else the first picture shows other places
     return [
-        *marker_warnings(scene, things.bodies, surfaces, blind, strict),
+        *marker_warnings(scene, objects.bodies, surfaces, blind, strict),
         *blind.values(),
         *lamps_inside(scene, surfaces),
-        *axial_loads(scene, things.bodies),
+        *axial_loads(scene, objects.bodies),
         *disc_warnings(surfaces, cameras),
     ]
 
 
-def linear_theory(shown: Things | None, solved: Solved | None) -> list[LinearError]:
+def linear_theory(shown: SceneObjects | None, solved: SceneSolution | None) -> list[LinearError]:
     """How far it is off, for each body of what is ``shown``."""
     if shown is None or solved is None:
         return []
@@ -127,8 +132,8 @@ def linear_theory(shown: Things | None, solved: Solved | None) -> list[LinearErr
     return linear_errors(shown)
 
 
-def with_doubts(error: Exception, doubts: Sequence[str]) -> Exception:
+def with_known_warnings(error: Exception, known: Sequence[str]) -> Exception:
     """The error of a measure or a picture with what was known before: most often that is why."""
-    if not doubts or type(error) not in (GpusimError, InputError):
+    if not known or type(error) not in (GpusimError, InputError):
         return error
-    return type(error)("\n".join([str(error), "known before:", *doubts]))
+    return type(error)("\n".join([str(error), "known before:", *known]))

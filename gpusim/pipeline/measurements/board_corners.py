@@ -14,7 +14,7 @@ from gpusim.errors import InputError
 from gpusim.files.atomic_files import atomic_stream
 from gpusim.files.input_file import Reader
 from gpusim.files.output_folder import inside
-from gpusim.pipeline.stages.images import Shot, image_path
+from gpusim.pipeline.stages.images import CapturedImage, image_path
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -45,7 +45,7 @@ def board_of(scene: Scene) -> Board | None:
     return None
 
 
-def write_corners(scene: Scene, shot: Shot) -> list[Path]:
+def write_corners(scene: Scene, shot: CapturedImage) -> list[Path]:
     """Find the board in a picture of the calibration, if something is measured by it, and write
     its corners; returns their file."""
     board = board_of(scene)

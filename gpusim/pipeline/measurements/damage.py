@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -133,18 +133,20 @@ def compare_states(
     for state, result in own.items():
         notches = [n for n in _notches(scene.variant(state)) if n[:2] not in at_rest]
         for group in dict.fromkeys(result.group):
-            lines.append(_line(spec, state, group, result, base, notches))
+            lines.append(_line(spec, group, _State(state, result, notches), base))
     return DamageResult(spec.name, spec.reference, 1e3 * spec.tolerance, tuple(lines))
 
 
-def _line(
-    spec: m.Damage,
-    state: str,
-    group: str,
-    result: DeflectionResult,
-    base: DeflectionResult,
-    notches: Sequence[tuple[str, float, float]],
-) -> DamageLine:
+class _State(NamedTuple):
+    """A variant: its deflections, and its notches (axis, place, depth) that the reference lacks."""
+
+    name: str
+    result: DeflectionResult
+    notches: Sequence[tuple[str, float, float]]
+
+
+def _line(spec: m.Damage, group: str, variant: _State, base: DeflectionResult) -> DamageLine:
+    state, result, notches = variant
     rows, base_rows = (
         np.flatnonzero(np.array(r.group, dtype=object) == group) for r in (result, base)
     )

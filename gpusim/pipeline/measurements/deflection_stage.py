@@ -20,7 +20,7 @@ from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.photo import build_sensor
 from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.marker_tracking import MarkerSet, collect_markers, follow_markers
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, collect_markers, track_markers
 from gpusim.pipeline.measurements.projection_error import projection_error
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -51,29 +51,25 @@ def measure_deflection(
     GpusimError
         Fewer than two markers could be found in the reference image.
     """
+    what, last = f"measure {spec.name!r}", len(scene.analysis.load_factors) - 1
     camera_spec = next(c for c in scene.cameras if c.name == spec.camera)
     camera = build_camera(camera_spec, scene.input)
-    what = f"measure {spec.name!r}"
     marks = collect_markers(what, spec.groups, spec.static, scene, bodies)
-    last = len(scene.analysis.load_factors) - 1
-    reference, deformed = image(spec.camera, 0), image(spec.camera, last)
-    seen = follow_markers(
-        what, marks, camera, reference, deformed,
+    seen = track_markers(
+        what, marks, camera, image(spec.camera, 0), image(spec.camera, last),
         subset=spec.subset, sensor=build_sensor(scene.sensor_of(spec.camera), camera_spec, 1.0),
     )  # fmt: skip
     count, points, moved = marks.count, seen.points, seen.displacement
-    position = marks.position[:count]
+    position, ok = marks.position[:count], seen.found[:count]
     axes, plane = _image_axes(camera)
-    ok = seen.found[:count]
     if np.count_nonzero(ok) < 2:
         raise GpusimError(
             f"{what}: only marker {marks.names[int(np.argmax(ok))]!r} of {count} was found in the "
             f"first image of camera {camera.name!r}; expected two at least: a scale needs two"
         )
     scale = measure.scale_coefficient(points[:count][ok], 1e3 * position[ok] @ plane.T)
-    motion = None
-    if np.isfinite(moved[count:]).all(axis=1).any():
-        motion = measure.rigid_motion(points[count:], moved[count:])
+    still = np.isfinite(moved[count:]).all(axis=1).any()
+    motion = measure.rigid_motion(points[count:], moved[count:]) if still else None
     line = measure.deflection_line(
         np.arange(count),
         np.where(ok[:, None], points[:count], seen.expected[:count]),
@@ -84,8 +80,7 @@ def measure_deflection(
     )
     corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
     start, motion_m = _motion(marks, bodies, displacement, last)
-    errors = projection_error(camera, position + start, motion_m, plane, scale, ok)
-    curves = _curves(marks.groups, bodies, displacement, last, plane)
+    errors = projection_error(camera, position + start, motion_m, plane, scale=scale, used=ok)
     return DeflectionResult(
         name=spec.name,
         camera=spec.camera,
@@ -115,7 +110,7 @@ def measure_deflection(
         lens_error_mm=errors.lens,
         scale_error_mm=errors.scale,
         towards_mm=errors.towards_mm,
-        curves=curves,
+        curves=_curves(marks.groups, bodies, displacement, last, plane),
     )
 
 

@@ -1,4 +1,4 @@
-"""Markers followed in a camera's pictures, kept beside the results they are for.
+"""Markers tracked in a camera's pictures, kept beside the results they are for.
 
 A rig's result depends on all of its cameras; where its markers went in one picture doesn't. So a
 new lens on one camera leaves the others' alone.
@@ -21,15 +21,15 @@ from gpusim.files.input_file import Reader, read_input
 from gpusim.files.output_folder import inside
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
-from gpusim.pipeline.measurements.marker_tracking import Followed, MarkerSet, follow_markers
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, track_markers
 
-__all__ = ["KeptMarkers"]
+__all__ = ["MarkerCache"]
 
 _KEY = "key"
 
 
-class KeptMarkers:
-    """`follow_markers`, once for the same pictures.
+class MarkerCache:
+    """`track_markers`, once for the same pictures.
 
     ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken, and
     ``read`` how.
@@ -37,14 +37,14 @@ class KeptMarkers:
 
     def __init__(self, folder: Path, reuse: bool = True, read: Reader = read_input) -> None:
         self.folder, self.reuse, self.read = folder, reuse, read
-        self._found: dict[Path, tuple[str, Followed]] = {}
+        self._found: dict[Path, tuple[str, MarkerTracks]] = {}
 
     @property
     def files(self) -> list[Path]:
         """Those of this run."""
         return list(self._found)
 
-    def follow(
+    def track(
         self,
         name: str,
         marks: MarkerSet,
@@ -54,15 +54,15 @@ class KeptMarkers:
         *,
         subset: int | None,
         sensor: Sensor,
-    ) -> Followed:
-        """As `follow_markers`, for the measure ``name``."""
-        key = _key(marks, camera, reference, deformed, subset, sensor)
+    ) -> MarkerTracks:
+        """As `track_markers`, for the measure ``name``."""
+        key = _key(marks, camera, (reference, deformed), subset, sensor)
         path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
         known, found = self._found.get(path, ("", None))
         if found is None or known != key:
             found = _stored(path, key, self.read) if self.reuse else None
         if found is None:
-            found = follow_markers(
+            found = track_markers(
                 f"measure {name!r}",
                 marks,
                 camera,
@@ -80,15 +80,14 @@ class KeptMarkers:
 def _key(
     marks: MarkerSet,
     camera: Camera,
-    reference: npt.NDArray[Any],
-    deformed: npt.NDArray[Any],
+    pictures: tuple[npt.NDArray[Any], ...],
     subset: int | None,
     sensor: Sensor,
 ) -> str:
     """A digest of all that the result depends on."""
     digest = hashlib.sha256()
     bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
-    for values in (reference, deformed, camera.K, camera.camera_from_world, bent,
+    for values in (*pictures, camera.K, camera.camera_from_world, bent,
                    marks.position, marks.size):  # fmt: skip
         digest.update(f"{values.shape} {values.dtype}".encode())
         digest.update(np.ascontiguousarray(values).data)
@@ -98,16 +97,16 @@ def _key(
     return digest.hexdigest()
 
 
-def _stored(path: Path, key: str, read: Reader) -> Followed | None:
+def _stored(path: Path, key: str, read: Reader) -> MarkerTracks | None:
     """What lies there for ``key``; None if that is another one's, or damaged."""
     try:
         with np.load(read(str(path)).stream(), allow_pickle=False) as file:
             if str(file[_KEY]) != key:
                 return None
-            values = {item.name: file[item.name] for item in fields(Followed)}
+            values = {item.name: file[item.name] for item in fields(MarkerTracks)}
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
     for name in ("names", "status"):
         values[name] = tuple(str(word) for word in values[name])
-    return Followed(**values | {"subset": int(values["subset"]),
+    return MarkerTracks(**values | {"subset": int(values["subset"]),
                                 "tracking_px": float(values["tracking_px"])})  # fmt: skip

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim import measure
 
-__all__ = ["LEAST_WIDTH", "Found", "arms_of", "find_near", "fit_near", "size_range"]
+__all__ = ["LEAST_WIDTH", "CrossFits", "arms_of", "find_crosses", "fit_crosses", "size_range"]
 
 Array = npt.NDArray[np.float64]
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
@@ -31,7 +31,7 @@ _remembered: OrderedDict[bytes, Array] = OrderedDict()
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class CrossFits:
     """M markers, px; NaN where there is none.
 
     ``points`` (M, 2); ``arms`` (M, 2, 2), half widths along both borders; ``blur`` (M,) of the
@@ -56,7 +56,7 @@ def size_range(width: float) -> tuple[float, float]:
     return max(LEAST_WIDTH, SIZES[0] * width), SIZES[1] * width
 
 
-def find_near(image: npt.NDArray[Any], near: Array, widths: Array) -> Found:
+def find_crosses(image: npt.NDArray[Any], near: Array, widths: Array) -> CrossFits:
     """Find the markers that are about ``widths`` (M,) px wide near the places (M, 2)."""
     values = np.full((len(near), 9), np.nan)
     seen = np.flatnonzero(np.isfinite(near).all(axis=1))
@@ -70,12 +70,12 @@ def find_near(image: npt.NDArray[Any], near: Array, widths: Array) -> Found:
             new.append((i, key))
     if new:
         rows = np.array([i for i, _ in new])
-        values[rows] = _look(image, near[rows], widths[rows])
+        values[rows] = _locate(image, near[rows], widths[rows])
         for i, key in new:
             _remembered[key] = values[i]
         while len(_remembered) > REMEMBERED:
             _remembered.popitem(last=False)
-    return Found(
+    return CrossFits(
         values[:, :2],
         values[:, 2:6].reshape(-1, 2, 2),
         values[:, 6],
@@ -84,7 +84,7 @@ def find_near(image: npt.NDArray[Any], near: Array, widths: Array) -> Found:
     )
 
 
-def fit_near(
+def fit_crosses(
     image: npt.NDArray[Any], near: Array, arms: Array, blur: Array | None = None
 ) -> tuple[Array, Array, Array]:
     """Centres (M, 2) by a fit of each cross, their standard uncertainty and the lens blur (M,).
@@ -112,7 +112,7 @@ def arms_of(located: measure.Markers) -> Array:
     return np.stack([half[:, :1] * along, half[:, 1:] * across], axis=1)
 
 
-def _look(image: npt.NDArray[Any], near: Array, widths: Array) -> Array:
+def _locate(image: npt.NDArray[Any], near: Array, widths: Array) -> Array:
     """Points, arms, blur, sigma and whether that is rough, in nine columns."""
     points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
     # markers of about the same size together; which sizes are near one doesn't depend on the others
@@ -123,7 +123,7 @@ def _look(image: npt.NDArray[Any], near: Array, widths: Array) -> Array:
         hit = located.status == measure.MarkerStatus.FOUND
         points[rows[hit]] = located.points[hit]
         arms[rows[hit]] = arms_of(located)[hit]
-    fine, sigma, blur = fit_near(image, points, arms)
+    fine, sigma, blur = fit_crosses(image, points, arms)
     rough = np.isfinite(points).all(axis=1) & ~np.isfinite(fine).all(axis=1)
     points = np.where(np.isfinite(fine), fine, points)
     return np.column_stack([points, arms.reshape(-1, 4), blur, sigma, rough])

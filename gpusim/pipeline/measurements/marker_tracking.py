@@ -21,15 +21,15 @@ from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.measurements.marker_detection import (
     LEAST_WIDTH,
     arms_of,
-    find_near,
-    fit_near,
+    find_crosses,
+    fit_crosses,
     size_range,
 )
 from gpusim.pipeline.stages.grey_levels import level_warnings
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["Followed", "MarkerSet", "check_widths", "collect_markers", "follow_markers"]
+__all__ = ["MarkerSet", "MarkerTracks", "check_widths", "collect_markers", "track_markers"]
 
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
@@ -55,7 +55,7 @@ class MarkerSet:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class MarkerTracks:
     """What became of M markers between two images, px; NaN where something wasn't measured.
 
     ``expected`` (M, 2) by the rough camera; ``points`` (M, 2) in the first image;
@@ -118,7 +118,7 @@ def collect_markers(
     )
 
 
-def follow_markers(
+def track_markers(
     what: str,
     marks: MarkerSet,
     camera: Camera,
@@ -127,7 +127,7 @@ def follow_markers(
     *,
     subset: int | None,
     sensor: Sensor,
-) -> Followed:
+) -> MarkerTracks:
     """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
 
     Harris corners and a fit of the cross find them, IC-GN subsets follow them, and the crosses are
@@ -136,7 +136,7 @@ def follow_markers(
     """
     expected = camera.project(marks.position)
     widths = check_widths(what, marks, camera)
-    found = find_near(reference, expected, widths)
+    found = find_crosses(reference, expected, widths)
     points, arms, known = found.points, found.arms.copy(), found.known
     if not known[: marks.count].any():
         raise GpusimError(
@@ -160,8 +160,9 @@ def follow_markers(
     turn = np.tile(np.eye(2), (len(points), 1, 1))
     turn[rows] += np.where(np.isfinite(tracked.gradient), tracked.gradient, 0.0)
     arms = np.einsum("mij,maj->mai", turn, arms)
-    _rescue(deformed, points, matched, arms, widths, status, [rows[c] for c in chains])
-    refined, own_sigma, _ = fit_near(deformed, points + matched, arms, found.blur)
+    tracks = _CrossTracks(points, matched, arms, widths, status)
+    tracks.rescue(deformed, [rows[c] for c in chains])
+    refined, own_sigma, _ = fit_crosses(deformed, points + matched, arms, found.blur)
     same = _unchanged(reference, deformed, points, matched, widths)
     refined = np.where(same[:, None], points, refined)
     own_sigma = np.where(same, found.sigma, own_sigma)
@@ -179,7 +180,7 @@ def follow_markers(
     )
     unrefined = np.isfinite(moved).all(axis=1) & (found.rough | ~fine)
     close = gap[fine]
-    return Followed(
+    return MarkerTracks(
         names=marks.names,
         expected=expected,
         points=points,
@@ -206,36 +207,39 @@ def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
     return widths
 
 
-def _rescue(
-    image: npt.NDArray[Any],
-    points: Array,
-    matched: Array,
-    arms: Array,
-    widths: Array,
-    status: npt.NDArray[Any],
-    chains: Sequence[npt.NDArray[np.int64]],
-) -> None:
-    """Look for markers that correlation lost, in place: a turned one no longer looks the same.
+@dataclass(frozen=True, eq=False)
+class _CrossTracks:
+    """Where correlation found crosses: ``points`` (M, 2) px in the first picture, ``matched``
+    (M, 2) from there, ``arms`` (M, 2, 2), ``widths`` (M,) px, ``status`` (M,) words."""
 
-    Along a member, the displacement is carried on from the neighbours before; the marker itself is
-    found by its cross, nearer to there than to any other.
-    """
-    for chain in chains:
-        for place, i in enumerate(chain[1:], start=1):
-            before = [k for k in chain[:place][-2:] if status[k] == "OK"]
-            if status[i] == "OK" or not before or before[-1] != chain[place - 1]:
-                continue
-            gap = float(np.linalg.norm(points[i] - points[before[-1]]))
-            guess = matched[before[-1]]
-            if len(before) == 2:
-                passed = float(np.linalg.norm(points[before[1]] - points[before[0]]))
-                guess = guess + (guess - matched[before[0]]) * (gap / passed)
-            near = points[i] + guess
-            sizes = size_range(float(widths[i]))
-            located = measure.locate_markers(image, near[None], sizes, LOST_SHARE * gap)
-            if located.status[0] == measure.MarkerStatus.FOUND:
-                matched[i], status[i] = located.points[0] - points[i], "OK"
-                arms[i] = arms_of(located)[0]
+    points: Array
+    matched: Array
+    arms: Array
+    widths: Array
+    status: npt.NDArray[Any]
+
+    def rescue(self, image: npt.NDArray[Any], chains: Sequence[npt.NDArray[np.int64]]) -> None:
+        """Look for markers that correlation lost, in place: a turned one no longer looks the same.
+
+        Along a member, the displacement is carried on from the neighbours before; the marker
+        itself is found by its cross, nearer to there than to any other.
+        """
+        for chain in chains:
+            for place, i in enumerate(chain[1:], start=1):
+                before = [k for k in chain[:place][-2:] if self.status[k] == "OK"]
+                if self.status[i] == "OK" or not before or before[-1] != chain[place - 1]:
+                    continue
+                gap = float(np.linalg.norm(self.points[i] - self.points[before[-1]]))
+                guess = self.matched[before[-1]]
+                if len(before) == 2:
+                    passed = float(np.linalg.norm(self.points[before[1]] - self.points[before[0]]))
+                    guess = guess + (guess - self.matched[before[0]]) * (gap / passed)
+                near = self.points[i] + guess
+                sizes = size_range(float(self.widths[i]))
+                located = measure.locate_markers(image, near[None], sizes, LOST_SHARE * gap)
+                if located.status[0] == measure.MarkerStatus.FOUND:
+                    self.matched[i], self.status[i] = located.points[0] - self.points[i], "OK"
+                    self.arms[i] = arms_of(located)[0]
 
 
 def _unchanged(

@@ -2,48 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-import numpy.typing as npt
 
 from gpusim.errors import GpusimError
 from gpusim.files.input_file import Reader
-from gpusim.measure.targets.boards import Sighting
-from gpusim.pipeline.build.scene_objects import Things
+from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.deflection_stage import measure_deflection
-from gpusim.pipeline.measurements.marker_cache import KeptMarkers
+from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.measurements.stereo import measure_stereo
 from gpusim.pipeline.measurements.stereo_result import StereoResult
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["Result", "measured", "read"]
+__all__ = ["Result", "read", "run_measure"]
 
 Result = DeflectionResult | StereoResult
-Image = Callable[[str, int], npt.NDArray[Any]]
-Corners = Callable[[str, int], Sighting]
 
 
-def measured(
-    spec: m.Measure,
-    scene: Scene,
-    things: Things,
-    image: Image,
-    corners: Corners,
-    markers: KeptMarkers,
-) -> Result:
-    """Do one measurement.
-
-    ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board
-    in a calibration pose, ``markers`` follows those of a rig.
-    """
+def run_measure(spec: m.Measure, scene: Scene, objects: SceneObjects, sources: Sources) -> Result:
+    """Do one measurement."""
     if isinstance(spec, m.Deflection):
-        return measure_deflection(spec, scene, things.bodies, things.displacement, image)
+        return measure_deflection(spec, scene, objects.bodies, objects.displacement, sources.image)
     if isinstance(spec, m.Stereo):
-        return measure_stereo(spec, scene, things, image, corners, markers)
+        return measure_stereo(spec, scene, objects, sources)
     raise GpusimError(f"measure {spec.name!r}: compares variants; the scene has none")
 
 

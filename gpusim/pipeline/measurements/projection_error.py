@@ -48,6 +48,7 @@ def projection_error(
     position: Array,
     moved: Array,
     plane: Array,
+    *,
     scale: measure.Scale,
     used: npt.NDArray[np.bool_],
 ) -> ProjectionError:

@@ -10,18 +10,20 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError, InputError
+from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.photo import build_sensor
-from gpusim.pipeline.build.scene_objects import Things
+from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.board_corners import Board, board_of
-from gpusim.pipeline.measurements.marker_cache import KeptMarkers
-from gpusim.pipeline.measurements.marker_tracking import Followed, MarkerSet, collect_markers
+from gpusim.pipeline.measurements.marker_cache import MarkerCache
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, collect_markers
+from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.measurements.stereo_result import CameraFound, StereoResult
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["follow_cameras", "measure_stereo"]
+__all__ = ["measure_stereo", "track_in_cameras"]
 
 Array = npt.NDArray[np.float64]
 Image = Callable[[str, int], npt.NDArray[Any]]
@@ -30,19 +32,12 @@ LEAST_SPREAD = 0.05  # of static markers, width over length
 
 
 def measure_stereo(
-    spec: m.Stereo,
-    scene: Scene,
-    things: Things,
-    image: Image,
-    corners: Callable[[str, int], measure.Sighting],
-    markers: KeptMarkers,
+    spec: m.Stereo, scene: Scene, objects: SceneObjects, sources: Sources
 ) -> StereoResult:
     """Displacement in space of the markers of ``spec`` between the first frame and the last.
 
-    ``image`` gives a camera's picture in a frame, ``corners`` what was found of the board in a
-    calibration pose, ``markers`` where they are in a camera's pictures. What the
-    scene knows of its cameras is used to tell markers apart and afterwards as the truth, never for
-    a number: the calibration is that of the chessboard images alone.
+    What the scene knows of its cameras is used to tell markers apart and afterwards as the truth,
+    never for a number: the calibration is that of the chessboard images alone.
 
     Raises
     ------
@@ -54,19 +49,12 @@ def measure_stereo(
     """
     what = f"measure {spec.name!r}"
     board = _board(what, spec, scene)
-    calibration = measure.calibrate(_sightings(spec, scene, corners), lens=spec.lens)
-    marks, seen = follow_cameras(spec, scene, things, image, markers)
+    calibration = measure.calibrate(_sightings(spec, scene, sources.corners), lens=spec.lens)
+    marks, seen = track_in_cameras(spec, scene, objects, sources.image, sources.markers)
     cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
-    noise = np.stack([np.where(s.sigma > 0, s.sigma, np.nan) / np.sqrt(2.0) for s in seen])
-    noise = np.where(np.isfinite(noise), noise, np.nanmedian(noise))
-    before, after = (
-        measure.triangulate(calibration.cameras, np.stack(pixels), sigma_px=noise)
-        for pixels in (
-            [s.points for s in seen],
-            [s.points + np.where(_ok(s)[:, None], s.displacement, np.nan) for s in seen],
-        )
-    )
+    shifts = [np.where(_ok(s)[:, None], s.displacement, np.nan) for s in seen]
+    before, after = _triangulated(calibration, seen, shifts)
     good = np.isfinite(before.points).all(axis=1)
     if not np.count_nonzero(good) >= 3:
         raise GpusimError(
@@ -88,7 +76,7 @@ def measure_stereo(
         position_mm=MM * marks.position[:count],
         found_mm=frame.apply(before.points)[:count],
         measured_mm=displacement[:count],
-        true_mm=_truth(marks, things, last),
+        true_mm=_truth(marks, objects, last),
         sigma_mm=np.sqrt(np.einsum("mii->mi", moved.covariance[:count])),
         epipolar_px=np.diag(pairs)[:count].copy(),
         residual_px=before.residual[:count],
@@ -106,27 +94,27 @@ def measure_stereo(
         corners_px=tuple(calibration.points),
         corner_errors_px=tuple(calibration.residuals),
         points_px=tuple(s.points[:count] for s in seen),
-        moved_px=tuple(np.where(_ok(s)[:, None], s.displacement, np.nan)[:count] for s in seen),
+        moved_px=tuple(shift[:count] for shift in shifts),
         saturated=tuple(dict.fromkeys(name for s in seen for name in s.saturated(count))),
         unrefined=tuple(dict.fromkeys(name for s in seen for name in s.by_correlation(count))),
     )
 
 
-def follow_cameras(
-    spec: m.Stereo, scene: Scene, things: Things, image: Image, markers: KeptMarkers
-) -> tuple[MarkerSet, list[Followed]]:
+def track_in_cameras(
+    spec: m.Stereo, scene: Scene, objects: SceneObjects, image: Image, markers: MarkerCache
+) -> tuple[MarkerSet, list[MarkerTracks]]:
     """The markers of ``spec``, and where they are in each camera's first and last picture.
 
-    This needs no calibration. Raises as `follow_markers`.
+    This needs no calibration. Raises as `track_markers`.
     """
     marks = collect_markers(
-        f"measure {spec.name!r}", spec.groups, spec.static, scene, things.bodies
+        f"measure {spec.name!r}", spec.groups, spec.static, scene, objects.bodies
     )
     last = len(scene.analysis.load_factors) - 1
     cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
     sensors = {c.name: build_sensor(scene.sensor_of(c.name), c, 1.0) for c in scene.cameras}
     seen = [
-        markers.follow(
+        markers.track(
             spec.name, marks, cameras[name], image(name, 0), image(name, last),
             subset=spec.subset, sensor=sensors[name],
         )
@@ -158,7 +146,21 @@ def _sightings(
     return {name: [corners(name, pose) for pose in poses] for name in spec.cameras}
 
 
-def _ok(seen: Followed) -> npt.NDArray[np.bool_]:
+def _triangulated(
+    calibration: measure.Calibration, seen: Sequence[MarkerTracks], shifts: Sequence[Array]
+) -> tuple[Triangulated, Triangulated]:
+    """The markers in space, before and after their ``shifts`` (M, 2) px in each camera."""
+    noise = np.stack([np.where(s.sigma > 0, s.sigma, np.nan) / np.sqrt(2.0) for s in seen])
+    noise = np.where(np.isfinite(noise), noise, np.nanmedian(noise))
+    before = np.stack([s.points for s in seen])
+    first, last = (
+        measure.triangulate(calibration.cameras, pixels, sigma_px=noise)
+        for pixels in (before, before + np.stack(shifts))
+    )
+    return first, last
+
+
+def _ok(seen: MarkerTracks) -> npt.NDArray[np.bool_]:
     return np.array([status == "OK" for status in seen.status])
 
 
@@ -190,14 +192,14 @@ def _steady(
     return motion.apply(end) - start, rms
 
 
-def _truth(marks: MarkerSet, things: Things, last: int) -> Array:
+def _truth(marks: MarkerSet, objects: SceneObjects, last: int) -> Array:
     """True displacement (M, 3) in mm of the markers on bodies."""
     parts, first = [], 0
     for body, paint in marks.groups:
         own = marks.position[first : first + len(paint.markers)]
         first += len(paint.markers)
-        u = things.displacement(body, last) - things.displacement(body, 0)
-        nodes, weights = things.bodies[body].skin.locate(own)
+        u = objects.displacement(body, last) - objects.displacement(body, 0)
+        nodes, weights = objects.bodies[body].skin.locate(own)
         parts.append(MM * np.einsum("mk,mka->ma", weights, u[nodes]))
     return np.concatenate(parts)
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim, inside
 from gpusim.pipeline.runner.run import run, run_claimed
+from gpusim.plan.run_options import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
 from gpusim.scene.sources import active_sources, with_only, without_sources
@@ -68,7 +69,7 @@ def _budget(
 ) -> Report:
     """As `run_budget`, into a folder that the caller has claimed."""
     tell = progress or (lambda stage, done, text: None)
-    whole = run_claimed(scene, out, backend, False, True, tell)
+    whole = run_claimed(scene, out, RunOptions(backend), tell)
     quantities = _counted(scene, whole.measurements)
     rows = [BudgetRow("all", "", tuple(abs(item.error) for item in quantities))]
     folder = inside(out, FOLDER)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gpusim.pipeline.build.solution_store import Solved
+from gpusim.pipeline.build.solution_store import SceneSolution
 from gpusim.report import BodyForce, Mechanics, StressPeak
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
@@ -15,7 +15,7 @@ __all__ = ["make_mechanics"]
 
 
 def make_mechanics(
-    scene: Scene, solved: Solved, history: LoadHistory, stresses: Sequence[StressPeak]
+    scene: Scene, solved: SceneSolution, history: LoadHistory, stresses: Sequence[StressPeak]
 ) -> Mechanics:
     """Of the last frame in which something has moved; linear, so load groups add up."""
     moving = [frame for frame in range(history.frames) if not history.still(frame)]

@@ -11,8 +11,9 @@ from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.folders import check_folders
 from gpusim.pipeline.runner.run_report import write_page
-from gpusim.pipeline.runner.stage_runner import Progress, Work
+from gpusim.pipeline.runner.stage_runner import Progress, StageRunner
 from gpusim.pipeline.runner.variants import run_variants
+from gpusim.plan.run_options import RunOptions
 from gpusim.report import Report
 from gpusim.scene import Scene
 
@@ -34,7 +35,9 @@ def run(
     ----------
     backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
         warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the twins.
-    fresh, skip : as for `gpusim.plan.plan.make_plan`.
+    fresh : reuse nothing of an earlier run.
+    skip : False switches every shortcut off, those of the solver and the renderer too
+        (`gpusim.plan.run_options.RunOptions`).
     progress : called with (stage, done 0..1, text).
 
     Raises
@@ -48,21 +51,19 @@ def run(
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     backend = chosen_backend("run", backend)
     with claim(out) as folder:
-        return run_claimed(scene, folder, backend, fresh, skip, progress or _silent)
+        return run_claimed(scene, folder, RunOptions(backend, fresh, skip), progress or _silent)
 
 
-def run_claimed(
-    scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, tell: Progress
-) -> Report:
+def run_claimed(scene: Scene, out: Path, options: RunOptions, tell: Progress) -> Report:
     """As `run`, into a folder that the caller has claimed."""
     check_folders(scene, out)
     if scene.variants:
 
         def begin(state: Scene, folder: Path, note: Progress) -> Callable[[], Report]:
-            return Work(state, folder, backend, fresh, skip, note).begin()
+            return StageRunner(state, folder, options, note).begin()
 
         return run_variants(scene, out, begin, tell)
-    report = Work(scene, out, backend, fresh, skip, tell).begin()()
+    report = StageRunner(scene, out, options, tell).begin()()
     write_page(report, out, tell)
     return report
 

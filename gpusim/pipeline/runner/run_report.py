@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gpusim.errors import GpusimError
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.build.scene_objects import frame_word
-from gpusim.pipeline.build.solution_store import Solved
+from gpusim.pipeline.build.solution_store import SceneSolution
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.measurements import Result
 from gpusim.pipeline.measurements.stereo_report import (
@@ -42,7 +42,7 @@ from gpusim.scene import Scene
 from gpusim.scene.cost.cost import effects
 from gpusim.scene.description import model as m
 
-__all__ = ["Findings", "make_report", "said", "write_page"]
+__all__ = ["Findings", "failure_text", "make_report", "write_page"]
 
 Array = npt.NDArray[np.float64]
 GOAL = 1e-3
@@ -56,7 +56,7 @@ class Findings:
     adapter: str
     stages: tuple[Stage, ...]
     summary: SolutionSummary | None
-    solved: Solved | None
+    solved: SceneSolution | None
     mechanics: Mechanics | None
     meshes: tuple[MeshSummary, ...]
     results: tuple[Result, ...]
@@ -227,8 +227,8 @@ def _unit(axis: str) -> Array:
 def _pairs(scene: Scene, out: Path, results: Sequence[Result]) -> tuple[FramePair, ...]:
     factors = scene.analysis.load_factors
     last = len(factors) - 1
-    things = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
-    own = any(thing.amplitude != factors for thing in things)  # the factors don't tell all then
+    objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
+    own = any(thing.amplitude != factors for thing in objects)  # the factors don't tell all then
     word = frame_word(scene).replace("_", " ")
     when = f"frames 0 and {last}" if own else f"{word} {factors[0]:g} and {factors[last]:g}"
     pairs = []
@@ -277,6 +277,6 @@ def _links(out: Path, files: frozenset[Path]) -> tuple[Link, ...]:
     return tuple(links)
 
 
-def said(error: Exception) -> str:
+def failure_text(error: Exception) -> str:
     """The message, with the error's type where it isn't one of gpusim's own."""
     return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"

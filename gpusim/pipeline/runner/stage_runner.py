@@ -21,29 +21,30 @@ from gpusim.files.atomic_files import atomic_stream, clean_leftovers, write_text
 from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device, default_device
-from gpusim.gpu.warmup import meanwhile, not_needed
+from gpusim.gpu.warmup import compile_during, stop_compiling
 from gpusim.pipeline.build.build import build_body, build_lights
 from gpusim.pipeline.build.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.build.props import build_prop
-from gpusim.pipeline.build.scene_objects import Things
-from gpusim.pipeline.build.solution_store import Solved, solver_seconds
+from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.build.solution_store import SceneSolution, solver_seconds
 from gpusim.pipeline.checks.files import check_field, check_views
 from gpusim.pipeline.checks.memory import check_memory
-from gpusim.pipeline.checks.warnings import Doubts, with_doubts
+from gpusim.pipeline.checks.warnings import SceneWarnings, with_known_warnings
 from gpusim.pipeline.measurements import measurements
 from gpusim.pipeline.measurements.board_corners import read_corners, write_corners
-from gpusim.pipeline.measurements.marker_cache import KeptMarkers
-from gpusim.pipeline.measurements.stereo import follow_cameras
-from gpusim.pipeline.notes import Made, Notes
+from gpusim.pipeline.measurements.marker_cache import MarkerCache
+from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.measurements.stereo import track_in_cameras
+from gpusim.pipeline.notes import Notes, StageResult
 from gpusim.pipeline.runner import run_report
 from gpusim.pipeline.runner.result_reuse import DAMAGE, check_frame
+from gpusim.pipeline.runner.run_record import ON_DEVICE, RunRecord, device_seconds
 from gpusim.pipeline.runner.speed_update import learn
-from gpusim.pipeline.runner.stage_report import ON_DEVICE, device_seconds, scene_text, work_report
 from gpusim.pipeline.stages import images
-from gpusim.pipeline.stages.capture_queue import Album
+from gpusim.pipeline.stages.capture_queue import CaptureQueue
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan, PlannedStage, make_plan
-from gpusim.plan.state import StateFile
+from gpusim.plan.run_options import RunOptions
 from gpusim.report import (
     Report,
     Stage,
@@ -51,48 +52,28 @@ from gpusim.report import (
     write_report,
 )
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description import model as m
 
 if TYPE_CHECKING:
-    from gpusim.fem import Model
-    from gpusim.pipeline.stages.stresses import Stresses
+    pass
 
-__all__ = ["Progress", "Work"]
+__all__ = ["Progress", "StageRunner"]
 
 Progress = Callable[[str, float, str], None]
 
 
-class Work:
+class StageRunner(RunRecord):
     """One scene's stages, from nothing or from what an earlier run left in ``out``."""
 
-    def __init__(
-        self, scene: Scene, out: Path, backend: str, fresh: bool, skip: bool, progress: Progress
-    ) -> None:
-        # absolute: the state file takes relative names as names inside the folder
-        self.scene, self.out, self.progress = scene, out.resolve(), progress
-        self.backend, self.skip, self.reuse = backend, skip, skip and not fresh
-        self.history = LoadHistory(scene, scaled=skip)
-        self.state, self.speed = StateFile(self.out), Speed.read(backend)
-        self.options: dict[str, Any] = {
-            "backend": backend, "fresh": fresh, "skip": skip, "state": self.state,
-            "speed": self.speed,
-        }  # fmt: skip
-        self.plan: Plan = make_plan(scene, self.out, **self.options)
-        self.stages: list[Stage] = []
-        self.warnings: list[str] = []
-        self.doubts = Doubts()
-        self.note = ""
-        self.notes: dict[str, Notes] = {}
-        self.things = Things(scene, self.history)
-        self.models: list[Model] = []
-        self.stresses: Stresses | None = None
-        self.results: list[measurements.Result] = []
-        self.markers = KeptMarkers(inside(self.out, "measure"), self.reuse, self._read)
-        self.photographer: images.Photographer | None = None
-        self.device: Device | None = None
+    def __init__(self, scene: Scene, out: Path, options: RunOptions, progress: Progress) -> None:
+        super().__init__(scene, out, options)
+        self.progress, self.note = progress, ""
+        self.reuse = not options.no_reuse
+        self.speed = Speed.read(options.backend)
+        self.plan = self._planned()
+        self.markers = MarkerCache(inside(self.out, "measure"), self.reuse, self._read)
+        self.capture: images.FrameCapture | None = None
         self.device_before: dict[str, float] = {}
-        self.seconds: dict[str, str] = {}
 
     def begin(self) -> Callable[[], Report]:
         """Every stage up to the pictures and their truth; what is returned does the others, which
@@ -101,22 +82,22 @@ class Work:
             check_memory(self.plan)
             self.device = self._device()
             if self.device is None:
-                not_needed()
-                done = self._begun()
+                stop_compiling()
+                done = self._work_up_to_truth()
             else:
                 self.device_before = self.device.timer.seconds()
                 prepare_figures()
-                with meanwhile(self.device, self.state.programs):
-                    done = self._begun()
+                with compile_during(self.device, self.state.programs):
+                    done = self._work_up_to_truth()
             if done is not None:
                 return done
             # a result that was to be reused is damaged: its stage runs after all
-            self.plan = make_plan(self.scene, self.out, **self.options)
+            self.plan = self._planned()
 
-    def _begun(self) -> Callable[[], Report] | None:
+    def _work_up_to_truth(self) -> Callable[[], Report] | None:
         """As `begin`; None if what is kept of an earlier run can't be used, and is forgotten."""
         self._in_memory()
-        if not self._reloaded():
+        if not self._load_reused():
             return None
         self.warnings += self.state.retire(stage.name for stage in self.plan.stages)
         with self._failures():
@@ -125,7 +106,7 @@ class Work:
                 # an earlier report must not speak for what a killed run leaves behind
                 for name in ("report.html", "report.json"):
                     delete(self.out, name)
-            write_text(inside(self.out, "scene.toml"), scene_text(self))
+            write_text(inside(self.out, "scene.toml"), self.scene_text())
             if self.plan["mesh"].runs:
                 self.state.record("mesh", self.plan["mesh"].key, [], self.notes["mesh"].content())
             self._stage(self.plan["solve"], self._solve)
@@ -135,8 +116,8 @@ class Work:
                 self.state.programs = []
             self._pictures()
             self._stage(self.plan["truth"], self._truth)
-        if self.photographer is not None:
-            self.photographer.forget()  # the next one may need its memory
+        if self.capture is not None:
+            self.capture.forget()  # the next one may need its memory
         if self.device is not None:
             self.seconds |= device_seconds(self.device, self.device_before)
         return self._end
@@ -146,12 +127,12 @@ class Work:
             self._stage(self.plan["measure"], self._measure)
             self._stage(self.plan["stress"], self._stress)
             self._stage(self.plan["export"], self._export)
-            doubts = self.doubts.notes(self.things.solved)
-            self.state.record("report", self.plan["report"].key, [], doubts.content())
+            known = self.scene_warnings.notes(self.objects.solved)
+            self.state.record("report", self.plan["report"].key, [], known.content())
         learn(self.speed, self.plan, self.stages, "" if self.device is None else self.device.name)
         if self.stresses is not None:
             self.stresses.close()
-        return work_report(self)
+        return self.report()
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
@@ -159,17 +140,24 @@ class Work:
         try:
             yield
         except Exception as error:
-            told = with_doubts(error, self.doubts.geometry)
-            write_report(work_report(self, failure=run_report.said(told)), self.out)
+            told = with_known_warnings(error, self.scene_warnings.geometry)
+            write_report(self.report(failure=run_report.failure_text(told)), self.out)
             if told is not error:
                 raise told from error
             raise
 
     # -- the frame around each stage -------------------------------------------------------
 
+    def _planned(self) -> Plan:
+        given = self.options
+        return make_plan(
+            self.scene, self.out, given.backend, fresh=given.fresh, skip=given.skip,
+            state=self.state, speed=self.speed,
+        )  # fmt: skip
+
     def _device(self) -> Device | None:
         """Open the device before anything else, if a stage that runs needs it."""
-        if self.backend == "numpy":
+        if self.options.backend == "numpy":
             return None
         if any(s.runs and s.name.split("/")[0] in ON_DEVICE for s in self.plan.stages):
             return default_device()
@@ -178,13 +166,13 @@ class Work:
     def _in_memory(self) -> None:
         """Mesh, model and surfaces; faults in them show before the output folder is touched."""
         scene = self.scene
-        self.stages, self.things = [], Things(scene, self.history)
+        self.stages, self.objects = [], SceneObjects(scene, self.history)
         check_views(scene)
 
         def meshes() -> str:
-            self.things.bodies = [build_body(body, scene.input) for body in scene.bodies]
+            self.objects.bodies = [build_body(body, scene.input) for body in scene.bodies]
             found = []
-            for parts in self.things.bodies:
+            for parts in self.objects.bodies:
                 if parts.field is not None:
                     check_field(parts.field, self.history.factors)
                 found.append(mesh_summary(parts.body.name, parts.mesh))
@@ -193,29 +181,29 @@ class Work:
                 tuple(text for _, texts in found for text in texts),
                 meshes=tuple(summary for summary, _ in found),
             )
-            return f"{sum(b.mesh.cell_count for b in self.things.bodies)} elements"
+            return f"{sum(b.mesh.cell_count for b in self.objects.bodies)} elements"
 
         def models() -> str:
             from gpusim.pipeline.build.modelling import build_model
 
             self.models = [
                 build_model(parts, groups)
-                for parts, groups in zip(self.things.bodies, self.history.groups, strict=True)
+                for parts, groups in zip(self.objects.bodies, self.history.groups, strict=True)
             ]
             return f"{len(self.models)} bodies"
 
         def surfaces() -> str:
-            self.things.props = [build_prop(prop, scene.input) for prop in scene.props]
-            surfaces = self.things.surfaces(None)
+            self.objects.props = [build_prop(prop, scene.input) for prop in scene.props]
+            surfaces = self.objects.surfaces(None)
             return f"{sum(len(surface.faces) for surface in surfaces)} faces"
 
         for name, work in (("mesh", meshes), ("model", models), ("surface", surfaces)):
             self._timed(self.plan[name], work if self.plan[name].runs else None)
         kept = self.state.notes(self.plan["report"].key) if self.reuse else None
-        built = self.things if self.plan["surface"].runs else None
-        self.doubts = Doubts.of(scene, self.history, built, kept)
+        built = self.objects if self.plan["surface"].runs else None
+        self.scene_warnings = SceneWarnings.of(scene, self.history, built, kept)
 
-    def _stage(self, planned: PlannedStage, work: Callable[[], Made]) -> None:
+    def _stage(self, planned: PlannedStage, work: Callable[[], StageResult]) -> None:
         """Run a stage, if it is to run, and record its files."""
 
         def recorded() -> str:
@@ -238,42 +226,43 @@ class Work:
                 text = work()
             except Exception as error:
                 seconds = time.perf_counter() - started
-                self.stages.append(Stage(planned.name, "failed", run_report.said(error), seconds))
+                self.stages.append(
+                    Stage(planned.name, "failed", run_report.failure_text(error), seconds)
+                )
                 raise
         seconds = time.perf_counter() - started
         self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))
         done = text if work is not None else f"{planned.state}: {text}"
         self.progress(planned.name, 1.0, done)
 
-    @property
-    def own_adapter(self) -> str:
-        """What this run makes results on."""
-        return "none (numpy backend)" if self.device is None else self.device.name
-
     # -- stages ----------------------------------------------------------------------------
 
-    def _solve(self) -> Made:
+    def _solve(self) -> StageResult:
         # what solves is imported where something is solved: most runs of a scene only look again
-        from gpusim.pipeline.build.modelling import held_by
+        from gpusim.pipeline.build.modelling import support_of_freedom
         from gpusim.pipeline.stages.solving import solve_bodies
 
         note = partial(self.progress, "solve")
         solutions = solve_bodies(
-            self.scene.solver, self.things.bodies, self.models, self.backend, note
+            self.scene.solver, self.objects.bodies, self.models, self.options, note
         )
-        held = [held_by(parts) for parts in self.things.bodies]
-        solved = self.things.solved = Solved.of(solutions, self.models, held)
+        held = [support_of_freedom(parts) for parts in self.objects.bodies]
+        solved = self.objects.solved = SceneSolution.of(solutions, self.models, held)
         self.seconds |= solver_seconds(solutions)
         self.note = f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}"
         path = inside(self.out, "solution", "displacement.npz")
         with atomic_stream(path) as stream:
-            np.savez(stream, allow_pickle=False, **self.things.solved.arrays())
-        return Made([path], Notes(adapter=self.own_adapter))
+            np.savez(stream, allow_pickle=False, **self.objects.solved.arrays())
+        return StageResult([path], Notes(adapter=self.own_adapter))
 
-    def _reloaded(self) -> bool:
+    def _load_reused(self) -> bool:
         """Load what an earlier run left for the stages that are reused. What is damaged is
         forgotten, with the reason; False then."""
-        reload = {"solve": self._resolve, "measure": self._remeasure, "stress": self._restress}
+        reload = {
+            "solve": self._load_solution,
+            "measure": self._load_measurements,
+            "stress": self._load_stresses,
+        }
         for stage in self.plan.stages:
             kept = self.state.notes(stage.key)
             if stage.state != "reused" and (stage.name != "mesh" or stage.runs or kept is None):
@@ -293,44 +282,45 @@ class Work:
         """A file that a stage of this run or of an earlier one has recorded."""
         return self.state.read(Path(path))
 
-    def _resolve(self) -> None:
+    def _load_solution(self) -> None:
         (path,) = self.state.files(self.plan["solve"].key)
         with np.load(self.state.read(path).stream(), allow_pickle=False) as stored:
-            solved = Solved.from_arrays(stored)
-        nodes = [parts.mesh.node_count for parts in self.things.bodies]
+            solved = SceneSolution.from_arrays(stored)
+        nodes = [parts.mesh.node_count for parts in self.objects.bodies]
         solved.check([len(groups) for groups in self.history.groups], nodes or None)
-        self.things.solved = solved
+        self.objects.solved = solved
 
     def _pictures(self) -> None:
         scene = self.scene
-        common = (scene, self.out, self.device, self.backend, build_lights(scene))
-        how = self.skip, self._read
-        self.photographer = images.Photographer(*common, self.things.surfaces, "", *how)
-        targets = images.Photographer(*common, self.things.target, "calib-", *how)
+        setup = images.CaptureSetup(
+            scene, self.out, self.device, build_lights(scene), self.options, self._read
+        )
+        self.capture = images.FrameCapture(setup, self.objects.surfaces)
+        targets = images.FrameCapture(setup, self.objects.target, "calib-")
         if not scene.cameras:
             self._timed(self.plan["render"], None)
         if self.plan["measure"].runs:  # a quarter of a second, beside the device
             Thread(target=import_module, args=("scipy.ndimage",), daemon=True).start()
         views = [stage for stage in self.plan.stages if stage.camera is not None]
-        self._album([stage for stage in views if stage.pose is None], self.photographer)
+        self._capture([stage for stage in views if stage.pose is None], self.capture)
         look = partial(write_corners, scene)
-        with ThreadPoolExecutor(1, thread_name_prefix="gpusim.follow") as aside:
-            aside.submit(self._follow)
-            self._album([stage for stage in views if stage.pose is not None], targets, look)
+        with ThreadPoolExecutor(1, thread_name_prefix="gpusim.tracking") as aside:
+            aside.submit(self._track_ahead)
+            self._capture([stage for stage in views if stage.pose is not None], targets, look)
 
-    def _follow(self) -> None:
+    def _track_ahead(self) -> None:
         """What can be measured while a calibration's pictures are taken; faults are met again."""
         specs = self.scene.measures if self.plan["measure"].runs else ()
         for spec in specs:
             if isinstance(spec, m.Stereo):
                 with suppress(GpusimError):
-                    follow_cameras(spec, self.scene, self.things, self._image, self.markers)
+                    track_in_cameras(spec, self.scene, self.objects, self._image, self.markers)
 
-    def _album(
+    def _capture(
         self,
         stages: Sequence[PlannedStage],
-        photographer: images.Photographer,
-        look: Callable[[images.Shot], list[Path]] | None = None,
+        capture: images.FrameCapture,
+        look: Callable[[images.CapturedImage], list[Path]] | None = None,
     ) -> None:
         by_name = {camera.name: camera for camera in self.scene.cameras}
         wanted = (
@@ -338,31 +328,31 @@ class Work:
             for stage in stages
             if stage.runs
         )
-        with Album(photographer, wanted, look) as album:
+        with CaptureQueue(capture, wanted, look) as queue:
             for planned in stages:
-                self._stage(planned, album.take)
+                self._stage(planned, queue.take)
 
-    def _truth(self) -> Made:
+    def _truth(self) -> StageResult:
         from gpusim.pipeline.stages.truth import write_truth  # HDF5 only where it is written
 
-        assert self.photographer is not None
+        assert self.capture is not None
         file = write_truth(
-            self.scene, self.out, self.photographer, self.things.bodies, self.things.displacement
+            self.scene, self.out, self.capture, self.objects.bodies, self.objects.displacement
         )
-        return Made([file], Notes(adapter=self.own_adapter))
+        return StageResult([file], Notes(adapter=self.own_adapter))
 
-    def _measure(self) -> Made:
+    def _measure(self) -> StageResult:
         files: list[Path] = []
         corners = partial(read_corners, self.scene, self.out, self._read)
-        sources = self._image, corners, self.markers
+        sources = Sources(self._image, corners, self.markers)
         for measure in self.scene.measures:
-            result = measurements.measured(measure, self.scene, self.things, *sources)
+            result = measurements.run_measure(measure, self.scene, self.objects, sources)
             self.results.append(result)
             files += result.write(inside(self.out, "measure"))
             self.note = result.note
-        return Made(files + self.markers.files)
+        return StageResult(files + self.markers.files)
 
-    def _remeasure(self) -> None:
+    def _load_measurements(self) -> None:
         folder = inside(self.out, "measure")
         self.results = [
             measurements.read(measure, folder, self._read) for measure in self.scene.measures
@@ -372,29 +362,29 @@ class Work:
         path = images.image_path(self.scene, self.out, camera, frame, kind)
         return read_image(self.state.read(path))
 
-    def _stress(self) -> Made:
+    def _stress(self) -> StageResult:
         from gpusim.pipeline.stages.stresses import write_stresses
 
         path = inside(self.out, "solution", "stress.npz")
         self.stresses = write_stresses(
-            path, self.things.bodies, self.models, self.history, self.things.displacement,
-            partial(self.progress, "stress"),
+            path, self.objects.bodies, self.models, self.history, self.objects.displacement,
+            progress=partial(self.progress, "stress"),
         )  # fmt: skip
         most = max((peak.von_mises for peak in self.stresses.peaks), default=0.0)
         self.note = f"greatest von Mises stress {most / 1e6:.4g} MPa"
-        return Made([path])
+        return StageResult([path])
 
-    def _restress(self) -> None:
+    def _load_stresses(self) -> None:
         from gpusim.pipeline.stages.stresses import Stresses
 
         (path,) = self.state.files(self.plan["stress"].key)
         self.stresses = Stresses(self.state.open(path))
 
-    def _export(self) -> Made:
+    def _export(self) -> StageResult:
         from gpusim.pipeline.stages.mesh_export import write_meshes  # as are these formats
 
         files, warnings = write_meshes(
-            self.scene, self.out, self.things.bodies, self.things.displacement, self.stresses
+            self.scene, self.out, self.objects.bodies, self.objects.displacement, self.stresses
         )
         self.note = f"{len(files)} files for other programs"
-        return Made(files, Notes(tuple(warnings)))
+        return StageResult(files, Notes(tuple(warnings)))

@@ -45,7 +45,7 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
 
     def tell_failure(name: str, error: Exception) -> None:
         text = str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
-        failed = _report(scene, out, reports, (), (), f"variant {name!r}: {text}")
+        failed = _report(scene, out, reports, (), (), failure=f"variant {name!r}: {text}")
         write_report(failed, out)
 
     def end(rest: Callable[[], Report], folder: Path, tell: Progress) -> Report:
@@ -116,6 +116,7 @@ def _report(
     reports: dict[str, Report],
     comparisons: tuple[DamageResult, ...],
     compared: tuple[Stage, ...],
+    *,
     failure: str = "",
 ) -> Report:
     stages = [

@@ -8,17 +8,17 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Self
 
-from gpusim.pipeline.notes import Made
-from gpusim.pipeline.stages.images import Photographer, Shot
+from gpusim.pipeline.notes import StageResult
+from gpusim.pipeline.stages.images import CapturedImage, FrameCapture
 from gpusim.scene.description import model as m
 
-__all__ = ["Album"]
+__all__ = ["CaptureQueue"]
 
 AHEAD = 2
 """Pictures that are taken before the one that is asked for is whole."""
 
 
-class Album:
+class CaptureQueue:
     """Photographs, in the order in which `take` will be called: ``wanted`` cameras and frames.
 
     ``look``: what else is found in one, and its files.
@@ -26,14 +26,14 @@ class Album:
 
     def __init__(
         self,
-        photographer: Photographer,
+        capture: FrameCapture,
         wanted: Iterable[tuple[m.Camera, int]],
-        look: Callable[[Shot], list[Path]] | None = None,
+        look: Callable[[CapturedImage], list[Path]] | None = None,
     ) -> None:
-        self.photographer, self.look = photographer, look
+        self.capture, self.look = capture, look
         self._wanted = deque(wanted)
-        self._coming: deque[Future[Made]] = deque()
-        self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="gpusim.album")
+        self._coming: deque[Future[StageResult]] = deque()
+        self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="gpusim.capture")
 
     def __enter__(self) -> Self:
         return self
@@ -41,22 +41,22 @@ class Album:
     def __exit__(self, *_: object) -> None:
         self._pool.shutdown()
 
-    def take(self) -> Made:
+    def take(self) -> StageResult:
         """Take the next picture; returns its files, and what is said of it."""
         while self._wanted and len(self._coming) <= AHEAD:
             self._coming.append(self._begin())
         return self._coming.popleft().result()
 
-    def _begin(self) -> Future[Made]:
+    def _begin(self) -> Future[StageResult]:
         camera, frame = self._wanted.popleft()
         try:
-            shot = self.photographer.take(camera, frame)
+            shot = self.capture.take(camera, frame)
         except Exception as error:  # it belongs to the picture that it happened to
-            failed: Future[Made] = Future()
+            failed: Future[StageResult] = Future()
             failed.set_exception(error)
             self._wanted.clear()
             return failed
         return self._pool.submit(self._end, shot)
 
-    def _end(self, shot: Shot) -> Made:
-        return Made(shot.write() + (self.look(shot) if self.look else []), shot.notes)
+    def _end(self, shot: CapturedImage) -> StageResult:
+        return StageResult(shot.write() + (self.look(shot) if self.look else []), shot.notes)

@@ -13,7 +13,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.surface import Surface
 
-__all__ = ["Window", "whole", "window_of"]
+__all__ = ["Window", "whole_window", "window_of"]
 
 MARGIN = 2  # px around the outermost corner
 
@@ -50,7 +50,7 @@ class Window:
         return image
 
 
-def whole(camera: Camera) -> Window:
+def whole_window(camera: Camera) -> Window:
     """The window that is all of the image."""
     return Window(0, 0, camera.width, camera.height)
 

@@ -31,12 +31,13 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter, moving, opening
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.stages.grey_levels import level_warnings
-from gpusim.pipeline.stages.image_window import Window, whole, window_of
+from gpusim.pipeline.stages.image_window import Window, whole_window, window_of
+from gpusim.plan.run_options import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["Photographer", "Shot", "image_path", "read_exposure"]
+__all__ = ["CaptureSetup", "CapturedImage", "FrameCapture", "image_path", "read_exposure"]
 
 SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
 
@@ -59,7 +60,7 @@ def read_exposure(file: InputFile) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class CapturedImage:
     """An image that was taken, and where it belongs.
 
     ``window``: the part of it that isn't background alone; None for all of it. ``density``: pixels
@@ -83,25 +84,33 @@ class Shot:
         return [self.path, *self.beside]
 
 
-class Photographer:
+@dataclass(frozen=True, eq=False)
+class CaptureSetup:
+    """What pictures of frames and of calibration targets have in common.
+
+    ``read``: how files of an earlier run are read.
+    """
+
+    scene: Scene
+    out: Path
+    device: Device | None
+    lights: Sequence[Light] | None
+    options: RunOptions
+    read: Reader = read_input
+
+
+class FrameCapture:
     """Renders and exposes frames of one kind; keeps one exposure per camera."""
 
     def __init__(
         self,
-        scene: Scene,
-        out: Path,
-        device: Device | None,
-        backend: str,
-        lights: Sequence[Light] | None,
+        setup: CaptureSetup,
         surfaces: Callable[[int | None], list[Surface]],
         kind: str = "",
-        skip: bool = True,
-        read: Reader = read_input,
     ) -> None:
-        """``read``: how files of an earlier run are read."""
-        self.scene, self.out, self.device, self.backend = scene, out, device, backend
-        self.lights, self.surfaces, self.kind, self.skip = lights, surfaces, kind, skip
-        self.read = read
+        self.scene, self.out, self.device = setup.scene, setup.out, setup.device
+        self.lights, self.options, self.read = setup.lights, setup.options, setup.read
+        self.surfaces, self.kind = surfaces, kind
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
         self._full_scale: dict[str, float] = {}
@@ -138,7 +147,7 @@ class Photographer:
             error=self.scene.render.error,
             background=self.scene.render.background,
             device=self.device,
-            backend=self.backend,
+            **self.options.for_renderer(),
         )
         self._last = (camera.name, frame, rendered)
         self._shown = () if callable(surfaces) else surfaces
@@ -150,7 +159,7 @@ class Photographer:
         self, surfaces: Sequence[Surface] | SurfacesAt, camera: m.Camera, viewer: Camera
     ) -> bool:
         """Whether the kept frame of this camera shows the same, to the last bit."""
-        if not self.skip or callable(surfaces) or not self._shown:
+        if not self.options.skip or callable(surfaces) or not self._shown:
             return False
         if same_surfaces(self._shown, surfaces):
             return True
@@ -169,9 +178,11 @@ class Photographer:
             if callable(now):
                 middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
                 surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
-                return Frame(local_view(surfaces, viewer, lit=True), self.device), whole(viewer)
-        window = window_of(surfaces[:bodies], viewer, BAND) if self.skip else None
-        window = window or whole(viewer)
+                return Frame(local_view(surfaces, viewer, lit=True), self.device), whole_window(
+                    viewer
+                )
+        window = window_of(surfaces[:bodies], viewer, BAND) if self.options.skip else None
+        window = window or whole_window(viewer)
         return Frame(local_view(surfaces, window.camera(viewer), lit=True), self.device), window
 
     def _moving(self, camera: m.Camera, frame: int) -> Sequence[Surface] | SurfacesAt:
@@ -187,7 +198,7 @@ class Photographer:
         around = self.surfaces(first), self.surfaces(last)
         return moving(around[0], now, around[1], (last - first) / rate) or now
 
-    def take(self, camera: m.Camera, frame: int) -> Shot:
+    def take(self, camera: m.Camera, frame: int) -> CapturedImage:
         """Render and expose one frame."""
         path = image_path(self.scene, self.out, camera.name, frame, self.kind)
         window = self._window(camera, frame)
@@ -199,14 +210,14 @@ class Photographer:
         common = self.scene.sensor
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
-        self._look_at(image, sensor, camera.name, frame)
+        self._check_levels(image, sensor, camera.name, frame)
         if window is not None:
             image = window.placed(image, build_camera(camera, self.scene.input))
         wide = camera.sensor[0]
         density = camera.resolution[0] / wide if wide else None
         notes = Notes(tuple(self._warnings), self._facts(camera, linear), self._adapter)
         self._warnings = []
-        return Shot(path, image, window, density, tuple(beside), not self.kind, notes)
+        return CapturedImage(path, image, window, density, tuple(beside), not self.kind, notes)
 
     def _facts(self, camera: m.Camera, rendered: Frame) -> dict[str, str]:
         """What lens and shutter did."""
@@ -218,7 +229,9 @@ class Photographer:
     def _adapter(self) -> str:
         return "none (numpy backend)" if self.device is None else self.device.name
 
-    def _look_at(self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int) -> None:
+    def _check_levels(
+        self, image: npt.NDArray[Any], sensor: Sensor, camera: str, frame: int
+    ) -> None:
         """Warn of the first picture of a camera whose grey values are bad."""
         texts = level_warnings(image, sensor)
         if texts and camera not in self._badly:
@@ -227,7 +240,7 @@ class Photographer:
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
-        if not self.kind or not self.skip or self.scene.render.background > 0.0:
+        if not self.kind or not self.options.skip or self.scene.render.background > 0.0:
             return None
         spec = self.scene.sensor_of(camera.name)
         if camera.lens is not None or build_sensor(spec, camera, 1.0).signal():

@@ -12,6 +12,7 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.gpu import Device
 from gpusim.pipeline.build.build import BodyParts, build_body
 from gpusim.pipeline.build.modelling import build_model
+from gpusim.plan.run_options import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.description import model as m
@@ -57,7 +58,7 @@ def solve_bodies(
     solver: m.Solver,
     bodies: Sequence[BodyParts],
     models: Sequence[fem.Model],
-    backend: str,
+    options: RunOptions,
     progress: Callable[[float, str], None],
 ) -> list[fem.Solution]:
     """Solve each body's model; ``progress`` is called with (done 0..1, text).
@@ -78,11 +79,10 @@ def solve_bodies(
             model,
             tolerance=solver.tolerance,
             formulation=parts.body.formulation,
-            # a software adapter is the host's own processors: no detour through it
-            backend="auto" if backend == "gpu" else backend,
             max_iterations=solver.max_iterations,
             method=solver.method,
             progress=note,
+            **options.for_solver(),
         )
         if not solution.converged:
             raise NotConverged(

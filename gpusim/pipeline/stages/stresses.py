@@ -77,6 +77,7 @@ def write_stresses(
     models: Sequence[fem.Model],
     history: LoadHistory,
     displacement: Callable[[int, int], Array],
+    *,
     progress: Callable[[float, str], None],
 ) -> Stresses:
     """Recover the stress of every body in every frame that moves, and keep it.

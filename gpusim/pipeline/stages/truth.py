@@ -16,7 +16,7 @@ from gpusim.optics.truth import Truth, seen_in
 from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.scene_objects import frame_word
-from gpusim.pipeline.stages.images import Photographer
+from gpusim.pipeline.stages.images import FrameCapture
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 
@@ -29,7 +29,7 @@ Displacement = Callable[[int, int], Array]
 def write_truth(
     scene: Scene,
     out: Path,
-    photographer: Photographer,
+    capture: FrameCapture,
     bodies: Sequence[BodyParts],
     displacement: Displacement,
 ) -> Path:
@@ -59,13 +59,12 @@ def write_truth(
                 camera_from_world=camera.camera_from_world,
                 distortion=() if camera.distortion is None else camera.distortion,
             )
-        rest = {spec.name: photographer.sight(spec, None, len(bodies)) for spec in scene.cameras}
+        rest = {spec.name: capture.sight(spec, None, len(bodies)) for spec in scene.cameras}
         for number, factor in enumerate(scene.analysis.load_factors):
             now = rest
             if not history.still(number):
                 now = {
-                    spec.name: photographer.sight(spec, number, len(bodies))
-                    for spec in scene.cameras
+                    spec.name: capture.sight(spec, number, len(bodies)) for spec in scene.cameras
                 }
             for spec in scene.cameras:
                 frame = file.frame(spec.name, number, **{word: factor})

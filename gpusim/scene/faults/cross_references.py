@@ -13,7 +13,7 @@ from gpusim.errors import Fault
 from gpusim.scene.schema.base import Words, norm
 from gpusim.scene.schema.mesh import NOTCHABLE, SETS
 
-from .faults import shown
+from .faults import value_text
 from .key_path import dotted, listed, nearest
 from .line_numbers import Keys
 
@@ -47,8 +47,10 @@ def _items(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Mapping[st
                 yield index, item
 
 
-def _add(found: Found, keys: Keys, problem: str, got: Any, expected: str, hint: str = "") -> None:
-    found.append((keys, Fault(dotted(keys), problem, shown(got), expected, hint)))
+def _add(
+    found: Found, keys: Keys, problem: str, got: Any, expected: str, *, hint: str = ""
+) -> None:
+    found.append((keys, Fault(dotted(keys), problem, value_text(got), expected, hint)))
 
 
 def _unique_names(document: Mapping[str, Any], found: Found) -> None:
@@ -80,9 +82,8 @@ def _references(document: Mapping[str, Any], found: Found) -> None:
             return
         near = nearest(value, list(names)) if len(found) < _HINTS else ""
         expected = f"one of {listed(names)}" if names else f"a {what}, but there is none"
-        _add(
-            found, keys, f"no such {what}", value, expected, f"did you mean {near}?" if near else ""
-        )
+        hint = f"did you mean {near}?" if near else ""
+        _add(found, keys, f"no such {what}", value, expected, hint=hint)
 
     keys: Keys
     materials = _names(document, "material")
@@ -217,7 +218,7 @@ def _fields(document: Mapping[str, Any], found: Found) -> None:
                  "a field for every body, or type \"static\"")  # fmt: skip
         elif kind == "static" and "field" in body:
             _add(found, ("analysis", "type"), "of a scene whose displacements are given", kind,
-                 f'"field", for body {shown(body.get("name"))}')  # fmt: skip
+                 f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
 
 
 def _poses(document: Mapping[str, Any], found: Found) -> None:

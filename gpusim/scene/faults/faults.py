@@ -18,7 +18,7 @@ from .key_path import dotted, nearest
 from .line_numbers import Keys, Origins, origin_of
 from .schema_places import Place, locate
 
-__all__ = ["MOST", "faults_of", "shown", "unread", "with_origin"]
+__all__ = ["MOST", "faults_of", "unread", "value_text", "with_origin"]
 
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
 _KINDS = {
@@ -81,9 +81,7 @@ def faults_of(
             keys = (*keys, *(int(part) if part.isdecimal() else part for part in parts))
         elif kind in ("union_tag_invalid", "union_tag_not_found"):
             keys = (*keys, str(context["discriminator"]).strip("'"))
-        found.append(
-            (keys, _fault(kind, dotted(keys), place, entry.get("input"), context, entry["msg"]))
-        )
+        found.append((keys, _fault(entry, kind, dotted(keys), place, context)))
     faults = [
         with_origin(fault, keys, origins)
         for index, (keys, fault) in enumerate(found)
@@ -93,11 +91,12 @@ def faults_of(
 
 
 def _fault(
-    kind: str, key: str, place: Place, value: Any, context: Mapping[str, Any], message: str
+    entry: Mapping[str, Any], kind: str, key: str, place: Place, context: Mapping[str, Any]
 ) -> Fault:
-    got = shown(value)
+    value: Any = entry.get("input")
+    got = value_text(value)
     if kind == "scene_fault":
-        return Fault(key, context["problem"], shown(context["got"]), context["expected"])
+        return Fault(key, context["problem"], value_text(context["got"]), context["expected"])
     if kind == "extra_forbidden":
         near = nearest(str(place.keys[-1]), place.valid_keys)
         keys = "" if near else "one of " + ", ".join(place.valid_keys)
@@ -109,7 +108,7 @@ def _fault(
     if kind == "union_tag_invalid":
         tag = str(context["tag"])
         hint = _did_you_mean(nearest(tag, place.tags))
-        return Fault(key, "unknown value", shown(tag), _one_of(place.tags), hint)
+        return Fault(key, "unknown value", value_text(tag), _one_of(place.tags), hint)
     if kind == "literal_error":
         words = str(context["expected"]).replace(" or ", ", ").split(", ")
         hint = nearest(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
@@ -136,7 +135,7 @@ def _fault(
         if "number" in text and isinstance(value, str):
             text += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
         return Fault(key, "wrong type", got, text)
-    return Fault(key, message, got)
+    return Fault(key, entry["msg"], got)
 
 
 def _wanted(place: Place, described: bool = True) -> str:
@@ -154,7 +153,7 @@ def _wanted(place: Place, described: bool = True) -> str:
     return f"{text} ({about})"
 
 
-def shown(value: Any) -> str:
+def value_text(value: Any) -> str:
     """A value as it would stand in the file, cut to one short line."""
     if isinstance(value, bool):
         text = "true" if value else "false"
@@ -169,7 +168,7 @@ def shown(value: Any) -> str:
     elif isinstance(value, int) and abs(value) >= 10**40:
         text = f"a number of about {value.bit_length() * 0.30103:,.0f} digits"
     elif isinstance(value, list):
-        text = f"[{', '.join(map(shown, value[:20]))}{', ...' if len(value) > 20 else ''}]"
+        text = f"[{', '.join(map(value_text, value[:20]))}{', ...' if len(value) > 20 else ''}]"
     else:
         text = str(value)
     text = printable(text)
@@ -184,7 +183,7 @@ def unread(error: InputError, key: str, path: Path) -> Fault:
         name, _, text = part.partition(" ")
         if name in words:
             words[name] = text
-    return Fault(key, problem, words["got"] or shown(str(path)), words["expected"])
+    return Fault(key, problem, words["got"] or value_text(str(path)), words["expected"])
 
 
 def _has_unit(key: str) -> bool:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gpusim.bench.cases import Case
+from benchmarks.solver.operator import host_probe, operator_probe
+from gpusim.bench.solver_cases import Case
 from gpusim.fem import Model
 from gpusim.gpu import Device, default_device
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -54,8 +55,6 @@ def best_of(work: Callable[[], object], times: int) -> float:
 
 def measure_operator(case: Case, model: Model) -> dict[str, Any]:
     """Time and bytes of y = K u on the device and on the host, each beside a copy."""
-    from gpusim.bench.operator import host_probe, operator_probe
-
     device = default_device()
     copy = device_copy_bandwidth(device)
     probe = operator_probe(case, model, device)

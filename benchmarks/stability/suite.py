@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.bench.hard_cases import HardCase, hard_cases
-from gpusim.bench.reference import Reference, reference_solution
+from benchmarks.solver.reference import Reference, reference_solution
+from benchmarks.stability.hard_cases import HardCase, hard_cases
 from gpusim.errors import GpusimError
 from gpusim.fem import Model, solve
 from gpusim.gpu import Device

@@ -1,7 +1,7 @@
 """A benchmark case as a folder of arrays, which every peer reads.
 
-The matrix is assembled here from the element matrices of ``gpusim.bench.elements``, not by the
-solver that is measured: that all agree says that both are right.
+The matrix is assembled here from the element matrices of this folder, not by the solver that is
+measured: that all agree says that both are right.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_matrix, csr_matrix
 
-from gpusim.bench.cases import Case
-from gpusim.bench.elements import element_matrices
+from benchmarks.solver.element_matrices import element_matrices
+from gpusim.bench.solver_cases import Case
 from gpusim.fem import Model
 
 __all__ = ["free_matrix", "write_problem"]
@@ -76,5 +76,9 @@ def write_problem(case: Case, model: Model, u: Float, folder: Path) -> None:
     }
     for name, array in arrays.items():
         np.save(folder / f"{name}.npy", array)
-    meta = case.describe() | {"node_count": mesh.node_count}
+    meta = {
+        "name": case.name, "kind": case.kind, "rule": case.rule, "E": case.material.E,
+        "nu": case.material.nu, "divisions": case.divisions, "size": case.lengths,
+        "node_count": mesh.node_count,
+    }  # fmt: skip
     (folder / "meta.json").write_text(json.dumps(meta, indent=1) + "\n", encoding="utf-8")

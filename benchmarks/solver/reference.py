@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.bench.elements import element_matrices
+from benchmarks.solver.element_matrices import element_matrices
 from gpusim.errors import InputError
 from gpusim.fem import Model
 

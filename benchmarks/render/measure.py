@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,20 +14,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim._version import __version__
-from gpusim.bench.images import IMAGE_CASES, ImageCase, lamp_sides
-from gpusim.bench.peers import peer_folder
-from gpusim.bench.supersample import compare, disc_texture, reference_windows
+from benchmarks.render.cases import IMAGE_CASES, lamp_sides
+from benchmarks.render.disc_texture import disc_texture
+from benchmarks.solver.peers import SCRIPTS
+from gpusim.bench.image_cases import ImageCase
+from gpusim.bench.images import ImageResult, Tell, load_windows, render_warm, unlit_reference
+from gpusim.bench.solver import machine
 from gpusim.gpu import Device, default_device
-from gpusim.optics import render
 
-__all__ = ["IMAGE_PEERS", "ImagePeer", "ImagePoint", "RenderResult", "run_render_bench"]
+__all__ = ["IMAGE_PEERS", "ImagePeer", "RenderResult", "run_render_bench"]
 
 Array = npt.NDArray[np.float64]
-Tell = Callable[[str], None]
 CONVERGED = 1024
 _LIMIT_S = 1800.0
-_WARM = 4
 
 
 @dataclass(frozen=True)
@@ -59,34 +57,9 @@ IMAGE_PEERS = (
 )
 
 
-@dataclass(frozen=True)
-class ImagePoint:
-    """One renderer at one setting: warm seconds of a frame and what the image is off by."""
-
-    renderer: str
-    seconds: float
-    rms: float
-    shift_rms: float
-    bias: float
-
-
-@dataclass
-class ImageResult:
-    case: str
-    width: int
-    height: int
-    triangles: int
-    lit: bool
-    points: list[ImagePoint] = field(default_factory=list)
-    failures: list[str] = field(default_factory=list)
-
-    def own(self) -> ImagePoint | None:
-        return next((p for p in self.points if p.renderer == "gpusim"), None)
-
-
 @dataclass
 class RenderResult:
-    """Everything measured, for `gpusim.bench.render_tables`."""
+    """Everything measured, for `benchmarks.render.tables`."""
 
     machine: str
     cases: list[ImageResult] = field(default_factory=list)
@@ -106,9 +79,7 @@ def run_render_bench(
     Unlit references are float64 samples of the triangles and discs themselves; lit ones are
     Mitsuba's windows at 1024 samples, and without it lit cases have times only.
     """
-    device = default_device()
-    machine = f"gpusim {__version__}, {device.name}, {os.cpu_count()} cores"
-    result = RenderResult(machine)
+    device, result = default_device(), RenderResult(machine())
     for name in names:
         case = IMAGE_CASES[name](size)
         result.cases.append(_run_case(case, work / f"{name}-{size}", peers, device, tell))
@@ -119,82 +90,38 @@ def run_render_bench(
 def _run_case(
     case: ImageCase, folder: Path, peers: Sequence[ImagePeer], device: Device, tell: Tell
 ) -> ImageResult:
-    camera, lit = case.camera, bool(case.lights)
-    found = ImageResult(case.name, camera.width, camera.height, len(case.soup.albedo), lit)
+    found = ImageResult.of(case)
     folder.mkdir(parents=True, exist_ok=True)
-    scripts = peer_folder() if peers else None
     _write_problem(case, folder)
-    wanted = _reference(case, folder, scripts, found, tell)
-    white = max(float(part.max()) for part in wanted) if wanted and lit else 1.0
-
-    def enter(name: str, seconds: float, windows: list[Array]) -> None:
-        off = compare(windows, wanted, white) if wanted else None
-        numbers = (off.rms, off.shift_rms, off.bias) if off else (np.nan,) * 3
-        point = ImagePoint(name, seconds, *numbers)
-        found.points.append(point)
-        tell(f"{case.name}: {describe(point)}")
-
-    enter("gpusim", *_own(case, device))
+    wanted = _reference(case, folder, found, tell)
+    found.add("gpusim", *render_warm(case, device), wanted, tell)
     for peer in peers:
-        if scripts is None or not (peer.lit if lit else peer.unlit):
+        if not (peer.lit if found.lit else peer.unlit):
             continue
         samples = [n for n in peer.samples if n * case.pixels <= peer.most_samples]
-        for variant in run_image_peer(peer, scripts, folder, samples) if samples else ():
+        for variant in run_image_peer(peer, folder, samples) if samples else ():
             if "failed" in variant:
                 found.failures.append(f"{peer.name}: {variant['failed']}")
                 tell(f"{case.name}: {found.failures[-1]}")
                 continue
-            enter(variant["name"], variant["seconds"], _load(Path(variant["windows"])))
+            windows = load_windows(Path(variant["windows"]))
+            found.add(variant["name"], variant["seconds"], windows, wanted, tell)
     return found
 
 
-def _own(case: ImageCase, device: Device) -> tuple[float, list[Array]]:
-    """Seconds of a warm frame until it lies on the device, and the windows of its image."""
-    lights = list(case.lights) or None
-    seconds = []
-    for _ in range(1 + _WARM):
-        start = time.perf_counter()
-        frame = render(case.surfaces, case.camera, lights, device=device)
-        device.sync()
-        seconds.append(time.perf_counter() - start)
-        if len(seconds) <= _WARM:
-            frame.release()
-    image = frame.radiance
-    frame.release()
-    return min(seconds[1:]), [
-        image[r0:r1, c0:c1].astype(np.float64) for r0, r1, c0, c1 in case.windows
-    ]
-
-
-def _reference(
-    case: ImageCase, folder: Path, scripts: Path | None, found: ImageResult, tell: Tell
-) -> list[Array]:
+def _reference(case: ImageCase, folder: Path, found: ImageResult, tell: Tell) -> list[Array]:
     path = folder / "reference.npz"
-    if path.is_file():
-        return _load(path)
-    tell(f"{case.name}: reference")
     if not case.lights:
-        windows = reference_windows(case)
-    else:
+        return unlit_reference(case, path, tell)
+    if not path.is_file():
+        tell(f"{case.name}: reference")
         mitsuba = next(peer for peer in IMAGE_PEERS if peer.name == "Mitsuba")
-        if scripts is None:
-            found.failures.append(
-                "no error is told: the reference of lit images is Mitsuba's, which is run from a "
-                "checkout only"
-            )
-            return []
-        (made,) = run_image_peer(mitsuba, scripts, folder, [CONVERGED], "windows-")
+        (made,) = run_image_peer(mitsuba, folder, [CONVERGED], "windows-")
         if "failed" in made:
             found.failures.append(f"no reference: {made['failed']}")
             return []
-        windows = _load(Path(made["windows"]))
-    np.savez(path, *windows)
-    return windows
-
-
-def _load(path: Path) -> list[Array]:
-    with np.load(path) as stored:
-        return [stored[name] for name in stored.files]
+        np.savez(path, *load_windows(Path(made["windows"])))
+    return load_windows(path)
 
 
 def _write_problem(case: ImageCase, folder: Path) -> None:
@@ -229,7 +156,11 @@ def _write_problem(case: ImageCase, folder: Path) -> None:
 
 
 def run_image_peer(
-    peer: ImagePeer, scripts: Path, folder: Path, samples: Sequence[int], tag: str = ""
+    peer: ImagePeer,
+    folder: Path,
+    samples: Sequence[int],
+    tag: str = "",
+    scripts: Path = SCRIPTS,
 ) -> list[dict[str, Any]]:
     """The peer's variants: {"name", "seconds", "windows"}, or one {"failed"}."""
     own = scripts / ".venv" / "bin" / "python"
@@ -251,13 +182,3 @@ def run_image_peer(
         return [{"failed": (said[-1] if said else f"ended with {done.returncode}")[:200]}]
     variants: list[dict[str, Any]] = json.loads(lines[-1])["variants"]
     return variants
-
-
-def describe(point: ImagePoint) -> str:
-    """One line for the screen."""
-    if not np.isfinite(point.rms):
-        return f"{point.renderer}: {point.seconds:.3f} s, no reference to tell its error"
-    return (
-        f"{point.renderer}: {point.seconds:.3f} s, RMS {point.rms:.1e}, "
-        f"shift {point.shift_rms:.1e} px, bias {point.bias:.1e} px"
-    )

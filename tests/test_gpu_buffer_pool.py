@@ -8,11 +8,11 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu import Device, buffer_pool
-from gpusim.gpu.buffer_pool import Kept
+from gpusim.gpu.buffer_pool import BufferPool
 
 
 def test_a_buffer_is_taken_again(device: Device) -> None:
-    own = Kept(device)
+    own = BufferPool(device)
     first = own.take(4000, "first")
     first.write(np.arange(1000, dtype=np.uint32))
     memory = first.gpu
@@ -32,7 +32,7 @@ def test_a_buffer_is_taken_again(device: Device) -> None:
 
 def test_the_oldest_are_freed(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(buffer_pool, "MOST_BYTES", 3000)
-    own, before = Kept(device), device.allocated
+    own, before = BufferPool(device), device.allocated
     buffers = [own.take(1024, f"b{k}") for k in range(4)]
     memory = [buffer.gpu for buffer in buffers]
     for buffer in buffers:
@@ -45,10 +45,10 @@ def test_the_oldest_are_freed(device: Device, monkeypatch: pytest.MonkeyPatch) -
 
 def test_what_waits_is_no_reason_to_refuse() -> None:
     device = Device(memory_limit=300_000)
-    device.kept.give(device.kept.take(200_000, "frame"))
-    assert device.allocated == device.kept.nbytes == 200_000
+    device.pool.give(device.pool.take(200_000, "frame"))
+    assert device.allocated == device.pool.nbytes == 200_000
     buffer = device.empty(250_000, "solver")
-    assert device.allocated == 250_000 and device.kept.nbytes == 0
+    assert device.allocated == 250_000 and device.pool.nbytes == 0
     with pytest.raises(OutOfDeviceMemory):
         device.empty(100_000, "more")
     buffer.release()

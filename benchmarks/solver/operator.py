@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.bench.cases import Case
+from gpusim.bench.solver_cases import Case
 from gpusim.fem import Model
 from gpusim.fem.assembly.assembly import assemble, model_lattice
 from gpusim.fem.assembly.block_rows import block_matrix

@@ -1,7 +1,6 @@
 """Other solvers on the same problem, each a script of ``benchmarks/peers`` in its own process.
 
-They are found from a checkout only, and never installed by the product: see
-``benchmarks/peers/README.md``. A peer that is missing, or fails, is reported as such.
+See ``benchmarks/peers/README.md``. A peer that is missing, or fails, is reported as such.
 """
 
 from __future__ import annotations
@@ -16,15 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gpusim.bench.cases import Case
+from gpusim.bench.solver_cases import Case
 
-__all__ = ["EXACT", "NO_CHECKOUT", "PEERS", "Peer", "peer_folder", "run_peer"]
+__all__ = ["EXACT", "PEERS", "SCRIPTS", "Peer", "run_peer"]
 
-NO_CHECKOUT = (
-    "other programs are measured from a checkout only (benchmarks/peers), and this gpusim is "
-    "installed: it is measured alone"
-)
-
+SCRIPTS = Path(__file__).resolve().parents[1] / "peers"
 _DEBIAN_PETSC = "/usr/lib/petscdir/petsc3.18/x86_64-linux-gnu-real"
 
 
@@ -41,7 +36,7 @@ class Peer:
 
     def takes(self, case: Case, unknowns: int) -> bool:
         """Whether the peer is tried on this case."""
-        return case.peers and unknowns <= self.most.get(case.family, self.most.get("", 1_200_000))
+        return unknowns <= self.most.get(case.family, self.most.get("", 1_200_000))
 
 
 _PETSC = {"variants": ["gmg", "gmg-w", "gamg"]}
@@ -61,13 +56,9 @@ PEERS = (
 )  # fmt: skip
 
 
-def peer_folder() -> Path | None:
-    """``benchmarks/peers`` of the checkout that this package runs from; None outside of one."""
-    folder = Path(__file__).resolve().parents[2] / "benchmarks" / "peers"
-    return folder if (folder / "common.py").is_file() else None
-
-
-def run_peer(peer: Peer, scripts: Path, problem: Path, limit: float) -> Iterator[dict[str, Any]]:
+def run_peer(
+    peer: Peer, problem: Path, limit: float, scripts: Path = SCRIPTS
+) -> Iterator[dict[str, Any]]:
     """The peer's variants: {"name", "setup_s", "runs", "peak_kib"}, or {"name", "failed"}."""
     python = _interpreter(peer, scripts)
     command = [python, str(scripts / peer.script), str(problem), json.dumps(dict(peer.options))]

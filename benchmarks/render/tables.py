@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from gpusim.bench.render import ImagePoint, ImageResult, RenderResult
+from benchmarks.render.measure import RenderResult
+from gpusim.bench.images import ImagePoint, ImageResult
+from gpusim.bench.tables import image_table
 
 __all__ = ["ratios", "write_render"]
-
-_HEAD = "| renderer | s/frame | ns/px | image RMS | shift RMS px | bias px | time / gpusim |"
 
 
 def write_render(result: RenderResult, folder: Path) -> list[Path]:
@@ -27,32 +28,11 @@ def write_render(result: RenderResult, folder: Path) -> list[Path]:
         "",
     ]
     for case in result.cases:
-        lines += _case(case)
+        notes = [f"- {text}" for text in (*ratios(case), *case.failures)]
+        lines += [*image_table(case), "", *notes, ""]
     path = folder / "render.md"
     path.write_text("\n".join(lines), encoding="utf-8")
     return [path, _figure(result, folder / "render.png")]
-
-
-def _case(case: ImageResult) -> list[str]:
-    light = "lit" if case.lit else "unlit"
-    lines = [
-        f"## {case.case}: {case.width} x {case.height} px, {case.triangles:,} triangles, {light}",
-        "", _HEAD, "|---|---|---|---|---|---|---|",
-    ]  # fmt: skip
-    own = case.own()
-    pixels = case.width * case.height
-    for p in case.points:
-        ratio = f"{p.seconds / own.seconds:.1f}" if own else ""
-        lines.append(
-            f"| {p.renderer} | {p.seconds:.3f} | {1e9 * p.seconds / pixels:.0f} | {_error(p.rms)} "
-            f"| {_error(p.shift_rms)} | {_error(p.bias)} | {ratio} |"
-        )
-    lines += ["", *(f"- {text}" for text in (*ratios(case), *case.failures)), ""]
-    return lines
-
-
-def _error(value: float) -> str:
-    return f"{value:.1e}" if np.isfinite(value) else "-"
 
 
 def ratios(case: ImageResult) -> list[str]:
@@ -80,9 +60,6 @@ def ratios(case: ImageResult) -> list[str]:
 
 
 def _figure(result: RenderResult, path: Path) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     cases = [
         case
         for case in result.cases
@@ -93,7 +70,6 @@ def _figure(result: RenderResult, path: Path) -> Path:
     columns = min(3, max(1, count))
     rows = -(-max(1, count) // columns)
     figure = Figure(figsize=(4.6 * columns, 3.6 * rows), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for axis, case in zip(axes, cases, strict=False):
         for family, points in _families(case.points).items():

@@ -1,0 +1,1 @@
+"""Run time of images against their error, beside other renderers."""

@@ -1,0 +1,1 @@
+"""Run time of the solver against its error, beside other solvers."""

@@ -1,0 +1,34 @@
+"""Hard models: each is right within its stated error, or an error names the cause:
+``python -m benchmarks.stability``; ends with 1 after a silent failure."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from benchmarks.stability.hard_cases import hard_cases
+from benchmarks.stability.suite import SILENT, WAYS, describe, run_suite
+from benchmarks.stability.tables import write_stability
+from gpusim.gpu import default_device
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--case", default="", metavar="TEXT", help="part of the cases' names")
+    parser.add_argument("--quick", action="store_true", help="the cases of the test suite")
+    parser.add_argument("--way", choices=WAYS, action="append", help="repeatable; default all")
+    parser.add_argument("-o", "--output", type=Path, default=Path("bench"), metavar="DIR")
+    given = parser.parse_args()
+    cases = [c for c in hard_cases() if given.case in c.name and (c.quick or not given.quick)]
+    if not cases:
+        parser.error(f"--case; got {given.case!r}; no case's name holds it")
+    verdicts = run_suite(cases, given.way or tuple(WAYS), tell=lambda v: print(describe(v)))
+    for path in write_stability(verdicts, given.output, default_device().name):
+        print(path)
+    silent = sum(v.verdict == SILENT for v in verdicts)
+    print(f"{len(verdicts)} solves, {silent} silent failures")
+    return 1 if silent else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,211 @@
+"""What buffers, textures and programs need of an open device: limits, memory, transfers, errors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+import wgpu
+
+from gpusim.errors import InputError, NoAdapter, OutOfDeviceMemory
+from gpusim.gpu import faults
+from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
+from gpusim.gpu.timing import StageTimer
+from gpusim.gpu.transfer import MAPPABLE, Transfer
+
+__all__ = ["PORTABLE_LIMITS", "DeviceContext"]
+
+PORTABLE_LIMITS = {
+    "max-texture-dimension-2d": 8192,
+    "max-bind-groups": 4,
+    "max-sampled-textures-per-shader-stage": 16,
+    "max-storage-textures-per-shader-stage": 4,
+    "max-storage-buffers-per-shader-stage": 8,
+    "max-uniform-buffers-per-shader-stage": 12,
+    "max-storage-buffer-binding-size": 134217728,
+    "max-uniform-buffer-binding-size": 65536,
+    "max-buffer-size": 268435456,
+    "max-compute-workgroup-storage-size": 16384,
+    "max-compute-invocations-per-workgroup": 256,
+    "max-compute-workgroup-size-x": 256,
+    "max-compute-workgroup-size-y": 256,
+    "max-compute-workgroup-size-z": 64,
+    "max-compute-workgroups-per-dimension": 65535,
+}
+"""What every WebGPU implementation promises; asking for more would hide non-portable code."""
+
+ATOMICS64 = frozenset({"shader-int64", "shader-int64-atomic-min-max"})
+"""What `Device.atomics64` takes."""
+
+
+class DeviceContext:
+    """An open adapter with the limits that WebGPU promises everywhere (see `Device`)."""
+
+    def __init__(
+        self,
+        real: str | None = None,
+        adapter: str | None = None,
+        memory_limit: int | None = None,
+        shaders: Path | None = None,
+    ) -> None:
+        if real not in (None, "f64", "double_single"):
+            raise InputError(f"Device real; got {real!r}; expected 'f64' or 'double_single'")
+        self.adapter = find_adapter(adapter or os.environ.get("GPUSIM_ADAPTER") or None)
+        self.info: dict[str, Any] = dict(self.adapter.info)
+        has_f64 = "shader-f64" in self.adapter.features
+        if real == "f64" and not has_f64:
+            raise NoAdapter(f"{self.name}: no 64-bit floats; got real='f64'; use 'double_single'")
+        self.real = real or ("f64" if has_f64 else "double_single")
+        features = ["shader-f64"] if self.real == "f64" else []
+        wanted = ["timestamp-query", "primitive-index"]
+        if ATOMICS64 <= set(self.adapter.features):
+            wanted += sorted(ATOMICS64)
+        if is_processor(self.info):
+            wanted.append(MAPPABLE)
+        features += [extra for extra in wanted if extra in self.adapter.features]
+        self.features = frozenset(features)
+        try:
+            self.gpu: Any = self.adapter.request_device_sync(
+                label="gpusim", required_features=features, required_limits=PORTABLE_LIMITS
+            )
+        except Exception as error:
+            raise NoAdapter(f"{self.name}: the device could not be opened: {error}") from error
+        self.limits: dict[str, int] = dict(self.gpu.limits)
+        self.memory_limit = memory_limit if memory_limit is not None else free_memory(self.info)
+        self.shaders = shaders
+        self.transfer = Transfer(self.gpu, MAPPABLE in self.features)
+        self.timer = StageTimer(self.gpu, self.guard, "timestamp-query" in self.features)
+        self.reclaim: list[Callable[[], None]] = []
+        """What frees memory that nobody needs now, before more is refused."""
+        # bytes by wgpu object: an entry goes when Python drops the object, and only then does
+        # wgpu free the memory, after the last submit that uses it
+        self._live: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
+        self._opaque_zero: Any = None
+        self._fence = self.gpu.create_buffer(
+            label="gpusim.fence", size=4, usage=wgpu.BufferUsage.COPY_SRC
+        )
+
+    @property
+    def name(self) -> str:
+        """The adapter's name, driver included."""
+        parts = (self.info.get("device"), self.info.get("description"))
+        return ", ".join(str(part) for part in parts if part)
+
+    @property
+    def atomics64(self) -> bool:
+        """Whether kernels may keep the larger of two 64-bit numbers in one step."""
+        return ATOMICS64 <= self.features
+
+    @property
+    def allocated(self) -> int:
+        """Bytes of all live buffers and textures."""
+        return sum(self._live.values())
+
+    @contextmanager
+    def guard(self, what: str) -> Iterator[None]:
+        """Turn what wgpu raises or logs inside the block into `DeviceError` and its kinds."""
+        try:
+            yield
+        except wgpu.GPUError as error:
+            faults.pending()
+            raise faults.translate(error, what) from error
+        for message in faults.pending():
+            # the log doesn't say which device was lost: a probe shows whether it was this one
+            if not faults.is_loss(message) or not self._alive():
+                raise faults.translate(message, what)
+
+    def _alive(self) -> bool:
+        try:
+            self.gpu.create_buffer(size=4, usage=wgpu.BufferUsage.COPY_SRC)
+        except wgpu.GPUError as error:
+            return not faults.is_loss(str(error))
+        return True
+
+    def allocate(self, nbytes: int, label: str, data: npt.NDArray[Any] | None = None) -> Any:
+        """The wgpu object of a storage buffer of zeros, or of what ``data`` holds."""
+        size = max(16, -(-int(nbytes) // 16) * 16)
+        if size > self.limits["max-buffer-size"]:
+            raise OutOfDeviceMemory(
+                f"buffer {label}; got {size} bytes; expected at most "
+                f"{self.limits['max-buffer-size']} in one buffer on {self.name}"
+            )
+        self.require_memory(size, label)
+        with self.guard(f"buffer {label} of {size} bytes"):
+            gpu = self.transfer.create(label, size, data if nbytes else None)
+        self.account(gpu, size)
+        return gpu
+
+    def account(self, gpu: Any, nbytes: int) -> None:
+        """Count ``nbytes`` as in use for as long as the wgpu object ``gpu`` lives."""
+        self._live[gpu] = nbytes
+
+    def require_memory(self, nbytes: int, what: str) -> None:
+        """Refuse ``nbytes`` more, before anything is allocated, if they don't fit.
+
+        Raises
+        ------
+        OutOfDeviceMemory
+        """
+        limit = self.memory_limit
+        if limit is None or self.allocated + nbytes <= limit:
+            return
+        for free in self.reclaim:
+            free()
+        if not self.allocated + nbytes <= limit:
+            raise OutOfDeviceMemory(
+                f"{what}: needs {nbytes / 1e6:.0f} MB beside the {self.allocated / 1e6:.0f} MB in "
+                f"use; got a limit of {limit / 1e6:.0f} MB on {self.name}"
+            )
+
+    def forget(self, gpu: Any) -> None:
+        """Free the memory of a wgpu buffer or texture."""
+        self._live.pop(gpu, None)
+        gpu.destroy()
+
+    @contextmanager
+    def seen_bytes(self, gpu: Any, label: str, offset: int, size: int) -> Iterator[memoryview]:
+        """Raw bytes (offset and size multiples of 4) for as long as the block runs.
+
+        Waits until the device has finished.
+        """
+        with ExitStack() as opened:
+            with self.guard(f"reading {label}"):
+                try:
+                    data = opened.enter_context(self.transfer.seen(gpu, offset, size))
+                except (RuntimeError, AttributeError) as error:
+                    # wgpu-py's words for a failed map, and for one on a device that is gone
+                    reason = error if self._alive() else "device is lost"
+                    raise faults.translate(reason, f"reading {label}") from error
+            yield data
+
+    def opaque_zero(self) -> Any:
+        """The uniform that keeps double-single arithmetic safe from the compiler."""
+        if self._opaque_zero is None:
+            self._opaque_zero = self.gpu.create_buffer_with_data(
+                label="gpusim.real.zero",
+                data=np.zeros(4, np.uint32),
+                usage=wgpu.BufferUsage.UNIFORM,
+            )
+        return self._opaque_zero
+
+    def sync(self) -> None:
+        """Wait until everything submitted so far is done.
+
+        Reads four bytes back: wgpu-py 0.32 can't call its own work-done callback.
+        """
+        with self.guard("waiting for the device"):
+            try:
+                self.gpu.queue.read_buffer(self._fence, 0, 4)
+            except RuntimeError as error:
+                raise faults.translate(error, "waiting for the device") from error
+
+    def submit(self, commands: Any, stage: str) -> None:
+        """Send a finished command buffer; device errors come back as `DeviceError`."""
+        with self.guard(stage):
+            self.transfer.submit([commands])
