@@ -23,7 +23,7 @@ from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble
 from gpusim.mesh.formats.gmsh.element_sizes import SizeBox, check_sizes, set_sizes
 from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
-from gpusim.parallel.child_process import SECONDS, call_in_child
+from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
 
 __all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
 
@@ -72,7 +72,7 @@ def mesh_cad(
     sizes: Mapping[str, float] | None = None,
     boxes: Sequence[SizeBox] = (),
     scale: float = 1.0,
-    time_limit: float = SECONDS,
+    time_limit: float = CHILD_SECONDS,
 ) -> Mesh:
     """Mesh the solids of a ``.step``/``.stp``, ``.brep`` or closed ``.stl`` file.
 
