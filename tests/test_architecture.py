@@ -108,8 +108,6 @@ CIRCLES: list[set[str]] = [
         "gpu.timing",
         "gpu.uniform",
     },
-    {"measure.correlation.image_tiles", "measure.correlation.matching"},
-    {"mesh.boundary", "mesh.mesh", "mesh.quality"},
     {
         "optics.paint.checker_lines",
         "optics.probes.occluders",

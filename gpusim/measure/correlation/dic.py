@@ -110,16 +110,9 @@ def dic(
     """
     device = working_device("dic", backend, device)
     settings = make_settings(
-        subset,
-        window,
-        shape=shape,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-        min_zncc=min_zncc,
-        max_move=float(subset),
-        apart_px=apart_px,
-        blur_px=blur_px,
-    )
+        subset, window, shape=shape, tolerance=tolerance, max_iterations=max_iterations,
+        min_zncc=min_zncc, max_move=float(subset), apart_px=apart_px, blur_px=blur_px,
+    )  # fmt: skip
     first = make_usable(reference, "reference", subset, mask, saturation)
     second = make_usable(deformed, "deformed", subset, None, saturation)
     allowed = check_mask(first.good, first.image, blur_px)
@@ -132,24 +125,34 @@ def dic(
     else:
         positions = check_points(points, "points")
     begin = None if guess is None else _check_guess(guess, positions, settings)
+    motion = 0.0 if begin is None else np.nan_to_num(np.abs(begin[:, :, 0])).max(initial=0.0)
+    near = max(float(search_px), float(motion))
+    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
+    _spread(front, begin, isinstance(guess, DicResult), start, int(search_px))
+    matches = front.matches()
+    explain(matches, positions, settings, first, second)
+    widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
+    return make_result(positions, matches, subset, widening)
+
+
+def _spread(
+    front: Front, begin: FloatArray | None, earlier: bool, start: Start, search_px: int
+) -> None:
+    """Measure every point: from guesses ``begin`` (M, 2, 3), those of an ``earlier`` image or of
+    the caller, or from seeds; then from neighbours, as far as that leads."""
     known = np.zeros(0, dtype=np.int64)
     if begin is not None:
         known = np.flatnonzero(np.isfinite(begin).all(axis=(1, 2)))
-    near = float(search_px)
-    if begin is not None and known.size:
-        near = max(near, float(np.abs(begin[known, :, 0]).max()))
-    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
-    if begin is not None:
         front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
-    if begin is None or (isinstance(guess, DicResult) and not _found(front, known) >= ENOUGH):
-        _seed(front, start, int(search_px))
+    if begin is None or (earlier and not _found(front, known) >= ENOUGH):
+        _seed(front, start, search_px)
     front.propagate()
     if front.widen():
         front.propagate()
     if begin is None:
         lonely = np.flatnonzero((front.status == Status.NO_GUESS) | (front.attempts == 0))
         if lonely.size:
-            front.search(lonely, int(search_px), np.zeros(2))
+            front.search(lonely, search_px, np.zeros(2))
             front.propagate()
     else:
         # nothing led there; let the kernel say if it could have been measured at all
@@ -158,10 +161,6 @@ def dic(
     front.settle()
     front.doubt()
     front.split()
-    matches = front.matches()
-    explain(matches, positions, settings, first, second)
-    widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
-    return make_result(positions, matches, subset, widening)
 
 
 def _seed(front: Front, start: Start, search_px: int) -> None:

@@ -124,13 +124,7 @@ def fit_many(
     # by the last whole row of steps, and since
     gain = np.maximum(gained, earlier - square)[active]
     converged[active] = gain <= LAST_GAIN * square[active]
-    freedom = np.maximum((weight > 0).sum(axis=1) - size, 1)
-    main = normal[:, diagonal, diagonal]
-    # a parameter that changes nothing (a blur of none) is left out of the others' covariance
-    main = np.sqrt(np.maximum(main, 1e-24 * main.max(axis=1, keepdims=True) + 1e-200))
-    scaled = normal / (main[:, :, None] * main[:, None, :]) + 1e-14 * np.eye(size)
-    inverse = np.linalg.inv(scaled) / (main[:, :, None] * main[:, None, :])
-    covariance = inverse * (square / freedom)[:, None, None]
+    covariance = _covariance(normal, square, (weight > 0).sum(axis=1))
     total = np.maximum(weight.sum(axis=1), 1e-300)
     return ManyFits(p, np.sqrt(square / total), covariance, converged)
 
@@ -146,3 +140,14 @@ def _normal(
     gradient = (weighted @ residual[..., None])[..., 0]
     square = np.einsum("kp,kp->k", own, residual * residual)
     return normal, gradient, square
+
+
+def _covariance(normal: FloatArray, square: FloatArray, samples: Rows) -> FloatArray:
+    """(C, Q, Q), from normal matrices and the squares that so many samples leave."""
+    size = normal.shape[1]
+    main = normal[:, np.arange(size), np.arange(size)]
+    # a parameter that changes nothing (a blur of none) is left out of the others' covariance
+    main = np.sqrt(np.maximum(main, 1e-24 * main.max(axis=1, keepdims=True) + 1e-200))
+    scaled = normal / (main[:, :, None] * main[:, None, :]) + 1e-14 * np.eye(size)
+    inverse = np.linalg.inv(scaled) / (main[:, :, None] * main[:, None, :])
+    return np.asarray(inverse * (square / np.maximum(samples - size, 1))[:, None, None])

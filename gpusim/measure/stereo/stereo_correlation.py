@@ -123,15 +123,9 @@ def stereo_shape(
     if not 0 < epipolar_px < np.inf:
         raise InputError(f"epipolar_px: got {epipolar_px!r}; expected px > 0")
     settings = make_settings(
-        subset,
-        "square",
-        shape=match_shape,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-        min_zncc=min_zncc,
-        max_move=float(subset),
-        blur_px=blur_px,
-    )
+        subset, "square", shape=match_shape, tolerance=tolerance, max_iterations=max_iterations,
+        min_zncc=min_zncc, max_move=float(subset), blur_px=blur_px,
+    )  # fmt: skip
     device = working_device("stereo_shape", backend, device)
     first = make_usable(left, "left", subset, mask, saturation)
     second = make_usable(right, "right", subset, None, saturation)
@@ -208,45 +202,25 @@ def stereo_dic(
     """
     device = working_device("stereo_dic", backend, device)
     common: dict[str, Any] = {
-        "subset": subset,
-        "saturation": saturation,
-        "blur_px": blur_px,
-        "tolerance": tolerance,
-        "min_zncc": min_zncc,
-        "device": device,
-        "backend": "numpy" if device is None else "gpu",
-    }
+        "subset": subset, "saturation": saturation, "blur_px": blur_px, "tolerance": tolerance,
+        "min_zncc": min_zncc, "device": device, "backend": "numpy" if device is None else "gpu",
+    }  # fmt: skip
     begin = stereo_shape(
-        left,
-        right,
-        cameras,
-        step=step,
-        roi=roi,
-        points=points,
-        mask=mask,
-        match_shape=match_shape,
-        epipolar_px=epipolar_px,
-        **common,
-    )
+        left, right, cameras, step=step, roi=roi, points=points, mask=mask,
+        match_shape=match_shape, epipolar_px=epipolar_px, **common,
+    )  # fmt: skip
     known = np.flatnonzero(begin.ok)
     if known.size == 0:
         count = sum(1 for _ in lefts)
         return [begin] * count
-    tracks = [
-        dic_sequence(image, images, points=where, mask=part, shape=shape, update=update, **both)
-        for image, images, where, part in (
-            (left, lefts, begin.left[known], mask),
-            (right, rights, begin.right[known], None),
-        )
-        for both in ({**common, **options},)
-    ]
-    if len(tracks[0]) != len(tracks[1]):
-        raise InputError(
-            f"lefts, rights: got {len(tracks[0])} and {len(tracks[1])} images; expected pairs"
-        )
+    both: dict[str, Any] = {**common, "shape": shape, "update": update, **options}
+    ones = dic_sequence(left, lefts, points=begin.left[known], mask=mask, **both)
+    twos = dic_sequence(right, rights, points=begin.right[known], **both)
+    if len(ones) != len(twos):
+        raise InputError(f"lefts, rights: got {len(ones)} and {len(twos)} images; expected pairs")
     return [
         _moved(cameras, begin, known, one, two, epipolar_px)
-        for one, two in zip(*tracks, strict=True)
+        for one, two in zip(ones, twos, strict=True)
     ]
 
 

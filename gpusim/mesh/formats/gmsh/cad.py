@@ -122,26 +122,30 @@ def mesh_cad(
     file = read_input(path, "a CAD file")
     if not file.data:
         raise InputError(f"{file.path}: the file is empty; expected a CAD file")
-    if order not in (1, 2):
-        raise InputError(f"mesh_cad: order; got {order}; expected 1 or 2")
-    if file.suffix == ".stl":
-        _refuse_lost_corners(file)
-    if curvature and file.suffix == ".stl":
-        raise InputError(
-            f"{file.path}: curvature for a surface of flat triangles; got {curvature}; expected 0 "
-            "(or the part as STEP or BREP)"
-        )
-    if hexahedra and hex_dominant:
-        raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
-    check_sizes(size, curvature, sizes or {}, boxes, scale)
     if not time_limit > 0.0:
         raise InputError(f"mesh_cad: time_limit; got {time_limit}; expected seconds > 0")
-    check_gmsh(str(file.path))
     options = _Options(
         size, order, hexahedra, hex_dominant, curvature, dict(sizes or {}), tuple(boxes), scale
     )
+    _check_options(file, options)
+    check_gmsh(str(file.path))
     raw = call_in_child(f"{file.path}: can't be meshed", time_limit, _raw_mesh, file, options)
     return assemble(raw, str(file.path))
+
+
+def _check_options(file: InputFile, ask: _Options) -> None:
+    if ask.order not in (1, 2):
+        raise InputError(f"mesh_cad: order; got {ask.order}; expected 1 or 2")
+    if file.suffix == ".stl":
+        _refuse_lost_corners(file)
+    if ask.curvature and file.suffix == ".stl":
+        raise InputError(
+            f"{file.path}: curvature for a surface of flat triangles; got {ask.curvature}; "
+            "expected 0 (or the part as STEP or BREP)"
+        )
+    if ask.hexahedra and ask.hex_dominant:
+        raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
+    check_sizes(ask.size, ask.curvature, ask.sizes, ask.boxes, ask.scale)
 
 
 def check_gmsh(file: str) -> None:
