@@ -156,7 +156,7 @@ def calibrate(
     """
     seen = _checked(sightings, lens)
     names = list(seen)
-    own = [_alone(name, seen[name], lens) for name in names]
+    own = [_calibrated_single(name, seen[name], lens) for name in names]
     start = _first_rig(names, own, list(seen.values()))
     rows = [
         Rows(c, v, s.board, s.image)
@@ -206,7 +206,7 @@ def _checked(
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class _SingleCamera:
     """First estimate of one camera: K (3, 3), distortion (14,), pose (6,) and rms by view."""
 
     K: FloatArray
@@ -214,7 +214,7 @@ class _Alone:
     poses: dict[int, FloatArray]
 
 
-def _alone(name: str, views: Sequence[Sighting], lens: str) -> _Alone:
+def _calibrated_single(name: str, views: Sequence[Sighting], lens: str) -> _SingleCamera:
     used = [v for v, s in enumerate(views) if len(s) >= LEAST_POINTS]
     resolution = views[used[0]].resolution
     flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
@@ -242,10 +242,12 @@ def _alone(name: str, views: Sequence[Sighting], lens: str) -> _Alone:
         v: np.concatenate([np.ravel(turn), np.ravel(shift)])
         for v, turn, shift in zip(used, turns, shifts, strict=True)
     }
-    return _Alone(np.asarray(K, dtype=np.float64), distortion, poses)
+    return _SingleCamera(np.asarray(K, dtype=np.float64), distortion, poses)
 
 
-def _first_rig(names: Sequence[str], own: Sequence[_Alone], seen: Sequence[list[Sighting]]) -> Rig:
+def _first_rig(
+    names: Sequence[str], own: Sequence[_SingleCamera], seen: Sequence[list[Sighting]]
+) -> Rig:
     """The cameras in one rig: relative poses from the views that two cameras share.
 
     Sightings (and poses) of boards that a camera saw the other way round are turned.

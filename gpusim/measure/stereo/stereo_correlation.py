@@ -19,13 +19,13 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.dic import explain, grid_points
+from gpusim.measure.correlation.dic import given_or_grid, name_failures
 from gpusim.measure.correlation.matching import Status
-from gpusim.measure.correlation.pixel_mask import make_usable
+from gpusim.measure.correlation.pixel_mask import masked_image
 from gpusim.measure.correlation.sequence import Update, dic_sequence
 from gpusim.measure.correlation.subsets import DicResult, check_mask, make_settings
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.stereo.triangulation import triangulate
 from gpusim.measure.stereo.view_matching import epipolar_misses, match_views
@@ -127,12 +127,9 @@ def stereo_shape(
         min_zncc=min_zncc, max_move=float(subset), blur_px=blur_px,
     )  # fmt: skip
     device = working_device("stereo_shape", backend, device)
-    first = make_usable(left, "left", subset, mask, saturation)
-    second = make_usable(right, "right", subset, None, saturation)
-    if points is None:
-        places = grid_points(first.image.shape, subset=subset, step=step, roi=roi)
-    else:
-        places = check_points(points, "points")
+    first = masked_image(left, "left", subset, mask, saturation)
+    second = masked_image(right, "right", subset, None, saturation)
+    places = given_or_grid(points, first.image.shape, subset=subset, step=step, roi=roi)
     matches = match_views(
         first.image,
         second.image,
@@ -144,7 +141,7 @@ def stereo_shape(
         epipolar_px,
         device,
     )
-    explain(matches, places, settings, first, second)
+    name_failures(matches, places, settings, first, second)
     there = places + matches.coefficients[:, :, 0]
     # both images count alike, as they do later: what the calibration leaves between the rays is
     # split in the same way in every state and cancels in the displacement

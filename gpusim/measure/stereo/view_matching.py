@@ -108,7 +108,7 @@ def match_views(
         if true.mean() < FEW:
             true[:] = True  # the calibration is wrong: match all the same, so that it shows
         diagonal = float(np.hypot(*left.shape))
-        front.follow(chosen, common_motions(here[true], there[true], diagonal))
+        front.start_from_features(chosen, common_motions(here[true], there[true], diagonal))
     lost = chosen[~front.ok[chosen] & (front.status[chosen] != Status.NO_TEXTURE)]
     if lost.size > 0.5 * chosen.size:
         found = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
@@ -118,8 +118,8 @@ def match_views(
     front.propagate()
     untried = np.flatnonzero(front.attempts == 0)
     front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
-    front.doubt()
-    front.split()
+    front.recheck_outliers()
+    front.reject_discontinuities()
     matches = front.matches()
     ok = np.flatnonzero(front.ok)
     miss = epipolar_misses(cameras, points[ok], points[ok] + matches.coefficients[ok, :, 0])

@@ -31,7 +31,9 @@ __all__ = ["Dots", "circle_centres", "find_dots"]
 RIM = 3  # px around a dot that blur and pixels reach …
 RING = 3  # … and of its surroundings beyond
 LEAST_CONTRAST = 0.08  # of the image's grey range
-ROUND = 0.1  # of a dot stretched to a circle: its harmonics of order 3 and 4; 0.43 for a square
+MIN_ROUNDNESS = (
+    0.1  # of a dot stretched to a circle: its harmonics of order 3 and 4; 0.43 for a square
+)
 LEAST_SHARE = 0.5  # of the ring that has to be free
 LEAST_CORE = 9  # px that tell a slope
 RADII, TURNS = 8, 24  # samples over a disc
@@ -199,7 +201,7 @@ def _dot(
     z = circle[0] + 1j * circle[1]
     for order in (3, 4):
         around = np.abs((taken * z**order).sum()) / np.abs((taken * np.abs(z) ** order).sum())
-        if not around <= ROUND:
+        if not around <= MIN_ROUNDNESS:
             return None
     inside = (dx**2 + dy**2) <= (0.25 * axes[1]) ** 2
     depth = float(np.mean(taken[inside]))
