@@ -72,7 +72,7 @@ class Mesh:
         if total == 0:
             raise InputError("Mesh.cells: no cells; got empty arrays; expected at least one cell")
         _refuse_inverted(self)
-        _refuse_twins(self)
+        _refuse_duplicate_cells(self)
         if any(CELL_TYPES[kind].linear != kind for kind in cells):
             boundary_faces(self)  # which refuses midside nodes of one side only
         self._keep_sets(self.node_sets, self.face_sets, self.cell_sets)
@@ -274,7 +274,7 @@ def _refuse_inverted(mesh: Mesh) -> None:
         )
 
 
-def _refuse_twins(mesh: Mesh) -> None:
+def _refuse_duplicate_cells(mesh: Mesh) -> None:
     """Two cells with the same corners fill one place twice: twice as stiff, twice as heavy."""
     # a sum of random numbers of the corners, whatever their order, is the same only for twins
     random = np.random.default_rng(0).integers(2**63, size=mesh.node_count, dtype=np.uint64)

@@ -36,11 +36,11 @@ from gpusim.validation import unmasked
 
 __all__ = ["CalibratedCamera", "Calibration", "calibrate"]
 
-LEAST_POINTS = 6  # per view
-LEAST_VIEWS = 3
+MIN_POINTS = 6  # per view
+MIN_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
-MOST_ROUNDS = 8
-ELSEWHERE = 30.0  # px that a view may be off at the start
+MAX_ROUNDS = 8
+MAX_START_ERROR = 30.0  # px that a view may be off at the start
 OUTLIER_FLOOR = 0.02  # px; a smaller residual is never an outlier
 
 
@@ -191,13 +191,13 @@ def _checked(
     if not seen or len(set(counts.values())) != 1:
         raise InputError(f"calibrate: got views {counts}; expected as many for every camera")
     for name, views in seen.items():
-        usable = [s for s in views if len(s) >= LEAST_POINTS]
-        if len(usable) < LEAST_VIEWS:
+        usable = [s for s in views if len(s) >= MIN_POINTS]
+        if len(usable) < MIN_VIEWS:
             why = sorted({s.problem for s in views if s.problem})
             reasons = f" ({'; '.join(why)})" if why else ""
             raise InputError(
                 f"calibrate: camera {name!r}: the target was found in {len(usable)} of "
-                f"{len(views)} images{reasons}; expected at least {LEAST_VIEWS}"
+                f"{len(views)} images{reasons}; expected at least {MIN_VIEWS}"
             )
         sizes = {s.resolution for s in usable}
         if len(sizes) > 1:
@@ -215,7 +215,7 @@ class _SingleCamera:
 
 
 def _calibrated_single(name: str, views: Sequence[Sighting], lens: str) -> _SingleCamera:
-    used = [v for v, s in enumerate(views) if len(s) >= LEAST_POINTS]
+    used = [v for v, s in enumerate(views) if len(s) >= MIN_POINTS]
     resolution = views[used[0]].resolution
     flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     if lens == "pinhole":
@@ -313,7 +313,7 @@ def _robust(
     kept = _plausible(start, rows)
     used = without(rows, kept)
     adjusted = adjust(start, used, lens, square_pixels)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         lengths = [np.linalg.norm(own, axis=1) for own in residuals(adjusted.rig, rows)]
         mine = np.concatenate([length[k] for length, k in zip(lengths, kept, strict=True)])
         # the length of two normal errors has the median 1.1774 sigma
@@ -334,7 +334,7 @@ def _plausible(start: Rig, rows: list[Rows]) -> list[npt.NDArray[np.bool_]]:
     fits all cameras; an adjustment that begins with it doesn't settle.
     """
     sizes = np.array([_rms(own) for own in residuals(start, rows)])
-    limit = max(ELSEWHERE, 10.0 * float(np.median(sizes)))
+    limit = max(MAX_START_ERROR, 10.0 * float(np.median(sizes)))
     return [np.full(len(r.image), size <= limit) for r, size in zip(rows, sizes, strict=True)]
 
 

@@ -53,7 +53,7 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 FASTEST = 0.03  # ratio of two steps that is trusted to go on
-MOST_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
+MAX_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
 CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
@@ -226,7 +226,7 @@ def displacement_variance(
         unit = np.zeros(factor.shape[:2])
         unit[:, index] = 1.0
         share = noise / (factor[:, index] ** 2).sum(axis=1)
-        widening = 1.0 / (1.0 - np.clip(share, 0.0, MOST_NOISE))
+        widening = 1.0 / (1.0 - np.clip(share, 0.0, MAX_NOISE))
         entries.append(widening**2 * solve(factor, unit)[:, index])
     return entries[0], entries[1]
 

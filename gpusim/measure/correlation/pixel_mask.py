@@ -26,7 +26,8 @@ BoolArray = npt.NDArray[np.bool_]
 BLOB = 0.4  # width of a saturated area that isn't pattern any more, over the subset's width
 RIM = 2  # px around such an area over which its edge disturbs the interpolation
 DEPTHS = (8, 10, 12, 14, 16)  # bits of cameras
-MANY = 1e-4  # share of pixels at the highest level that makes it full scale and not chance
+# share of pixels at the highest level that makes it full scale and not chance
+MIN_SATURATED_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,7 @@ def full_scale(image: Image) -> float | None:
     top = int(image.max())
     levels = {(1 << bits) - 1 for bits in DEPTHS}
     levels |= {((1 << bits) - 1) << (16 - bits) for bits in DEPTHS}
-    if top not in levels or np.count_nonzero(image == top) < MANY * image.size:
+    if top not in levels or np.count_nonzero(image == top) < MIN_SATURATED_SHARE * image.size:
         return None
     return float(top)
 

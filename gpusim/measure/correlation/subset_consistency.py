@@ -24,7 +24,7 @@ __all__ = ["inconsistent_subsets", "one_sided_texture"]
 BoolArray = npt.NDArray[np.bool_]
 
 PARTS = 3  # parts along each side of a subset
-LEAST = 6.0  # px with weight that a part needs to be asked
+MIN_PART_PIXELS = 6.0  # px with weight that a part needs to be asked
 SHARE = 0.25  # of its pixels that a part must have
 MIN_SIGNIFICANCE = 25.0  # square of the standard deviations by which a part's motion must stand out
 # residual variance of a part over the lower quartile of all parts: shot noise differs by 2, chance
@@ -35,7 +35,7 @@ MIN_ISOTROPY = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a prefer
 MAX_LEVERAGE = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
 MAX_SPREAD = 3.0  # uncertainty of the point over the lower quartile of all
 BORDER = 2.0  # px
-LEAST_SHARE = 1e-4  # eigenvalue of the scaled normal matrix without noise, at least
+MIN_SHARE = 1e-4  # eigenvalue of the scaled normal matrix without noise, at least
 # standard deviations of the noise's slopes that those of a pattern must exceed …
 MIN_SLOPE_SIGMAS = 6.0
 MIN_CROSS_SLOPES = 0.1  # … or this share of those across them
@@ -135,7 +135,7 @@ def _leverage(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settin
         normal[:, first : first + 3, first : first + 3] -= moments
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-30))
     values, vectors = np.linalg.eigh(normal * scale[:, :, None] * scale[:, None, :])
-    values = np.maximum(values, LEAST_SHARE)
+    values = np.maximum(values, MIN_SHARE)
     normal = np.einsum("bik,bk,bjk->bij", vectors, values, vectors)
     spread = np.einsum("bik,bk,bjk->bij", vectors, 1.0 / values, vectors)
     own, known = (np.stack([m[:, k, k] for k in (0, 3)]) for m in (spread, normal))
@@ -205,7 +205,7 @@ def _inconsistent_chunk(
     ye = (weight * y * rest) @ member - pixels * mean_y * mean_e
     ee = (weight * rest * rest) @ member - pixels * mean_e**2
 
-    asked = (pixels >= LEAST) & (pixels >= SHARE * settings.window.sum() / PARTS**2)
+    asked = (pixels >= MIN_PART_PIXELS) & (pixels >= SHARE * settings.window.sum() / PARTS**2)
     determinant = xx * yy - xy * xy
     slopes = np.where(asked, xx + yy, 0.0)
     usual_slopes = slopes.sum(axis=1) / np.maximum(asked.sum(axis=1), 1)

@@ -20,11 +20,11 @@ Rows = npt.NDArray[np.int64]
 Model = Callable[[FloatArray, Rows], tuple[FloatArray, FloatArray]]
 
 FIRST_DAMPING = 1e-3
-MOST_DAMPING = 1e8
-LEAST_DAMPING = 1e-7
+MAX_DAMPING = 1e8
+MIN_DAMPING = 1e-7
 # in a kink, as where a sharp border lies between two columns of pixels, steps go to and fro across
 # the valley and hardly down: a fit that gained no more than this share by so many is there
-LEAST_GAIN, GAIN_STEPS = 1e-4, 4
+MIN_GAIN, GAIN_STEPS = 1e-4, 4
 # noise makes the kink jagged, and no step is the last: at the end this much will do, less than what
 # an error of one standard deviation adds to the squares of a thousand samples
 LAST_GAIN = 1e-3
@@ -108,15 +108,15 @@ def fit_many(
         normal[taken], gradient[taken] = new_normal[better], new_gradient[better]
         square[taken] = new_square[better]
         steps[taken] += 1
-        damping[taken] = np.maximum(0.1 * damping[taken], LEAST_DAMPING)
+        damping[taken] = np.maximum(0.1 * damping[taken], MIN_DAMPING)
         damping[active[~better]] *= 10.0
         converged[active[small]] = True
         # where no damping makes a step go down any more, rounding decides: that is the minimum too
-        stuck = damping[active] > MOST_DAMPING
+        stuck = damping[active] > MAX_DAMPING
         due = better & (steps[active] % GAIN_STEPS == 0)
         row = active[due]
         gained[row], earlier[row] = earlier[row] - square[row], square[row]
-        stuck |= due & (gained[active] <= LEAST_GAIN * square[active])
+        stuck |= due & (gained[active] <= MIN_GAIN * square[active])
         converged[active[stuck]] = True
         active = active[~small & ~stuck]
         if not active.size:

@@ -27,8 +27,9 @@ from gpusim.measure.correlation.subsets import DicResult, check_mask, make_setti
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.stereo.epipolar_matching import paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
-from gpusim.measure.stereo.view_matching import epipolar_misses, match_views
+from gpusim.measure.stereo.view_matching import match_views
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -239,7 +240,7 @@ def _moved(
     sigma[:, known] = np.sqrt(0.5 * (one.sigma**2 + two.sigma**2))
     status[known] = np.where(one.ok, two.status, one.status)
     good = np.flatnonzero(status == Status.OK)
-    miss = epipolar_misses(cameras, here[good], there[good])
+    miss = paired_epipolar_distance(cameras, here[good], there[good])
     status[good[~(miss <= epipolar_px)]] = Status.EPIPOLAR
     return _triangulated(
         cameras, begin.points, here, there, sigma, status, begin.shape, begin.subset

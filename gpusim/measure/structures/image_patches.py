@@ -21,7 +21,7 @@ __all__ = ["ImagePatches"]
 BoolArray = npt.NDArray[np.bool_]
 
 MARGIN = 20  # pixels around a part: what happens at its border has faded to 5e-8 there
-LEAST = 8  # pixels of the image in a part
+MIN_PIXELS = 8  # pixels of the image in a part
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def _part(image: Image, x: int, y: int, size: int) -> FloatArray:
     """A square of ``size`` px from (x, y); zeros if the image has next to nothing of it."""
     height, width = image.shape
     x0, x1, y0, y1 = max(x, 0), min(x + size, width), max(y, 0), min(y + size, height)
-    if min(x1 - x0, y1 - y0) < LEAST:
+    if min(x1 - x0, y1 - y0) < MIN_PIXELS:
         return np.zeros((size, size))
     part = image[y0:y1, x0:x1].astype(np.float64)
     missing = (y0 - y, y + size - y1), (x0 - x, x + size - x1)

@@ -12,7 +12,7 @@ from gpusim.files.input_file import InputFile
 
 __all__ = ["Includes", "text_lines"]
 
-_MOST_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
+_MAX_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
 
 
 def text_lines(file: InputFile, expected: str) -> list[str]:
@@ -53,8 +53,8 @@ class Includes:
             raise InputError(
                 f"{where}: the file includes itself; got {target!r}; expected a chain that ends"
             )
-        if self._count > _MOST_INCLUDED:
-            raise InputError(f"{where}: more than {_MOST_INCLUDED} files; expected fewer")
+        if self._count > _MAX_INCLUDED:
+            raise InputError(f"{where}: more than {_MAX_INCLUDED} files; expected fewer")
         try:
             file = parent.beside(target, self.expected)
         except InputError as error:

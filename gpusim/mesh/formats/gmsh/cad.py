@@ -35,7 +35,7 @@ Long = npt.NDArray[np.int64]
 _NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
 _STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
 _TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
-_MOST_ELEMENTS = 1e8
+_MAX_ELEMENTS = 1e8
 _LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
 
 
@@ -137,7 +137,7 @@ def _check_options(file: InputFile, ask: _Options) -> None:
     if ask.order not in (1, 2):
         raise InputError(f"mesh_cad: order; got {ask.order}; expected 1 or 2")
     if file.suffix == ".stl":
-        _refuse_lost_corners(file)
+        _refuse_nonfinite_corners(file)
     if ask.curvature and file.suffix == ".stl":
         raise InputError(
             f"{file.path}: curvature for a surface of flat triangles; got {ask.curvature}; "
@@ -228,14 +228,14 @@ def _refuse_too_many(gmsh: Any, file: InputFile, size: float, scale: float) -> N
     else:
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
     count = volume * scale**3 / (_TETRAHEDRON * size**3)
-    if not count <= _MOST_ELEMENTS:
+    if not count <= _MAX_ELEMENTS:
         raise InputError(
             f"{file.path}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
-            f"least {(volume / (_TETRAHEDRON * _MOST_ELEMENTS)) ** (1 / 3) * scale:.2g}"
+            f"least {(volume / (_TETRAHEDRON * _MAX_ELEMENTS)) ** (1 / 3) * scale:.2g}"
         )
 
 
-def _refuse_lost_corners(file: InputFile) -> None:
+def _refuse_nonfinite_corners(file: InputFile) -> None:
     """Gmsh takes a corner at NaN for some other corner."""
     content = file.data
     facets = np.frombuffer(content[84:], np.uint8)
