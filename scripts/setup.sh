@@ -85,6 +85,8 @@ if ! grep -qxF "$wanted" "$venv/.installed" 2>/dev/null; then
     "$venv/bin/python" -m pip install -q -c constraints.txt hatchling
     extra=
     [ "$flavour" = run ] || extra="[$flavour,cad]"
+    # two packages with OpenCV in them share a folder: the one of earlier versions goes first
+    "$venv/bin/python" -m pip uninstall -q -y opencv-python-headless 2>/dev/null
     "$venv/bin/python" -m pip install -q -c constraints.txt --no-build-isolation ".$extra"
     # The larger set holds the smaller one, so that `make demo` after `make test` installs nothing.
     { echo "$wanted"; echo "run ${wanted#* }"; } >"$venv/.installed"

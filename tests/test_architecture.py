@@ -85,8 +85,6 @@ WRONG_WAY: dict[str, set[str]] = {
     "shadow.receiver_planes": {"shading.scene_buffers"},
 }
 CIRCLES: list[set[str]] = [
-    {"measure.correlation.image_tiles", "measure.correlation.matching"},
-    {"mesh.boundary", "mesh.mesh", "mesh.quality"},
     {"optics.shading.deferred_pass", "optics.shading.forward_pass"},
     {"optics.shading.scene_buffers", "optics.shadow.receiver_planes"},
 ]

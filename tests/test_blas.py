@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 import gpusim as gs
 from gpusim.parallel import blas_threads
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.parallel.process_map import in_copies
+from gpusim.parallel.processes import in_copies
 from tests.measure_images import Waves
 
 CONTROLLER = blas_threads._controller()

@@ -14,7 +14,7 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.mesh import box
-from gpusim.parallel.child_process import call_in_child
+from gpusim.parallel.processes import call_in_child
 
 
 def test_the_call_is_made_elsewhere_and_its_result_comes_back() -> None:
@@ -59,7 +59,7 @@ def test_a_child_ends_with_its_caller(how: int, tmp_path: Path) -> None:
     note = tmp_path / "pid"
     work = f"open({str(note)!r}, 'w').write(str(__import__('os').getpid())),"
     code = (
-        "import gpusim.parallel.child_process as c; "
+        "import gpusim.parallel.processes as c; "
         f'c.call_in_child("x", 60, eval, "({work} __import__(\'time\').sleep(60))")'
     )
     # a run of the tests in the background ignores interrupts, and so would what it starts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import hashlib
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -18,9 +19,9 @@ import numpy as np
 import pytest
 
 from gpusim.fem.assembly.matrix_product import shared
-from gpusim.parallel import process_map
+from gpusim.parallel import processes as parallel_processes
 from gpusim.parallel.cpu_budget import all_processors, limited, processors
-from gpusim.parallel.process_map import _can_be_copied, in_copies
+from gpusim.parallel.processes import _can_be_copied, in_copies
 
 needs_copies = pytest.mark.skipif(
     all_processors() < 2 or sys.platform != "linux", reason="one core, or no way of copying"
@@ -31,7 +32,7 @@ needs_copies = pytest.mark.skipif(
 def _by_themselves(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Threads that earlier tests have left, of BLAS or of a driver, are of no account here, nor is
     a shell that lets what it runs in the background ignore interrupts."""
-    monkeypatch.setattr(process_map, "_can_be_copied", lambda: sys.platform == "linux")
+    monkeypatch.setattr(parallel_processes, "_can_be_copied", lambda: sys.platform == "linux")
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -184,12 +185,11 @@ def test_an_interrupt_while_copying_leaves_nothing(monkeypatch: pytest.MonkeyPat
 
 @needs_copies
 def test_more_interrupts_leave_nothing_either(monkeypatch: pytest.MonkeyPatch) -> None:
-    wait, ended = os.waitpid, []
+    before = multiprocessing.active_children()
 
     def interrupted(process: int, options: int) -> tuple[int, int]:
         signal.raise_signal(signal.SIGINT)
-        ended.append(process)
-        return wait(process, options)
+        return process, options
 
     def work(item: int) -> None:
         if item:
@@ -198,10 +198,12 @@ def test_more_interrupts_leave_nothing_either(monkeypatch: pytest.MonkeyPatch) -
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        in_copies(work, 2)
-    assert len(ended) == 1
-    with pytest.raises(ChildProcessError):
-        wait(ended[0], os.WNOHANG)
+        in_copies(work, 3)
+    monkeypatch.undo()
+    until = time.monotonic() + 20.0
+    while set(multiprocessing.active_children()) - set(before):
+        assert time.monotonic() < until
+        time.sleep(0.01)
 
 
 @needs_copies
@@ -224,7 +226,7 @@ def test_a_copy_of_another_thread_hears_no_interrupt(monkeypatch: pytest.MonkeyP
 def test_nothing_is_copied_while_another_thread_is_at_work(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(process_map, "_can_be_copied", _can_be_copied)
+    monkeypatch.setattr(parallel_processes, "_can_be_copied", _can_be_copied)
     with ThreadPoolExecutor(1) as pool:
         other = pool.submit(hashlib.pbkdf2_hmac, "sha256", b"", b"", 1_000_000)
         time.sleep(0.05)
@@ -239,8 +241,8 @@ def test_copies_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
     program = f"""
 import os, signal, time
 from pathlib import Path
-from gpusim.parallel import process_map as copies
-from gpusim.parallel.process_map import in_copies
+from gpusim.parallel import processes as copies
+from gpusim.parallel.processes import in_copies
 
 copies._can_be_copied = lambda: True
 me, note = os.getpid(), Path({str(note)!r})

@@ -8,7 +8,7 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.measure import Status, dic
 from gpusim.measure.correlation.features import feature_motions, global_shift
-from gpusim.measure.correlation.pixel_mask import full_scale, make_usable
+from gpusim.measure.correlation.pixel_mask import full_scale, masked_image
 from gpusim.measure.correlation.propagation import Front
 from gpusim.measure.correlation.subsets import make_settings
 from tests.measure_images import speckles
@@ -108,9 +108,9 @@ def test_a_binary_pattern_is_not_saturated() -> None:
     cells = rng.integers(0, 2, (24, 32)).astype(np.uint8)
     image = np.kron(cells, np.full((5, 5), 255, dtype=np.uint8))
     assert full_scale(image) == 255
-    large = make_usable(image, "image", 31).saturated
+    large = masked_image(image, "image", 31).saturated
     assert large is None or large.mean() <= 0.12  # three by three white cells happen
-    assert make_usable(image, "image", 51).saturated is None
+    assert masked_image(image, "image", 51).saturated is None
     assert dic(image, image, subset=31, step=10).ok.all()
 
 
@@ -143,7 +143,7 @@ def test_a_second_look_repairs_a_match_in_a_wrong_place() -> None:
     wrong = 37
     front.coefficients[wrong, :, 0] += 6.0
     front.zncc[wrong] = 0.9
-    front.doubt()
+    front.recheck_outliers()
     assert np.abs(front.coefficients[wrong, :, 0] - [0.37, 0.81]).max() <= 1e-3
 
 

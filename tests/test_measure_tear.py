@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim.measure import Status, dic
-from gpusim.measure.correlation.discontinuity import jumps
+from gpusim.measure.correlation.discontinuity import fit_discontinuities
 from tests.measure_images import Waves
 
 WIDTH, HEIGHT, EDGE, SIZE = 121, 83, 57.0, 25
@@ -38,7 +38,7 @@ def left(field: str, count: int = 60, noise: float = 0.0) -> tuple[np.ndarray, .
 
 def test_a_jump_is_measured_beside_a_smooth_field_and_changed_light() -> None:
     x, y, grey, rest = left("jump", noise=1.0)
-    found = jumps(np.ones_like(x), (x, y), grey, rest)
+    found = fit_discontinuities(np.ones_like(x), (x, y), grey, rest)
     # a sixth less, where the line lies between two that are tried
     assert 0.25 <= np.median(found.length) <= 0.31
     assert (found.sure > 25).mean() >= 0.95
@@ -47,13 +47,13 @@ def test_a_jump_is_measured_beside_a_smooth_field_and_changed_light() -> None:
 
 def test_a_cubic_field_is_smooth() -> None:
     x, y, grey, rest = left("cubic", noise=1.0)
-    found = jumps(np.ones_like(x), (x, y), grey, rest)
+    found = fit_discontinuities(np.ones_like(x), (x, y), grey, rest)
     assert (found.smooth > 1.25 * found.sure).mean() >= 0.95
 
 
 def test_noise_is_neither() -> None:
     x, y, grey, rest = left("", count=200, noise=8.0)
-    found = jumps(np.ones_like(x), (x, y), grey, rest)
+    found = fit_discontinuities(np.ones_like(x), (x, y), grey, rest)
     assert 5.0 <= found.sure.mean() <= 10.0
     assert (found.sure > 25).mean() <= 0.01
     assert abs(found.smooth.mean()) <= 1.0
@@ -65,7 +65,7 @@ def test_pixels_without_weight_say_nothing() -> None:
     weight[:, : SIZE * 6] = 0.0
     spoilt = rest.copy()
     spoilt[:, : SIZE * 6] = 1e3
-    a, b = (jumps(weight, (x, y), grey, v) for v in (rest, spoilt))
+    a, b = (fit_discontinuities(weight, (x, y), grey, v) for v in (rest, spoilt))
     np.testing.assert_allclose(a.length, b.length, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(a.sure, b.sure, rtol=1e-6)
 

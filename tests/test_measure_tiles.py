@@ -90,7 +90,9 @@ def test_every_subset_is_in_one_tile_that_holds_it() -> None:
     centre = np.rint(subsets.points).astype(np.int64)
     begin = centre + rng.integers(-300, 300, centre.shape)  # neighbours far apart
     half, reach = 10, 40
-    tiles = list(plan_tiles(subsets.pair, centre, begin, half, reach, SMALL))
+    tiles = list(
+        plan_tiles(subsets.pair.reference, subsets.pair.deformed, centre, begin, half, reach, SMALL)
+    )
     assert len(tiles) > 6
     assert sorted(np.concatenate([t.which for t in tiles])) == list(range(len(centre)))
     rows, columns = subsets.pair.deformed.coefficients.shape

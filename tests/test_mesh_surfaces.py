@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
@@ -111,7 +112,9 @@ def test_every_form_gives_every_face(name: str, tmp_path: Path) -> None:
         ("a.ply", ply("<")[:-12], "cut off"),
         ("a.ply", ply("").replace(b"double x", b"double w"), "no property x of vertex"),
         ("a.ply", ply("").replace(b"list uchar", b"list float"), r"ply:10: got 'property list"),
-        ("a.step", "", "got '.step'; expected one of .stl, .ply, .obj, .off"),
+        ("a.glb", b"glTF" + b"\2\0\0\0" * 4, r"a\.glb: damaged, no glTF"),
+        ("a.gltf", '{"asset": {"version": "2.0"}}', r"a\.gltf: "),
+        ("a.step", "", "got '.step'; expected one of .stl, .ply, .obj, .off, .glb"),
     ],
 )  # fmt: skip
 def test_what_would_change_the_surface_is_refused(
@@ -122,3 +125,21 @@ def test_what_would_change_the_surface_is_refused(
     with pytest.raises(InputError, match=words) as told:
         read_surface(path)
     assert name in str(told.value)
+
+
+@pytest.mark.parametrize("kind", ["glb", "gltf"])
+def test_gltf_is_read_where_its_nodes_place_it(kind: str, tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for shift in (0.0, 5.0):
+        box = trimesh.creation.box((1.0, 2.0, 3.0))
+        scene.add_geometry(box, transform=trimesh.transformations.translation_matrix((shift, 0, 0)))
+    path = tmp_path / f"a.{kind}"
+    if kind == "glb":
+        path.write_bytes(scene.export(file_type="glb"))
+    else:
+        files = trimesh.exchange.gltf.export_gltf(scene, embed_buffers=True)
+        path.write_bytes(files["model.gltf"])
+    points, faces = read_surface(path)
+    assert faces.shape == (24, 4) and (faces[:, 3] == -1).all() and len(points) == 16
+    np.testing.assert_allclose(points.min(axis=0), (-0.5, -1.0, -1.5))
+    np.testing.assert_allclose(points.max(axis=0), (5.5, 1.0, 1.5))

@@ -56,7 +56,7 @@ def test_no_file_is_longer_than_400_lines(checkout: Path) -> None:
 
 
 def test_requirements_and_imports_agree(checkout: Path) -> None:
-    names = {"cv2": "opencv-python-headless", "PIL": "pillow", "pydantic_core": "pydantic"}
+    names = {"cv2": "opencv-contrib-python-headless", "PIL": "pillow", "pydantic_core": "pydantic"}
     imported = set()
     for path in sorted((checkout / "gpusim").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

@@ -15,7 +15,7 @@ from gpusim.errors import DeviceError, GpusimError, InputError, NoAdapter, TwinM
 
 __all__ = ["CheckResult", "Diagnosis", "diagnose"]
 
-_PACKAGES = ("wgpu", "numpy", "scipy", "opencv-python-headless", "h5py")
+_PACKAGES = ("wgpu", "numpy", "scipy", "opencv-contrib-python-headless", "h5py")
 _LIMITS = (
     "max-storage-buffers-per-shader-stage",
     "max-storage-buffer-binding-size",

@@ -52,7 +52,7 @@ def solve(
     u is formed in float64 on the host and, if its estimate asks for it, corrected again. Load cases
     share the set-up; on a device they are iterated at once, on the host each by itself, side by
     side where there are processors for it (on Linux, in copies of the process:
-    ``gpusim.parallel.process_map``). Which way is cheaper is estimated from the mesh;
+    ``gpusim.parallel.processes``). Which way is cheaper is estimated from the mesh;
     ``Solution.method`` and ``message`` say what was done.
 
     Parameters

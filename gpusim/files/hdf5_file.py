@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.parallel.child_process import call_in_child
+from gpusim.parallel.processes import call_in_child
 
 __all__ = ["Hdf5Object", "read_hdf5"]
 

@@ -8,8 +8,9 @@ In the order in which data passes:
   0 at the others.
 - `quadrature`: Quadrature on the reference cells and faces of ``gpusim.mesh.shape_functions``.
   Pure data.
-- `mesh`: The mesh: points, cells by type, and named sets.
+- `jacobians`: Jacobians of the map from a reference cell.
 - `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
+- `mesh`: The mesh: points, cells by type, and named sets.
 - `quality`: Cell quality: Jacobians, aspect ratio, distortion, and the cells that are bad, by
   number.
 - `selection`: Named and geometric selections of nodes and faces.

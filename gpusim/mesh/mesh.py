@@ -13,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.mesh.jacobians import least_jacobian
 from gpusim.validation import unmasked
 
 __all__ = ["Mesh"]
@@ -70,9 +72,9 @@ class Mesh:
         if total == 0:
             raise InputError("Mesh.cells: no cells; got empty arrays; expected at least one cell")
         _refuse_inverted(self)
-        _refuse_twins(self)
+        _refuse_duplicate_cells(self)
         if any(CELL_TYPES[kind].linear != kind for kind in cells):
-            _refuse_loose_middles(self)
+            boundary_faces(self)  # which refuses midside nodes of one side only
         self._keep_sets(self.node_sets, self.face_sets, self.cell_sets)
 
     def _keep_sets(
@@ -257,9 +259,6 @@ def _check_local_faces(name: str, pairs: Int, mesh: Mesh) -> None:
 
 
 def _refuse_inverted(mesh: Mesh) -> None:
-    # Imported here because quality measures a Mesh, and a Mesh refuses bad quality.
-    from gpusim.mesh.quality import least_jacobian
-
     bad: list[int] = []
     worst = np.inf
     for kind, first, block in mesh.blocks():
@@ -275,7 +274,7 @@ def _refuse_inverted(mesh: Mesh) -> None:
         )
 
 
-def _refuse_twins(mesh: Mesh) -> None:
+def _refuse_duplicate_cells(mesh: Mesh) -> None:
     """Two cells with the same corners fill one place twice: twice as stiff, twice as heavy."""
     # a sum of random numbers of the corners, whatever their order, is the same only for twins
     random = np.random.default_rng(0).integers(2**63, size=mesh.node_count, dtype=np.uint64)
@@ -291,13 +290,6 @@ def _refuse_twins(mesh: Mesh) -> None:
             f"Mesh.cells: {same.size} cells have the corners of another; got cells {one} and "
             f"{other}; expected each place to be filled once"
         )
-
-
-def _refuse_loose_middles(mesh: Mesh) -> None:
-    # Imported here because faces are those of a Mesh.
-    from gpusim.mesh.boundary import boundary_faces
-
-    boundary_faces(mesh)
 
 
 def _first(numbers: Any, shown: int = 5) -> str:

@@ -9,17 +9,15 @@ import numpy.typing as npt
 
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.mesh.jacobians import CELLS_IN_CACHE, corner_edges, map_jacobians, triple_product
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
-from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
+from gpusim.mesh.shape_functions import reference_nodes
 
-__all__ = ["Quality", "corner_jacobians", "least_jacobian", "mesh_quality"]
+__all__ = ["Quality", "mesh_quality"]
 
 Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
-# Cells looked at together: their temporaries stay in the cache.
-_CHUNK = 8192
 # Distortion from which incompatible hexahedra lose more than about a sixth of their deflection in
 # bending: measured on trapezoidal cells of MacNeal & Harder's beam, cubes, bars and plates.
 _DISTORTED = 1.0
@@ -81,34 +79,6 @@ class Quality:
         return text
 
 
-def corner_jacobians(kind: str, nodes: Float) -> Float:
-    """Triple product of the three edges at each corner of the straight cell, (M,C).
-
-    ``nodes`` is (M,k,3). All positive means that the cell isn't inverted at a corner. C = 8 for
-    hexahedra, 6 wedges, 4 pyramids (the base), 1 tetrahedra.
-    """
-    return np.stack([_triple(*edges) for edges in _corner_edges(kind, nodes)], axis=1)
-
-
-def least_jacobian(kind: str, points: Float, cells: Int) -> Float:
-    """(M,) least Jacobian of each cell, <= 0 if it can't be used.
-
-    Of a linear cell the least one at its corners; of a quadratic one the least determinant at the
-    points of its full quadrature rule, where the stiffness is integrated.
-    """
-    least = np.empty(len(cells))
-    for start in range(0, len(cells), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        nodes = points[cells[part]]
-        if CELL_TYPES[kind].linear == kind:
-            least[part] = corner_jacobians(kind, nodes).min(axis=1)
-        else:
-            place, _ = cell_rule(kind, FULL_POINTS[kind])
-            determinant, _ = _map_jacobians(kind, nodes, place)
-            least[part] = determinant.min(axis=1)
-    return least
-
-
 def mesh_quality(mesh: Mesh) -> Quality:
     """Scaled Jacobian, aspect ratio and distortion of every cell."""
     jacobian = np.empty(mesh.cell_count)
@@ -117,8 +87,8 @@ def mesh_quality(mesh: Mesh) -> Quality:
     bricks = np.zeros(mesh.cell_count, dtype=bool)
     for kind, first, block in mesh.blocks():
         bricks[first : first + len(block)] = kind == "hex8"
-        for start in range(0, len(block), _CHUNK):
-            nodes = mesh.points[block[start : start + _CHUNK]]
+        for start in range(0, len(block), CELLS_IN_CACHE):
+            nodes = mesh.points[block[start : start + CELLS_IN_CACHE]]
             part = slice(first + start, first + start + len(nodes))
             jacobian[part] = _scaled_jacobian(kind, nodes)
             edges = CELL_TYPES[kind].edges
@@ -169,51 +139,17 @@ def _scaled_jacobian(kind: str, nodes: Float) -> Float:
     """(M,) least Jacobian over the product of its columns' lengths."""
     if CELL_TYPES[kind].linear == kind:
         worst = np.full(len(nodes), np.inf)
-        for edges in _corner_edges(kind, nodes):
+        for edges in corner_edges(kind, nodes):
             lengths = np.prod([np.sqrt(x * x + y * y + z * z) for x, y, z in edges], axis=0)
-            worst = np.minimum(worst, _ratio(_triple(*edges), lengths))
+            worst = np.minimum(worst, _ratio(triple_product(*edges), lengths))
         return worst
     corners = reference_nodes(kind)[: len(CELL_TYPES[kind].corner_neighbours)]
     if CELL_TYPES[kind].linear == "tet4":
         corners = reference_nodes(kind)[:4]
     place = np.concatenate([corners, cell_rule(kind, FULL_POINTS[kind])[0]])
-    determinant, lengths = _map_jacobians(kind, nodes, place)
+    determinant, lengths = map_jacobians(kind, nodes, place)
     return np.asarray(_ratio(determinant, lengths).min(axis=1))
 
 
 def _ratio(value: Float, scale: Float) -> Float:
     return np.asarray(np.divide(value, scale, out=np.zeros_like(value), where=scale > 0.0))
-
-
-def _corner_edges(kind: str, nodes: Float) -> list[list[tuple[Float, Float, Float]]]:
-    """Per corner its three edges, each as components (M,): contiguous, and no np.cross."""
-    neighbours = CELL_TYPES[kind].corner_neighbours
-    place = np.ascontiguousarray(nodes[:, : CELL_TYPES[kind].corners].transpose(1, 2, 0))
-    corners = []
-    for corner, others in enumerate(neighbours.tolist()):
-        edges = [place[other] - place[corner] for other in others]
-        corners.append([(edge[0], edge[1], edge[2]) for edge in edges])
-    return corners
-
-
-def _triple(
-    a: tuple[Float, Float, Float], b: tuple[Float, Float, Float], c: tuple[Float, Float, Float]
-) -> Float:
-    """(a x b) . c by components."""
-    return (
-        (a[1] * b[2] - a[2] * b[1]) * c[0]
-        + (a[2] * b[0] - a[0] * b[2]) * c[1]
-        + (a[0] * b[1] - a[1] * b[0]) * c[2]
-    )
-
-
-def _map_jacobians(kind: str, nodes: Float, place: Float) -> tuple[Float, Float]:
-    """(M,Q) determinants of d x / d xi at reference points, and the product of column lengths."""
-    table = shape_gradients(kind, place)
-    points, width = table.shape[:2]
-    local = nodes - nodes[:, :1]
-    flat = local.transpose(0, 2, 1).reshape(-1, width)
-    columns = (flat @ table.transpose(1, 0, 2).reshape(width, -1)).reshape(-1, 3, points, 3)
-    a, b, c = ((columns[:, 0, :, j], columns[:, 1, :, j], columns[:, 2, :, j]) for j in range(3))
-    lengths = np.prod([np.sqrt(x * x + y * y + z * z) for x, y, z in (a, b, c)], axis=0)
-    return _triple(a, b, c), lengths

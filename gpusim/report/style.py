@@ -5,7 +5,7 @@ white. On a dark page the report's style sheet inverts the lightness of plots an
 so that one file serves both.
 
 Nothing imports matplotlib, half a second's work, but what draws with it: that is mostly a process
-of its own (`gpusim.parallel.helper_processes`).
+of its own (`gpusim.parallel.processes`).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import PathLike, safe_name, write_text
 from gpusim.files.output_folder import delete, inside
-from gpusim.parallel import helper_processes
+from gpusim.parallel import processes
 from gpusim.report.figures import (
     draw_convergence,
     draw_errors,
@@ -41,7 +41,7 @@ class ReportPaths:
 
 def prepare_figures() -> None:
     """Let processes beside this one import what draws figures, while the caller goes on."""
-    helper_processes.prepare(
+    processes.prepare(
         "gpusim.report.figures",
         "gpusim.report.backdrop",
         "gpusim.report.stereo_figures",
@@ -75,15 +75,13 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 def _draw(report: Report, folder: Path) -> FigureSet:
     # these take longest: they begin
-    other = [helper_processes.begin(drawing) for drawing in report.figures]
+    other = [processes.begin(drawing) for drawing in report.figures]
     series = [
-        helper_processes.begin(
-            draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png")
-        )
+        processes.begin(draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png"))
         for index, item in enumerate(report.series)
     ]
     overlays = [
-        helper_processes.begin(
+        processes.begin(
             draw_overlay,
             item,
             photo_of(item),
@@ -94,9 +92,9 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
     errors = convergence = None
     if len(judged) >= _WORTH_BARS:
-        errors = helper_processes.begin(draw_errors, judged, inside(folder, "errors.png"))
+        errors = processes.begin(draw_errors, judged, inside(folder, "errors.png"))
     if len(report.residuals) >= _WORTH_A_PLOT:
-        convergence = helper_processes.begin(
+        convergence = processes.begin(
             draw_convergence, report.residuals, inside(folder, "convergence.png")
         )
     return FigureSet(

@@ -31,7 +31,7 @@ _PIECES = 4
 
 @cache
 def _threads(count: int, process: int) -> ThreadPoolExecutor:
-    """A copy of a process (`gpusim.parallel.process_map`) has none of its threads."""
+    """A copy of a process (`gpusim.parallel.processes`) has none of its threads."""
     del process
     return ThreadPoolExecutor(count, thread_name_prefix="gpusim")
 

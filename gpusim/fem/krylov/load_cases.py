@@ -2,7 +2,7 @@
 
 What a case takes doesn't depend on the others then, nor do its numbers, however many processors
 there are. Short array operations gain little from threads (the interpreter lock), so cases are
-shared out to copies of the process (`gpusim.parallel.process_map`): as long as there is a processor
+shared out to copies of the process (`gpusim.parallel.processes`): as long as there is a processor
 for it, a second case costs little more than its memory.
 """
 
@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim.fem.assembly.system import System
 from gpusim.fem.krylov.outer_iteration import Outcome
-from gpusim.parallel.process_map import in_copies
+from gpusim.parallel.processes import in_copies
 
 __all__ = ["Progress", "each_case"]
 

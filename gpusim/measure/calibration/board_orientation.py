@@ -19,8 +19,8 @@ from gpusim.measure.targets.boards import Sighting
 
 __all__ = ["best_turns", "turned", "turned_pose"]
 
-CLEAR = 3.0  # times as far apart as with the best readings: the others are wrong
-LEAST = 1e-9
+MIN_RATIO = 3.0  # times as far apart as with the best readings: the others are wrong
+MIN_DISTANCE = 1e-9
 
 
 def turned(sighting: Sighting, quarter: int) -> Sighting:
@@ -68,7 +68,7 @@ def best_turns(
     score = apart.min(axis=2).sum(axis=1)
     best = int(score.argmin())
     others = (choice != choice[best]).all(axis=1)
-    if others.any() and not score[others].min() > CLEAR * score[best] + LEAST * views:
+    if others.any() and not score[others].min() > MIN_RATIO * score[best] + MIN_DISTANCE * views:
         return [0] * views
     return [list(quarters)[k] for k in choice[best]]
 

@@ -33,10 +33,10 @@ LENSES: dict[str, tuple[int, ...]] = {
 }
 """Which of OpenCV's coefficients k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y are free."""
 DISTORTION = 14
-MOST_STEPS = 60
+MAX_STEPS = 60
 SETTLED = 1e-10  # relative decrease of the squares
 FIRST_DAMPING = 1e-4
-LEAST_SHARE = 0.1  # of the largest part in a change that leaves residuals as they are
+MIN_SHARE = 0.1  # of the largest part in a change that leaves residuals as they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ def adjust(
     normal, gradient, square = _normal(layout, p, rows)
     damping = FIRST_DAMPING
     steps = 0
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         steps += 1
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         scaled = normal / np.outer(scale, scale)
@@ -193,7 +193,7 @@ def adjust(
     else:
         points = sum(len(r.image) for r in rows)
         raise GpusimError(
-            f"calibration: not settled after {MOST_STEPS} steps, at {np.sqrt(square / points):.3g} "
+            f"calibration: not settled after {MAX_STEPS} steps, at {np.sqrt(square / points):.3g} "
             f"px RMS: the views don't determine {_weakest(layout.names, normal)}; expected views "
             "that do: tilt the target more, fill the image's corners, or take a lens with fewer "
             "coefficients"
@@ -219,7 +219,7 @@ def _weakest(names: Sequence[tuple[str, int, str]], normal: FloatArray) -> str:
     scale = np.sqrt(np.maximum(np.diag(reduced), 1e-300))
     _, vectors = np.linalg.eigh(reduced / np.outer(scale, scale))
     share = np.abs(vectors[:, 0])
-    chosen = [names[own[i]] for i in np.flatnonzero(share >= LEAST_SHARE * share.max())]
+    chosen = [names[own[i]] for i in np.flatnonzero(share >= MIN_SHARE * share.max())]
     cameras = sorted({number for _, number, _ in chosen})
     parts = [f"{' '.join(name for _, number, name in chosen if number == c)} of camera {c + 1}"
              for c in cameras]  # fmt: skip

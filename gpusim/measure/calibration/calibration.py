@@ -36,11 +36,11 @@ from gpusim.validation import unmasked
 
 __all__ = ["CalibratedCamera", "Calibration", "calibrate"]
 
-LEAST_POINTS = 6  # per view
-LEAST_VIEWS = 3
+MIN_POINTS = 6  # per view
+MIN_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
-MOST_ROUNDS = 8
-ELSEWHERE = 30.0  # px that a view may be off at the start
+MAX_ROUNDS = 8
+MAX_START_ERROR = 30.0  # px that a view may be off at the start
 OUTLIER_FLOOR = 0.02  # px; a smaller residual is never an outlier
 
 
@@ -156,7 +156,7 @@ def calibrate(
     """
     seen = _checked(sightings, lens)
     names = list(seen)
-    own = [_alone(name, seen[name], lens) for name in names]
+    own = [_calibrated_single(name, seen[name], lens) for name in names]
     start = _first_rig(names, own, list(seen.values()))
     rows = [
         Rows(c, v, s.board, s.image)
@@ -191,13 +191,13 @@ def _checked(
     if not seen or len(set(counts.values())) != 1:
         raise InputError(f"calibrate: got views {counts}; expected as many for every camera")
     for name, views in seen.items():
-        usable = [s for s in views if len(s) >= LEAST_POINTS]
-        if len(usable) < LEAST_VIEWS:
+        usable = [s for s in views if len(s) >= MIN_POINTS]
+        if len(usable) < MIN_VIEWS:
             why = sorted({s.problem for s in views if s.problem})
             reasons = f" ({'; '.join(why)})" if why else ""
             raise InputError(
                 f"calibrate: camera {name!r}: the target was found in {len(usable)} of "
-                f"{len(views)} images{reasons}; expected at least {LEAST_VIEWS}"
+                f"{len(views)} images{reasons}; expected at least {MIN_VIEWS}"
             )
         sizes = {s.resolution for s in usable}
         if len(sizes) > 1:
@@ -206,7 +206,7 @@ def _checked(
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class _SingleCamera:
     """First estimate of one camera: K (3, 3), distortion (14,), pose (6,) and rms by view."""
 
     K: FloatArray
@@ -214,8 +214,8 @@ class _Alone:
     poses: dict[int, FloatArray]
 
 
-def _alone(name: str, views: Sequence[Sighting], lens: str) -> _Alone:
-    used = [v for v, s in enumerate(views) if len(s) >= LEAST_POINTS]
+def _calibrated_single(name: str, views: Sequence[Sighting], lens: str) -> _SingleCamera:
+    used = [v for v, s in enumerate(views) if len(s) >= MIN_POINTS]
     resolution = views[used[0]].resolution
     flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     if lens == "pinhole":
@@ -242,10 +242,12 @@ def _alone(name: str, views: Sequence[Sighting], lens: str) -> _Alone:
         v: np.concatenate([np.ravel(turn), np.ravel(shift)])
         for v, turn, shift in zip(used, turns, shifts, strict=True)
     }
-    return _Alone(np.asarray(K, dtype=np.float64), distortion, poses)
+    return _SingleCamera(np.asarray(K, dtype=np.float64), distortion, poses)
 
 
-def _first_rig(names: Sequence[str], own: Sequence[_Alone], seen: Sequence[list[Sighting]]) -> Rig:
+def _first_rig(
+    names: Sequence[str], own: Sequence[_SingleCamera], seen: Sequence[list[Sighting]]
+) -> Rig:
     """The cameras in one rig: relative poses from the views that two cameras share.
 
     Sightings (and poses) of boards that a camera saw the other way round are turned.
@@ -311,7 +313,7 @@ def _robust(
     kept = _plausible(start, rows)
     used = without(rows, kept)
     adjusted = adjust(start, used, lens, square_pixels)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         lengths = [np.linalg.norm(own, axis=1) for own in residuals(adjusted.rig, rows)]
         mine = np.concatenate([length[k] for length, k in zip(lengths, kept, strict=True)])
         # the length of two normal errors has the median 1.1774 sigma
@@ -332,7 +334,7 @@ def _plausible(start: Rig, rows: list[Rows]) -> list[npt.NDArray[np.bool_]]:
     fits all cameras; an adjustment that begins with it doesn't settle.
     """
     sizes = np.array([_rms(own) for own in residuals(start, rows)])
-    limit = max(ELSEWHERE, 10.0 * float(np.median(sizes)))
+    limit = max(MAX_START_ERROR, 10.0 * float(np.median(sizes)))
     return [np.full(len(r.image), size <= limit) for r, size in zip(rows, sizes, strict=True)]
 
 

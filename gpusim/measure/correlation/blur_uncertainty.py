@@ -19,7 +19,7 @@ from gpusim.measure.interpolation import BLUR_REACH, SplineImage
 
 __all__ = ["noise_factor"]
 
-LEAST_SHARE = 1e-3  # of the slopes' energy that a second blur leaves
+MIN_SHARE = 1e-3  # of the slopes' energy that a second blur leaves
 
 
 def noise_factor(blurred: SplineImage, points: FloatArray, half: int, blur_px: float) -> FloatArray:
@@ -50,5 +50,5 @@ def noise_factor(blurred: SplineImage, points: FloatArray, half: int, blur_px: f
                 table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
             )
         shares.append(sums[0] / np.maximum(sums[1], 1e-300))
-    share = np.clip(np.maximum(*shares), LEAST_SHARE, 1.0)
+    share = np.clip(np.maximum(*shares), MIN_SHARE, 1.0)
     return np.asarray(np.sqrt(share) / np.square(kernel).sum())

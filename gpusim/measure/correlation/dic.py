@@ -17,7 +17,7 @@ from gpusim.gpu import Device, working_device
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
 from gpusim.measure.correlation.features import feature_motions, global_shift
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
-from gpusim.measure.correlation.pixel_mask import Usable, make_usable
+from gpusim.measure.correlation.pixel_mask import MaskedImage, masked_image
 from gpusim.measure.correlation.propagation import Front, seeds
 from gpusim.measure.correlation.subsets import (
     DicResult,
@@ -32,11 +32,11 @@ from gpusim.measure.nearest_points import point_tree
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Start", "dic", "explain", "grid_points"]
+__all__ = ["Start", "dic", "given_or_grid", "grid_points", "name_failures"]
 
 Start = Literal["auto", "search", "features"]
-ENOUGH = 0.5  # share of the seeds that must be found by searching
-COVERED = 0.02  # share of a subset in the deformed image that may be unusable
+MIN_FOUND_SEEDS = 0.5  # share of the seeds that must be found by searching
+MAX_COVERED_SHARE = 0.02  # share of a subset in the deformed image that may be unusable
 # a subset that ended like this may have met with something that covers the deformed image
 UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, Status.INCOHERENT)
 PROBES = 9  # positions across a subset at which that is looked up
@@ -71,8 +71,7 @@ def dic(
 
     Parameters
     ----------
-    reference, deformed : (H, W) grey images of any integer or float type; sizes may differ.
-        Pixels that are NaN or infinite aren't used.
+    reference, deformed : (H, W) grey images, integer or float; NaN and infinity aren't used.
     subset : odd width of the square subsets, px.
     step : distance of the grid points, px (without ``points``).
     roi : (x0, y0, x1, y1), pixels included; the grid's subsets stay inside. Default: all.
@@ -90,9 +89,8 @@ def dic(
         16 bits if an integer image reaches it. Only areas wider than 0.4 subsets are left out.
     blur_px : standard deviation of a Gaussian put over both images first; 1 px takes most of the
         interpolation error off images with hard edges, for a little resolution.
-    tolerance : the iteration stops when no pixel of the subset has further to go than this, px,
-        as the shrinking of the last two steps tells; or by a tenth of the standard uncertainty,
-        where noise keeps it from that.
+    tolerance : the iteration stops when no pixel of the subset has further to go than this, px, as
+        the last steps shrink; or than a tenth of the standard uncertainty, where noise is stronger.
     max_iterations : where noise outweighs the pattern's slopes, steps shrink slowly; ``blur_px`` of
         1 px then helps more than patience.
     min_zncc : matches below are reported as ``LOW_CORRELATION``.
@@ -110,58 +108,58 @@ def dic(
     """
     device = working_device("dic", backend, device)
     settings = make_settings(
-        subset,
-        window,
-        shape=shape,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-        min_zncc=min_zncc,
-        max_move=float(subset),
-        apart_px=apart_px,
-        blur_px=blur_px,
-    )
-    first = make_usable(reference, "reference", subset, mask, saturation)
-    second = make_usable(deformed, "deformed", subset, None, saturation)
+        subset, window, shape=shape, tolerance=tolerance, max_iterations=max_iterations,
+        min_zncc=min_zncc, max_move=float(subset), apart_px=apart_px, blur_px=blur_px,
+    )  # fmt: skip
+    first = masked_image(reference, "reference", subset, mask, saturation)
+    second = masked_image(deformed, "deformed", subset, None, saturation)
     allowed = check_mask(first.good, first.image, blur_px)
+    _check_start(start, search_px)
+    positions = given_or_grid(points, first.image.shape, subset=subset, step=step, roi=roi)
+    begin = None if guess is None else _check_guess(guess, positions, settings)
+    motion = 0.0 if begin is None else np.nan_to_num(np.abs(begin[:, :, 0])).max(initial=0.0)
+    near = max(float(search_px), float(motion))
+    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
+    matches = _measure_all(front, begin, isinstance(guess, DicResult), start, int(search_px))
+    name_failures(matches, positions, settings, first, second)
+    widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
+    return make_result(positions, matches, subset, widening)
+
+
+def _check_start(start: Start, search_px: int) -> None:
     if not isinstance(search_px, (int, np.integer)) or search_px < 1:
         raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
     if start not in ("auto", "search", "features"):
         raise InputError(f"start: got {start!r}; expected 'auto', 'search' or 'features'")
-    if points is None:
-        positions = grid_points(first.image.shape, subset=subset, step=step, roi=roi)
-    else:
-        positions = check_points(points, "points")
-    begin = None if guess is None else _check_guess(guess, positions, settings)
+
+
+def _measure_all(
+    front: Front, begin: FloatArray | None, earlier: bool, start: Start, search_px: int
+) -> Correlation:
+    """Measure every point: from guesses ``begin`` (M, 2, 3), those of an ``earlier`` image or of
+    the caller, or from seeds; then from neighbours, as far as that leads."""
     known = np.zeros(0, dtype=np.int64)
     if begin is not None:
         known = np.flatnonzero(np.isfinite(begin).all(axis=(1, 2)))
-    near = float(search_px)
-    if begin is not None and known.size:
-        near = max(near, float(np.abs(begin[known, :, 0]).max()))
-    front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
-    if begin is not None:
         front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
-    if begin is None or (isinstance(guess, DicResult) and not _found(front, known) >= ENOUGH):
-        _seed(front, start, int(search_px))
+    if begin is None or (earlier and not _found(front, known) >= MIN_FOUND_SEEDS):
+        _seed(front, start, search_px)
     front.propagate()
-    if front.widen():
+    if front.extend_deformed():
         front.propagate()
     if begin is None:
-        lonely = np.flatnonzero((front.status == Status.NO_GUESS) | (front.attempts == 0))
-        if lonely.size:
-            front.search(lonely, int(search_px), np.zeros(2))
+        unreached = np.flatnonzero((front.status == Status.NO_GUESS) | (front.attempts == 0))
+        if unreached.size:
+            front.search(unreached, search_px, np.zeros(2))
             front.propagate()
     else:
         # nothing led there; let the kernel say if it could have been measured at all
         untried = np.flatnonzero(front.attempts == 0)
         front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
-    front.settle()
-    front.doubt()
-    front.split()
-    matches = front.matches()
-    explain(matches, positions, settings, first, second)
-    widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
-    return make_result(positions, matches, subset, widening)
+    front.retry_with_tolerances()
+    front.recheck_outliers()
+    front.reject_discontinuities()
+    return front.matches()
 
 
 def _seed(front: Front, start: Start, search_px: int) -> None:
@@ -169,13 +167,13 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
     chosen = seeds(front.points)
     if start != "features":
         front.search(chosen, search_px, np.zeros(2))
-        if _found(front, chosen) < ENOUGH:
+        if _found(front, chosen) < MIN_FOUND_SEEDS:
             shift = global_shift(*front.images)
             if np.abs(shift).max() > 0:
                 front.take_whole_image()
                 front.search(chosen[~front.ok[chosen]], search_px, shift)
-    if start == "features" or (start == "auto" and _found(front, chosen) < ENOUGH):
-        front.follow(chosen[~front.ok[chosen]], feature_motions(*front.images))
+    if start == "features" or (start == "auto" and _found(front, chosen) < MIN_FOUND_SEEDS):
+        front.start_from_features(chosen[~front.ok[chosen]], feature_motions(*front.images))
 
 
 def _found(front: Front, chosen: npt.NDArray[np.int64]) -> float:
@@ -205,8 +203,12 @@ def _check_guess(
     return begin
 
 
-def explain(
-    matches: Correlation, points: FloatArray, settings: Settings, first: Usable, second: Usable
+def name_failures(
+    matches: Correlation,
+    points: FloatArray,
+    settings: Settings,
+    first: MaskedImage,
+    second: MaskedImage,
 ) -> None:
     """Name subsets that are masked or saturated, in the reference or where they went to, and those
     that left the deformed image."""
@@ -247,12 +249,26 @@ def explain(
         (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
         for part in np.split(second.parts_at(there), 2, axis=-1)
     )
-    covered = (masked + saturated > COVERED) & ~gone
+    covered = (masked + saturated > MAX_COVERED_SHARE) & ~gone
     reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
     target = asked[covered]
     matches.status[target] = reason[covered]
     matches.coefficients[target] = np.nan
     matches.sigma[target] = np.nan
+
+
+def given_or_grid(
+    points: npt.ArrayLike | None,
+    image_shape: tuple[int, ...],
+    *,
+    subset: int,
+    step: int,
+    roi: tuple[int, int, int, int] | None,
+) -> FloatArray:
+    """The caller's positions (M, 2), checked, or those of a grid."""
+    if points is not None:
+        return check_points(points, "points")
+    return grid_points(image_shape, subset=subset, step=step, roi=roi)
 
 
 def grid_points(

@@ -25,7 +25,7 @@ import numpy as np
 
 from gpusim.measure.images import FloatArray
 
-__all__ = ["COARSE", "FINE", "Jumps", "Search", "jumps"]
+__all__ = ["COARSE", "FINE", "Discontinuities", "Search", "fit_discontinuities"]
 
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
@@ -51,7 +51,7 @@ FINE = Search(15, 24, tuple(np.linspace(-0.75, 0.75, 24).tolist()))
 
 
 @dataclass(frozen=True)
-class Jumps:
+class Discontinuities:
     """The jump that explains most of what is left in each of B subsets.
 
     length : (B,) float64, px.
@@ -75,13 +75,13 @@ class _Fields:
     sides: FloatArray
 
 
-def jumps(
+def fit_discontinuities(
     weight: FloatArray,
     slopes: tuple[FloatArray, FloatArray],
     grey: FloatArray,
     rest: FloatArray,
     search: Search = COARSE,
-) -> Jumps:
+) -> Discontinuities:
     """Look for a jump in each of B subsets of n = size^2 pixels, row by row.
 
     weight : (B, n), 0 where a pixel isn't used.      slopes : by x and by y, (B, n).
@@ -152,7 +152,7 @@ def jumps(
     smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(left - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
-    return Jumps(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
+    return Discontinuities(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
 
 
 def _best_side(

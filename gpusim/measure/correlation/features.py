@@ -18,13 +18,13 @@ from gpusim.measure.nearest_points import point_tree
 
 __all__ = ["Motion", "common_motions", "feature_matches", "feature_motions", "global_shift"]
 
-LARGEST = 2_000_000  # px: larger images are looked at in a smaller copy
+MAX_SIFT_SIDE = 2_000_000  # px: larger images are looked at in a smaller copy
 FEATURES = 5000
 RATIO = 0.8  # best over second-best descriptor distance (Lowe 2004)
 MODELS = 6
-LEAST = 10  # matches that make a motion
-REACH = 0.008  # of the image diagonal: how far matches of one motion may differ from it
-NEAREST = 5
+MIN_MATCHES = 10  # matches that make a motion
+INLIER_PX = 0.008  # of the image diagonal: how far matches of one motion may differ from it
+NEIGHBOURS = 5
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Motion:
 
         The affine motion, corrected by what the nearest matches differ from it (median).
         """
-        number = min(NEAREST, len(self.points))
+        number = min(NEIGHBOURS, len(self.points))
         apart, near = point_tree(self.points).query(points, k=number)
         rest = self.displacement - self.points @ self.matrix.T - self.offset
         correction = np.median(rest[np.asarray(near).reshape(len(points), -1)], axis=1)
@@ -65,9 +65,9 @@ def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> li
     ``diagonal`` of the image, px: matches of one motion may differ from it by 0.8 % of that.
     """
     motions: list[Motion] = []
-    threshold = max(2.0, REACH * diagonal)
+    threshold = max(2.0, INLIER_PX * diagonal)
     for _ in range(MODELS):
-        if len(points) < LEAST:
+        if len(points) < MIN_MATCHES:
             break
         affine, found = cv2.estimateAffine2D(
             points, moved, method=cv2.RANSAC, ransacReprojThreshold=threshold, maxIters=4000
@@ -77,7 +77,7 @@ def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> li
         inliers = np.asarray(found).ravel().astype(bool)
         matrix = np.asarray(affine, dtype=np.float64)
         stretch = np.linalg.svd(matrix[:, :2], compute_uv=False)
-        if inliers.sum() < LEAST:
+        if inliers.sum() < MIN_MATCHES:
             break
         if 0.3 < stretch[1] and stretch[0] < 3.0 and np.linalg.det(matrix[:, :2]) > 0:
             motions.append(
@@ -96,7 +96,7 @@ def feature_matches(reference: Image, deformed: Image) -> tuple[FloatArray, Floa
     """Positions (K, 2) of matched features in both images, px; each the other's best match."""
     first, second = _keypoints(reference), _keypoints(deformed)
     none = np.zeros((0, 2))
-    if len(first[0]) < LEAST or len(second[0]) < LEAST:
+    if len(first[0]) < MIN_MATCHES or len(second[0]) < MIN_MATCHES:
         return none, none
     matcher = cv2.BFMatcher(cv2.NORM_L2)
     pairs = [p for p in matcher.knnMatch(first[1], second[1], k=2) if len(p) == 2]
@@ -127,7 +127,7 @@ def global_shift(reference: Image, deformed: Image) -> FloatArray:
 
 def _keypoints(image: Image) -> tuple[FloatArray, npt.NDArray[np.float32]]:
     """Positions (K, 2) and descriptors (K, 128)."""
-    scale = min(1.0, float(np.sqrt(LARGEST / image.size)))
+    scale = min(1.0, float(np.sqrt(MAX_SIFT_SIDE / image.size)))
     grey = _eight_bit(image)
     if scale < 1.0:
         small = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

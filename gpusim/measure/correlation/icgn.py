@@ -15,7 +15,7 @@ Working with the small difference e instead of g keeps float32 sums good on the 
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from math import ceil
 
 import numpy as np
@@ -53,7 +53,7 @@ BoolArray = npt.NDArray[np.bool_]
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 FASTEST = 0.03  # ratio of two steps that is trusted to go on
-MOST_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
+MAX_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
 CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
@@ -71,32 +71,39 @@ def correlate_numpy(subsets: Subsets, settings: Settings) -> Correlation:
         _correlate_chunk(subsets, settings, slice(start, start + chunk))
         for start in range(0, count, chunk)
     ]
-    return Correlation(
-        np.concatenate([part.coefficients for part in parts]),
-        np.concatenate([part.zncc for part in parts]),
-        np.concatenate([part.sigma for part in parts]),
-        np.concatenate([part.iterations for part in parts]),
-        np.concatenate([part.status for part in parts]),
-    )
+    names = [field.name for field in fields(Correlation)]
+    return Correlation(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
 
 
-def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Correlation:
-    pair = subsets.pair
-    points = subsets.points[part]
-    half = settings.half
-    shape = settings.shape
-    unknowns = UNKNOWNS[shape]
-    number = points.shape[0]
-    status = np.full(number, Status.NOT_CONVERGED, dtype=np.int8)
-    iterations = np.zeros(number, dtype=np.int32)
-    zncc = np.full(number, np.nan)
-    sigma = np.full(number, np.nan)
+@dataclass(frozen=True)
+class _References:
+    """B subsets of the reference, n pixels each, and what stays the same in all iterations.
 
+    column, row : (B, n) int64, pixels of the whole image.    weight : (B, n), window and mask.
+    total : (B,), sum of the weights.    f : (B, n), grey values less their mean.
+    energy : (B,), weighted squares of f.    terms : (K, B, n), the warp's terms.
+    weighted : (U, B, n), weighted steepest-descent images.    factor : (B, U, U), Cholesky.
+    status : (B,) int8, `NOT_CONVERGED` for those that can be matched.
+    """
+
+    column: npt.NDArray[np.int64]
+    row: npt.NDArray[np.int64]
+    weight: FloatArray
+    total: FloatArray
+    f: FloatArray
+    energy: FloatArray
+    terms: FloatArray
+    weighted: FloatArray
+    factor: FloatArray
+    status: npt.NDArray[np.int8]
+
+
+def _references(pair: Pair, points: FloatArray, settings: Settings) -> _References:
+    half, shape = settings.half, settings.shape
+    status = np.full(len(points), Status.NOT_CONVERGED, dtype=np.int8)
     offset = np.arange(-half, half + 1)
-    dx = np.tile(offset, offset.size)
-    dy = np.repeat(offset, offset.size)
-    column = np.rint(points[:, :1]).astype(np.int64) + dx  # (B, n) pixels of the whole image
-    row = np.rint(points[:, 1:]).astype(np.int64) + dy
+    column = np.rint(points[:, :1]).astype(np.int64) + np.tile(offset, offset.size)
+    row = np.rint(points[:, 1:]).astype(np.int64) + np.repeat(offset, offset.size)
     spline = pair.reference
     in_crop: BoolArray = np.all(
         spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1
@@ -108,7 +115,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     weight = settings.window.ravel() * planes[..., 3]
     total = weight.sum(axis=1)
     masked = in_crop & ~(total >= MIN_WEIGHT * settings.window.sum())
-    masked |= in_crop & ~(total > unknowns + 2)
+    masked |= in_crop & ~(total > UNKNOWNS[shape] + 2)
     status[masked] = Status.OUTSIDE
     total = np.where(total > 0, total, 1.0)
     f = planes[..., 0]
@@ -123,31 +130,39 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     descent -= ((weight * descent).sum(axis=2) / total)[:, :, None]
     descent -= ((weight * f * descent).sum(axis=2) / safe_energy)[:, :, None] * f
     weighted = weight * descent
-    hessian = np.einsum("ibn,jbn->bij", weighted, descent)
-    factor, solvable = cholesky(hessian)
+    factor, solvable = cholesky(np.einsum("ibn,jbn->bij", weighted, descent))
     status[in_crop & ~masked & (flat | ~solvable)] = Status.NO_TEXTURE
-
-    low, scale = pair.deformed_range
-    c = subsets.start[part].copy()
-    contrast = np.ones(number)
-    level = np.zeros(number)
-    before = np.zeros(number)
-    active = np.flatnonzero(status == Status.NOT_CONVERGED)
     terms = basis(a, b, COEFFICIENTS[shape])
+    return _References(column, row, weight, total, f, energy, terms, weighted, factor, status)
+
+
+def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Correlation:
+    pair, shape = subsets.pair, settings.shape
+    start = subsets.start[part]
+    ref = _references(pair, subsets.points[part], settings)
+    status = ref.status
+    number = len(status)
+    iterations = np.zeros(number, dtype=np.int32)
+    zncc, sigma = np.full(number, np.nan), np.full(number, np.nan)
+    low, scale = pair.deformed_range
+    c = start.copy()
+    contrast, level, before = np.ones(number), np.zeros(number), np.zeros(number)
+    active = np.flatnonzero(status == Status.NOT_CONVERGED)
     for iteration in range(1, settings.max_iterations + 1):
         if active.size == 0:
             break
         iterations[active] = iteration
-        motion = np.einsum("bik,kbn->ibn", c[active][:, :, : terms.shape[0]], terms[:, active])
-        x = column[active] + motion[0]
-        y = row[active] + motion[1]
+        terms = ref.terms[:, active]
+        motion = np.einsum("bik,kbn->ibn", c[active][:, :, : len(terms)], terms)
+        x = ref.column[active] + motion[0]
+        y = ref.row[active] + motion[1]
         inside = pair.deformed.inside(x, y).all(axis=1)
         status[active[~inside]] = Status.OUTSIDE
         active, x, y = active[inside], x[inside], y[inside]
         if active.size == 0:
             break
         g = (pair.deformed.values(x, y) - low) * scale
-        w, fa, ta = weight[active], f[active], total[active]
+        w, fa, ta = ref.weight[active], ref.f[active], ref.total[active]
         if iteration == 1:
             level[active] = (w * g).sum(axis=1) / ta
         e = fa - contrast[active][:, None] * (g - level[active][:, None])
@@ -155,31 +170,29 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         e -= mean[:, None]
         along = (w * fa * e).sum(axis=1)
         rest = (w * e * e).sum(axis=1)
-        fe = energy[active]
+        fe = ref.energy[active]
         ge = fe - 2.0 * along + rest
         live = ge > 1e-10 * fe
         ge = np.where(live, ge, 1.0)
         zncc[active] = np.where(live, (fe - along) / np.sqrt(fe * ge), 0.0)
         level[active] -= mean / contrast[active]
         contrast[active] *= np.where(live, np.sqrt(fe / ge), 1.0)
-        gradient = -np.einsum("ibn,bn->bi", weighted[:, active], e)
-        step = solve(factor[active], gradient)
-        change = step_coefficients(shape, step)
-        c[active] = compose_inverse(shape, c[active], change, half)
+        gradient = -np.einsum("ibn,bn->bi", ref.weighted[:, active], e)
+        change = step_coefficients(shape, solve(ref.factor[active], gradient))
+        c[active] = compose_inverse(shape, c[active], change, settings.half)
         size = np.abs(change).sum(axis=2).max(axis=1)
         done = remaining(size, before[active]) <= settings.tolerance
         before[active] = size
-        move = np.abs(c[active][:, :, 0] - subsets.start[part][active][:, :, 0]).max(axis=1)
+        move = np.abs(c[active][:, :, 0] - start[active][:, :, 0]).max(axis=1)
         lost = ~(live & (move <= settings.max_move))
         status[active[done & ~lost]] = Status.OK
         if done.any():
-            variance = (fe * rest - along**2) / ge / (ta - unknowns - 2)
+            variance = (fe * rest - along**2) / ge / (ta - UNKNOWNS[shape] - 2)
             noise = settings.slope_noise * (1.0 - zncc[active]) * fe
-            spread = np.maximum(*displacement_variance(factor[active], shape, noise))
+            spread = np.maximum(*displacement_variance(ref.factor[active], shape, noise))
             sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
         active = active[~(done | lost)]
-    poor = (status == Status.OK) & ~(zncc >= settings.min_zncc)
-    status[poor] = Status.LOW_CORRELATION
+    status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
     bad = status != Status.OK
     c[bad] = np.nan
     sigma[bad] = np.nan
@@ -213,7 +226,7 @@ def displacement_variance(
         unit = np.zeros(factor.shape[:2])
         unit[:, index] = 1.0
         share = noise / (factor[:, index] ** 2).sum(axis=1)
-        widening = 1.0 / (1.0 - np.clip(share, 0.0, MOST_NOISE))
+        widening = 1.0 / (1.0 - np.clip(share, 0.0, MAX_NOISE))
         entries.append(widening**2 * solve(factor, unit)[:, index])
     return entries[0], entries[1]
 
@@ -248,7 +261,7 @@ def correlate(
         there = centre[which] + target[which] - pair.deformed.origin + PAD
         begin = np.clip(there, -limit, limit).astype(np.int64)
         reach = ceil(SPREAD * half + min(settings.max_move, 4 * half)) + PAD
-        for tile in plan_tiles(pair, pixel, begin, half, reach, limits):
+        for tile in plan_tiles(pair.reference, pair.deformed, pixel, begin, half, reach, limits):
             for first in range(0, tile.which.size, DISPATCH):
                 part = replace(tile, which=tile.which[first : first + DISPATCH])
                 values[which[part.which]] = _dispatch(
@@ -330,8 +343,8 @@ def _dispatch(
             "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
             "box": box,
         },
-        reference=pair.uploads.reference(device, tile.reference, limits),
-        deformed=pair.uploads.deformed(device, tile.deformed, limits),
+        reference=pair.reference_texture(device, tile.reference, limits),
+        deformed=pair.deformed_texture(device, tile.deformed, limits),
         window=Sampled(device, settings.window.astype(np.float32), "measure.icgn.window"),
         places=device.buffer(places.astype(np.int32), label="measure.icgn.places"),
         starts=device.buffer(starts.astype(np.float32), label="measure.icgn.starts"),

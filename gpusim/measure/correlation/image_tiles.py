@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +17,9 @@ import wgpu
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.measure.interpolation import SplineImage
 
-if TYPE_CHECKING:
-    from gpusim.measure.correlation.matching import Pair
-
-__all__ = ["Box", "Limits", "Sampled", "Tile", "Uploads", "plan_tiles"]
+__all__ = ["Box", "Limits", "Sampled", "TextureCache", "Tile", "plan_tiles"]
 
 Box = tuple[int, int, int, int]
 IntArray = npt.NDArray[np.int64]
@@ -89,19 +86,26 @@ class Tile:
 
 
 def plan_tiles(
-    pair: Pair, centre: IntArray, begin: IntArray, half: int, reach: int, limits: Limits
+    reference: SplineImage,
+    deformed: SplineImage,
+    centre: IntArray,
+    begin: IntArray,
+    half: int,
+    reach: int,
+    limits: Limits,
 ) -> Iterator[Tile]:
     """Group M subsets into tiles.
 
     Parameters
     ----------
+    reference, deformed : the crops of both images.
     centre : (M, 2) centre pixels in the reference crop; the subsets lie inside it.
     begin : (M, 2) the coefficients of the deformed crop at which they start; may lie outside.
     half : half width of the subsets.
     reach : how far from ``begin`` coefficients are needed; what goes further finds no tile.
     """
-    height, width = pair.reference.pixels.shape
-    rows, columns = pair.deformed.coefficients.shape
+    height, width = reference.pixels.shape
+    rows, columns = deformed.coefficients.shape
     everything = np.arange(len(centre))
     fits = max(height, width, rows, columns) <= limits.side
     if fits and max(height * width, rows * columns) <= limits.pixels:
@@ -114,14 +118,14 @@ def plan_tiles(
     for number in range(int(group.max()) + 1):
         members = np.flatnonzero(group.ravel() == number)
         x, y = (int(k) * cell for k in cells[members[0]])
-        reference = (
+        pixels = (
             max(x - half, 0),
             max(y - half, 0),
             min(x + cell + half, width),
             min(y + cell + half, height),
         )
-        for part, deformed in _by_target(members, begin, (columns, rows), reach, most):
-            yield Tile(part, reference, deformed)
+        for part, coefficients in _by_target(members, begin, (columns, rows), reach, most):
+            yield Tile(part, pixels, coefficients)
 
 
 def _by_target(
@@ -146,33 +150,13 @@ def _by_target(
     yield members, (int(first[0]), int(first[1]), int(last[0]), int(last[1]))
 
 
-class Uploads:
+class TextureCache:
     """Textures of one pair, made when first asked for; the least recently used ones go first."""
 
-    def __init__(self, pair: Pair) -> None:
-        self.pair = pair
+    def __init__(self) -> None:
         self._kept: OrderedDict[tuple[Device, str, Box], Sampled] = OrderedDict()
 
-    def reference(self, device: Device, box: Box, limits: Limits) -> Sampled:
-        """Grey value, slopes by x and y, mask."""
-        return self._get(device, "reference", box, limits, self.pair.part)
-
-    def deformed(self, device: Device, box: Box, limits: Limits) -> Sampled:
-        """Spline coefficients; a texel holds those of 2x2 pixels, row by row."""
-        return self._get(device, "deformed", box, limits, self._coefficients)
-
-    def _coefficients(self, box: Box) -> npt.NDArray[np.float32]:
-        x0, y0, x1, y1 = box
-        low, scale = self.pair.deformed_range
-        part = (self.pair.deformed.coefficients[y0:y1, x0:x1] - low) * scale
-        packed = np.zeros((*part.shape, 4), dtype=np.float32)
-        packed[:, :, 0] = part
-        packed[:, :-1, 1] = part[:, 1:]
-        packed[:-1, :, 2] = part[1:]
-        packed[:-1, :-1, 3] = part[1:, 1:]
-        return packed
-
-    def _get(
+    def get(
         self,
         device: Device,
         name: str,
@@ -180,6 +164,7 @@ class Uploads:
         limits: Limits,
         make: Callable[[Box], npt.NDArray[np.float32]],
     ) -> Sampled:
+        """The texture of a box, of what ``make`` makes of it unless it is there."""
         key = (device, name, box)
         if key in self._kept:
             self._kept.move_to_end(key)

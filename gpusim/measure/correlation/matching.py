@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.measure.correlation.image_tiles import Box, Uploads
+from gpusim.gpu import Device
+from gpusim.measure.correlation.image_tiles import Box, Limits, Sampled, TextureCache
 from gpusim.measure.correlation.warp import UNKNOWNS, Shape
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
@@ -142,9 +143,27 @@ class Pair:
         return grey_range(self.deformed)
 
     @cached_property
-    def uploads(self) -> Uploads:
-        """The parts of both crops that are on a device."""
-        return Uploads(self)
+    def _textures(self) -> TextureCache:
+        return TextureCache()
+
+    def reference_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
+        """Grey value, slopes by x and y, mask."""
+        return self._textures.get(device, "reference", box, limits, self.part)
+
+    def deformed_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
+        """Spline coefficients; a texel holds those of 2x2 pixels, row by row."""
+        return self._textures.get(device, "deformed", box, limits, self._packed_coefficients)
+
+    def _packed_coefficients(self, box: Box) -> npt.NDArray[np.float32]:
+        x0, y0, x1, y1 = box
+        low, scale = self.deformed_range
+        part = (self.deformed.coefficients[y0:y1, x0:x1] - low) * scale
+        packed = np.zeros((*part.shape, 4), dtype=np.float32)
+        packed[:, :, 0] = part
+        packed[:, :-1, 1] = part[:, 1:]
+        packed[:-1, :, 2] = part[1:]
+        packed[:-1, :-1, 3] = part[1:, 1:]
+        return packed
 
 
 def grey_range(spline: SplineImage) -> tuple[float, float]:

@@ -19,18 +19,19 @@ from gpusim.errors import InputError
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.images import FloatArray, Image, check_image, pixels_of
 
-__all__ = ["Usable", "full_scale", "make_usable"]
+__all__ = ["MaskedImage", "full_scale", "masked_image"]
 
 BoolArray = npt.NDArray[np.bool_]
 
 BLOB = 0.4  # width of a saturated area that isn't pattern any more, over the subset's width
 RIM = 2  # px around such an area over which its edge disturbs the interpolation
 DEPTHS = (8, 10, 12, 14, 16)  # bits of cameras
-MANY = 1e-4  # share of pixels at the highest level that makes it full scale and not chance
+# share of pixels at the highest level that makes it full scale and not chance
+MIN_SATURATED_SHARE = 1e-4
 
 
 @dataclass(frozen=True)
-class Usable:
+class MaskedImage:
     """An image without NaN, and where it can be used.
 
     image : (H, W), the image; pixels that aren't numbers hold the median of the others. Floats and
@@ -87,13 +88,13 @@ class Usable:
         return np.asarray(self.parts_at(positions).any(axis=-1))
 
 
-def make_usable(
+def masked_image(
     image: object,
     name: str,
     subset: int,
     mask: npt.NDArray[Any] | None = None,
     saturation: float | None = None,
-) -> Usable:
+) -> MaskedImage:
     """Check an image, fill what isn't a number and find its saturated areas.
 
     ``saturation`` is the lowest saturated grey level; None: ``full_scale`` of the image.
@@ -126,14 +127,14 @@ def make_usable(
     else:
         raise InputError(f"saturation: got {saturation!r}; expected a finite grey level or None")
     if level is None or not float(array.max()) >= level:
-        return Usable(_scaled(array), bad, None)
+        return MaskedImage(_scaled(array), bad, None)
     size = max(5, 2 * round(0.5 * BLOB * subset) + 1)
     hot = (array >= level).astype(np.uint8)
     square = np.ones((size, size), dtype=np.uint8)
     opened = cv2.morphologyEx(hot, cv2.MORPH_OPEN, square)
     rim = np.ones((2 * RIM + 1, 2 * RIM + 1), dtype=np.uint8)
     area: BoolArray = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
-    return Usable(_scaled(array), bad, area if area.any() else None)
+    return MaskedImage(_scaled(array), bad, area if area.any() else None)
 
 
 def _scaled(image: Image) -> Image:
@@ -161,7 +162,7 @@ def full_scale(image: Image) -> float | None:
     top = int(image.max())
     levels = {(1 << bits) - 1 for bits in DEPTHS}
     levels |= {((1 << bits) - 1) << (16 - bits) for bits in DEPTHS}
-    if top not in levels or np.count_nonzero(image == top) < MANY * image.size:
+    if top not in levels or np.count_nonzero(image == top) < MIN_SATURATED_SHARE * image.size:
         return None
     return float(top)
 

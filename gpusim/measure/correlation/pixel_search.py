@@ -10,7 +10,7 @@ from gpusim.measure.images import FloatArray, Image
 __all__ = ["integer_search", "search_template"]
 
 LOWEST = 0.7  # score over the best one that a peak as good may have between two pixels
-ALIKE = 0.03  # less correlation than the best peak: as good
+EQUAL_PEAK = 0.03  # less correlation than the best peak: as good
 
 
 def search_template(
@@ -63,7 +63,7 @@ def _nearest_peak(score: FloatArray, centre: tuple[int, int]) -> tuple[int, int]
         after = wide[rows + 1 + down, columns + 1 + across]
         bend = 2.0 * middle - before - after
         height += np.where(bend > 0, (after - before) ** 2 / (8.0 * np.maximum(bend, 1e-12)), 0.0)
-    alike = height >= height.max() - ALIKE
+    alike = height >= height.max() - EQUAL_PEAK
     away = np.hypot(rows - centre[0], columns - centre[1])
     chosen = int(np.argmin(np.where(alike, away, np.inf)))
     return int(rows[chosen]), int(columns[chosen])

@@ -20,7 +20,7 @@ from gpusim.measure.correlation.features import Motion
 from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Status, Subsets
 from gpusim.measure.correlation.pixel_search import integer_search
-from gpusim.measure.correlation.subset_consistency import beside_texture, incoherent
+from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.nearest_points import point_tree
@@ -32,23 +32,23 @@ BoolArray = npt.NDArray[np.bool_]
 
 NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
-SURE = 0.95  # correlation that needs no neighbour to be believed
+SURE_ZNCC = 0.95  # correlation that needs no neighbour to be believed
 ATTEMPTS = 4  # starts per point
-PARTED = ("affine", "quadratic")  # shapes that follow a smooth field: what they leave is news
-DOUBT = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
-POOR = 1.5  # residual over the lower quartile of all points
-SETTLED = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)  # px: tolerances where the one asked for isn't reached
-WIDER = 10.0  # standard uncertainty over the tolerance that then is enough
-BENT = (
-    0.5  # over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
-)
-INNER = 0.6  # of a subset's width: its middle, asked by itself
-COMPANY = (
-    3  # lost neighbours that settle a doubt where noise hardly explains it, else twice as many
-)
+# shapes that follow a smooth field: what they leave is news
+FLEXIBLE_SHAPES = ("affine", "quadratic")
+OUTLIER_PX = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
+POOR_RESIDUAL = 1.5  # residual over the lower quartile of all points
+# px: tolerances where the one asked for isn't reached
+RELAXED_TOLERANCES = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)
+MIN_SIGMA_RATIO = 10.0  # standard uncertainty over the tolerance that then is enough
+# over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
+MIN_SLOPE_CHANGE = 0.5
+CENTRE_SHARE = 0.6  # of a subset's width: its middle, asked by itself
+# lost neighbours that settle a doubt where noise hardly explains it, else twice as many
+MIN_REJECTED_NEIGHBOURS = 3
 BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
-MANY = 0.1  # share of what was looked at that has no texture: look at everything
-APART = 0.5  # px: further from what its neighbours say, a point is looked at again
+MANY_ONE_SIDED = 0.1  # share of what was looked at that has no texture: look at everything
+RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
 def seeds(points: FloatArray) -> IntArray:
@@ -121,7 +121,7 @@ class Front:
         # without a place to start from, let the kernel say why: outside, or no texture
         self.attempt(which[~found], start[~found], keep=False)
 
-    def follow(self, which: IntArray, motions: list[Motion]) -> None:
+    def start_from_features(self, which: IntArray, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
         if not motions:
             return
@@ -162,7 +162,7 @@ class Front:
             settings = replace(settings, tolerance=tolerance)
         result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
         if tolerance is not None:
-            early = (result.status == Status.OK) & ~(result.sigma >= WIDER * tolerance)
+            early = (result.status == Status.OK) & ~(result.sigma >= MIN_SIGMA_RATIO * tolerance)
             result.status[early] = Status.NOT_CONVERGED
             result.coefficients[early] = np.nan
             result.sigma[early] = np.nan
@@ -179,13 +179,13 @@ class Front:
         self.iterations[target] = result.iterations[chosen]
         self.status[target] = result.status[chosen]
 
-    def settle(self) -> None:
+    def retry_with_tolerances(self) -> None:
         """Measure what noise keeps from converging as far as its own uncertainty makes sense.
 
         Where noise outweighs the pattern's slopes, steps shrink slowly and may not come below the
         tolerance; a tenth of the standard uncertainty is as good a place to stop.
         """
-        for tolerance in SETTLED:
+        for tolerance in RELAXED_TOLERANCES:
             which = np.flatnonzero(self.status == Status.NOT_CONVERGED)
             if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
                 continue
@@ -215,7 +215,7 @@ class Front:
             self.source[which] = source[which]
             self.attempt(which, *self._extrapolated(which, source[which]))
 
-    def doubt(self) -> None:
+    def recheck_outliers(self) -> None:
         """Look again at points that their neighbours would have put elsewhere.
 
         A pattern that resembles itself can match in a wrong place. The start that the neighbours
@@ -225,8 +225,8 @@ class Front:
         if len(self.points) < NEIGHBOURS:
             return
         neighbour = self._neighbours
-        lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE)
-        self._give_up(np.flatnonzero(lonely), Status.LOW_CORRELATION)
+        lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE_ZNCC)
+        self._reject(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
         own = self.coefficients[:, :, 0]
         said = np.stack(
@@ -238,52 +238,53 @@ class Front:
         if which.size == 0:
             return
         middle = np.nanmedian(said[which], axis=1)
-        odd = np.abs(middle - own[which]).max(axis=1) > APART
+        odd = np.abs(middle - own[which]).max(axis=1) > RECHECK_PX
         self.attempt(which[odd], middle[odd])
 
-    def split(self) -> None:
+    def reject_discontinuities(self) -> None:
         """Give up subsets that see two motions, or something that isn't in both images.
 
         Only those are looked at that stand out, and the neighbours of those that are torn.
         """
-        if not (np.isfinite(self.settings.apart_px) and self.settings.shape in PARTED):
+        if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
             return
-        which = self._standing_out()
-        aside = self._aside(which)
-        if aside.any() and aside.mean() > MANY:  # the pattern itself may have slopes one way only
+        which = self._outliers()
+        one_sided = self._one_sided(which)
+        # the pattern itself may have slopes one way only
+        if one_sided.any() and one_sided.mean() > MANY_ONE_SIDED:
             others = np.setdiff1d(np.flatnonzero(self.ok), which)
             which = np.concatenate([which, others])
-            aside = np.concatenate([aside, self._aside(others)])
-        asked, doubtful, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
+            one_sided = np.concatenate([one_sided, self._one_sided(others)])
+        asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
             found = self.points[which], self.coefficients[which]
-            torn, doubtful[which], likely[which] = incoherent(
+            torn, uncertain[which], likely[which] = inconsistent_subsets(
                 self.pair, *found, self.settings, self.blur_px
             )
-            self._give_up(which[torn], Status.INCOHERENT)
-            self._give_up(which[aside], Status.NO_TEXTURE)
+            self._reject(which[torn], Status.INCOHERENT)
+            self._reject(which[one_sided], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
                 return
             near = distinct(self._neighbours[which[torn]])
             which = near[self.ok[near] & ~asked[near]]
-            aside = self._aside(which)
-        if doubtful.any() and len(self.points) >= NEIGHBOURS:
-            self._settle_doubts(doubtful & self.ok, likely)
+            one_sided = self._one_sided(which)
+        if uncertain.any() and len(self.points) >= NEIGHBOURS:
+            self._resolve_uncertain(uncertain & self.ok, likely)
 
-    def _settle_doubts(self, doubtful: BoolArray, likely: BoolArray) -> None:
-        """Give up doubtful subsets beside lost ones: an edge goes on, short waves have none.
+    def _resolve_uncertain(self, uncertain: BoolArray, likely: BoolArray) -> None:
+        """Give up uncertain subsets beside lost ones: an edge goes on, short waves have none.
 
         Those whose middle by itself says something else of the point; and likely ones among
         several: an edge through a subset's middle looks the same in there.
         """
         lost = np.isin(self.status[self._neighbours], BESIDE_EDGES).sum(axis=1)
-        asked = np.flatnonzero(doubtful & (lost > 0))
-        company = np.where(likely[asked], COMPANY, 2 * COMPANY)
-        torn = self._moved_inside(asked) | (lost[asked] >= company)
-        self._give_up(asked[torn], Status.INCOHERENT)
+        asked = np.flatnonzero(uncertain & (lost > 0))
+        company = np.where(likely[asked], MIN_REJECTED_NEIGHBOURS, 2 * MIN_REJECTED_NEIGHBOURS)
+        torn = self._centre_disagrees(asked) | (lost[asked] >= company)
+        self._reject(asked[torn], Status.INCOHERENT)
 
-    def _moved_inside(self, which: IntArray) -> BoolArray:
+    def _centre_disagrees(self, which: IntArray) -> BoolArray:
         """Whether the middle of a subset by itself says something else of its point.
 
         It does beside an edge that only the outer part sees.
@@ -291,26 +292,26 @@ class Front:
         if which.size == 0:
             return np.zeros(0, dtype=np.bool_)
         half = self.settings.half
-        inner = max(ceil(INNER * half), 3)
+        inner = max(ceil(CENTRE_SHARE * half), 3)
         cut = slice(half - inner, half + inner + 1)
         settings = replace(self.settings, window=self.settings.window[cut, cut])
         scale = np.array([1.0, *[inner / half] * 2, *[(inner / half) ** 2] * 3])
         start = self.coefficients[which] * scale
         result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
         away = np.abs(result.coefficients[:, :, 0] - start[:, :, 0]).max(axis=1)
-        limit = np.maximum(self.settings.apart_px, 4.0 * self._widened(result.sigma))
+        limit = np.maximum(self.settings.apart_px, 4.0 * self._blur_widened(result.sigma))
         return np.asarray((result.status == Status.OK) & (away > limit))
 
-    def _widened(self, sigma: FloatArray) -> FloatArray:
+    def _blur_widened(self, sigma: FloatArray) -> FloatArray:
         """Blurred noise is correlated: the uncertainty is that much larger."""
         return np.asarray(sigma * max(1.0, 2.0 * np.sqrt(np.pi) * self.blur_px))
 
-    def _give_up(self, which: IntArray, status: Status) -> None:
+    def _reject(self, which: IntArray, status: Status) -> None:
         self.status[which] = status
         self.coefficients[which] = np.nan
         self.sigma[which] = np.nan
 
-    def _standing_out(self) -> IntArray:
+    def _outliers(self) -> IntArray:
         """Measured points that a neighbour would put elsewhere, or that leave much."""
         which = np.flatnonzero(self.ok)
         if which.size < NEIGHBOURS:
@@ -322,15 +323,15 @@ class Front:
         # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
         slopes = self.coefficients[:, :, 1:3]
         bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
-        bent -= np.maximum(BENT * self.settings.apart_px, 10.0 * unsure)
-        doubtful = np.maximum(away - 4.0 * unsure - DOUBT, bent)
+        bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
+        uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         alone = ~self.ok[neighbour].all(axis=1)
         left = 1.0 - self.zncc[which]
-        poor = left > POOR * np.quantile(left, 0.25)
-        return np.asarray(which[(np.nan_to_num(doubtful).max(axis=1) > 0.0) | alone | poor])
+        poor = left > POOR_RESIDUAL * np.quantile(left, 0.25)
+        return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _aside(self, which: IntArray) -> npt.NDArray[np.bool_]:
-        return beside_texture(self.pair, self.points[which], self.zncc[which], self.settings)
+    def _one_sided(self, which: IntArray) -> npt.NDArray[np.bool_]:
+        return one_sided_texture(self.pair, self.points[which], self.zncc[which], self.settings)
 
     @cached_property
     def _neighbours(self) -> IntArray:
@@ -351,7 +352,7 @@ class Front:
         displacement = self.coefficients[source][:, :, 0] + np.einsum("mij,mj->mi", linear, offset)
         return displacement, linear
 
-    def widen(self) -> bool:
+    def extend_deformed(self) -> bool:
         """Take in the whole deformed image if a point has left the part around the start."""
         left = self.status == Status.OUTSIDE
         if not (left.any() and self.ok.any()) or not self.take_whole_image():

@@ -29,7 +29,7 @@ IntArray = npt.NDArray[np.int64]
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
 KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
 TERMS = {1: 3, 2: 6}  # unknowns of a polynomial in two variables, by degree
-LEAST = 0.2  # share of a window's points that must have been measured
+MIN_MEASURED_SHARE = 0.2  # share of a window's points that must have been measured
 CHUNK = 1 << 21  # pairs of points handled at once
 MIN_RECIPROCAL_CONDITION = 1e-10
 
@@ -208,7 +208,8 @@ def fit_gradients(
     if known.size == 0:
         return gradient, residual, count
     scale = max(reach, 1e-300)
-    least = max(terms + 1, LEAST * window * window)  # a corner of the grid sees a quarter
+    # a corner of the grid sees a quarter
+    least = max(terms + 1, MIN_MEASURED_SHARE * window * window)
     for first, last, row, other in _pairs(points, points[known], reach * (1 + 1e-9), window):
         a, b = ((points[known[other]] - points[first + row]) / scale).T
         basis = np.stack([np.ones_like(a), a, b, a * a, a * b, b * b][:terms])

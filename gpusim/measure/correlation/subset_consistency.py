@@ -13,47 +13,51 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.measure.correlation.discontinuity import COARSE, FINE, jumps
+from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontinuities
 from gpusim.measure.correlation.matching import Pair, Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
 
-__all__ = ["beside_texture", "incoherent"]
+__all__ = ["inconsistent_subsets", "one_sided_texture"]
 
 BoolArray = npt.NDArray[np.bool_]
 
 PARTS = 3  # parts along each side of a subset
-LEAST = 6.0  # px with weight that a part needs to be asked
+MIN_PART_PIXELS = 6.0  # px with weight that a part needs to be asked
 SHARE = 0.25  # of its pixels that a part must have
-SURE = 25.0  # square of the standard deviations by which a part's motion must stand out
+MIN_SIGNIFICANCE = 25.0  # square of the standard deviations by which a part's motion must stand out
 # residual variance of a part over the lower quartile of all parts: shot noise differs by 2, chance
 # by the number of pixels n
-ODD, CHANCE = 2.0, 8.0  # ODD + CHANCE / sqrt(n)
-TEXTURED = 0.4  # sum of squared slopes over the mean one of the parts: with less, not asked
-ROUND = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred direction
-LEVER = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
-VAGUE = 3.0  # uncertainty of the point over the lower quartile of all
+RESIDUAL_RATIO, CHANCE = 2.0, 8.0  # RESIDUAL_RATIO + CHANCE / sqrt(n)
+MIN_TEXTURE = 0.4  # sum of squared slopes over the mean one of the parts: with less, not asked
+MIN_ISOTROPY = 0.2  # likewise 4 det / trace^2 of those sums, 1 without a preferred direction
+MAX_LEVERAGE = 2.5  # uncertainty of the point over that with known slopes; 1.0 to 1.2 usually
+MAX_SPREAD = 3.0  # uncertainty of the point over the lower quartile of all
 BORDER = 2.0  # px
-LEAST_SHARE = 1e-4  # eigenvalue of the scaled normal matrix without noise, at least
-UNSURE = 6.0  # standard deviations of the noise's slopes that those of a pattern must exceed …
-ONE_WAY = 0.1  # … or this share of those across them
-FOREIGN = 0.15  # residual variance of a part over the variance of the subset's grey values
-SEEN = 2.0  # what a smooth field explains over what a jump does, by coarse lines: no jump with more
-SMOOTH = np.array([0.9, 1.05])  # likewise by fine lines, as the jump is less sure or …
-LONG = 2.5  # times ``apart_px``: a shorter jump doesn't move a point by as much as that
-ALIKE = 2.2  # what a smooth field explains over what a jump does: doubtful up to here
-UNCLEAR = 0.55  # times SURE for a jump that makes doubtful: noise alone shows it in 1 of 20
-PROMISING = 0.5  # of a jump's length and surety that coarse lines must show
-CLEAR = 4.0  # … more than this times SURE: noise no longer decides
-CHOSEN = 2.4  # times SURE for a jump: the best of 576 lines fits noise better than one part does
-FAR = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
+MIN_SHARE = 1e-4  # eigenvalue of the scaled normal matrix without noise, at least
+# standard deviations of the noise's slopes that those of a pattern must exceed …
+MIN_SLOPE_SIGMAS = 6.0
+MIN_CROSS_SLOPES = 0.1  # … or this share of those across them
+FOREIGN_VARIANCE = 0.15  # residual variance of a part over the variance of the subset's grey values
+# what a smooth field explains over what a jump does, by coarse lines: no jump with more
+MAX_SMOOTH_COARSE = 2.0
+MAX_SMOOTH_FINE = np.array([0.9, 1.05])  # likewise by fine lines, as the jump is less sure or …
+UNCERTAIN_LENGTH = 2.5  # times ``apart_px``: a shorter jump doesn't move a point by as much as that
+UNCERTAIN_SMOOTH = 2.2  # what a smooth field explains over what a jump does: uncertain up to here
+# times MIN_SIGNIFICANCE for a jump that makes uncertain: noise alone shows it in 1 of 20
+UNCERTAIN_SIGNIFICANCE = 0.55
+COARSE_SHARE = 0.5  # of a jump's length and surety that coarse lines must show
+CLEAR_SIGNIFICANCE = 4.0  # … more than this times MIN_SIGNIFICANCE: noise no longer decides
+# times MIN_SIGNIFICANCE for a jump: the best of 576 lines fits noise better than one part does
+LINE_SIGNIFICANCE = 2.4
+MAX_SMOOTH_MOTION = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 20  # pixels handled at once
-FEW = 64  # subsets asked for a jump at once: what they need stays in the cache
-LARGEST = 32_000  # px: sides of the images that cv2.remap takes
+LINE_CHUNK = 64  # subsets asked for a jump at once: what they need stays in the cache
+MAX_REMAP_SIDE = 32_000  # px: sides of the images that cv2.remap takes
 
 
-def incoherent(
+def inconsistent_subsets(
     pair: Pair,
     points: FloatArray,
     coefficients: FloatArray,
@@ -61,27 +65,30 @@ def incoherent(
     blur_px: float = 0.0,
 ) -> tuple[BoolArray, BoolArray, BoolArray]:
     """(M,) bool: subsets a part or a side of which moved by more than ``apart_px`` from the rest;
-    doubtful ones, of which a line explains that, and a smooth field about as well: a narrow strip,
+    uncertain ones, of which a line explains that, and a smooth field about as well: a narrow strip,
     a corner, a jump of about a pixel, or short waves; and those of them where noise hardly does.
 
     points, coefficients : (M, 2) and (M, 2, 6), matched subsets, px; all inside both images.
 
     A part counts if its own motion is well beyond the noise left in it, or if it doesn't match:
-    what is left there is ``FOREIGN`` of the pattern and far more than in the other parts. Motions
-    below ``FAR`` count only if a jump explains them better than a smooth field does.
+    what is left there is ``FOREIGN_VARIANCE`` of the pattern and far more than in the other parts.
+    Motions below ``MAX_SMOOTH_MOTION`` count only if a jump explains them better than a smooth
+    field does.
     """
     # blurred noise is correlated: it moves a part by more than its variance says
-    sure = SURE * max(1.0, 4.0 * np.pi * blur_px**2)
+    sure = MIN_SIGNIFICANCE * max(1.0, 4.0 * np.pi * blur_px**2)
     chunk = max(1, CHUNK // settings.window.size)
     parts = [
-        _chunk(pair, points[i : i + chunk], coefficients[i : i + chunk], settings, sure)
+        _inconsistent_chunk(
+            pair, points[i : i + chunk], coefficients[i : i + chunk], settings, sure
+        )
         for i in range(0, len(points), chunk)
     ]
     found = np.concatenate(parts, axis=1) if parts else np.zeros((3, 0), dtype=np.bool_)
     return found[0], found[1], found[2]
 
 
-def beside_texture(
+def one_sided_texture(
     pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings
 ) -> BoolArray:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
@@ -93,18 +100,18 @@ def beside_texture(
     """
     chunk = max(1, CHUNK // (4 * settings.window.size))
     parts = [
-        _levers(pair, points[i : i + chunk], zncc[i : i + chunk], settings)
+        _leverage(pair, points[i : i + chunk], zncc[i : i + chunk], settings)
         for i in range(0, len(points), chunk)
     ]
     if not parts:
         return np.zeros(0, dtype=np.bool_)
     lever, spread, striped = np.concatenate(parts, axis=1)
     # a bright edge within a good texture has a long lever too, but the point is well known
-    far = (lever > LEVER) & (spread > VAGUE * np.quantile(spread, 0.25))
+    far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * np.quantile(spread, 0.25))
     return np.asarray(far | (striped > 0))
 
 
-def _levers(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings) -> FloatArray:
+def _leverage(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings) -> FloatArray:
     """(3, M): uncertainty of each point over what it would be if the slopes of the warp were known,
     that for grey noise 1, and 1 where the pattern has slopes one way only.
 
@@ -122,13 +129,13 @@ def _levers(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings
     noise = settings.slope_noise * (1.0 - zncc) * (weight * f * f).sum(axis=1) / total
     terms = (root * basis(a, b, 3)).transpose(1, 0, 2)
     moments = noise[:, None, None] * (terms @ terms.transpose(0, 2, 1))
-    striped = _one_way(normal[:, ::3, ::3], moments[:, 0, 0], total)
+    striped = _one_direction(normal[:, ::3, ::3], moments[:, 0, 0], total)
     diagonal = np.einsum("bii->bi", normal).copy()
     for first in (0, 3):
         normal[:, first : first + 3, first : first + 3] -= moments
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-30))
     values, vectors = np.linalg.eigh(normal * scale[:, :, None] * scale[:, None, :])
-    values = np.maximum(values, LEAST_SHARE)
+    values = np.maximum(values, MIN_SHARE)
     normal = np.einsum("bik,bk,bjk->bij", vectors, values, vectors)
     spread = np.einsum("bik,bk,bjk->bij", vectors, 1.0 / values, vectors)
     own, known = (np.stack([m[:, k, k] for k in (0, 3)]) for m in (spread, normal))
@@ -138,12 +145,14 @@ def _levers(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings
     )
 
 
-def _one_way(slopes: FloatArray, noise: FloatArray, pixels: FloatArray) -> BoolArray:
+def _one_direction(slopes: FloatArray, noise: FloatArray, pixels: FloatArray) -> BoolArray:
     """Whether sums of products of slopes (B, 2, 2) tell one direction only, beside those that noise
     makes: each of ``noise`` on the diagonal, known to a share of sqrt(2 / number of pixels), of
     which the slope filter leaves about one in three independent."""
     low, high = np.linalg.eigvalsh(slopes).T - noise
-    return np.asarray((low < UNSURE * np.sqrt(6.0 / pixels) * noise) & (low < ONE_WAY * high))
+    return np.asarray(
+        (low < MIN_SLOPE_SIGMAS * np.sqrt(6.0 / pixels) * noise) & (low < MIN_CROSS_SLOPES * high)
+    )
 
 
 def _subsets(
@@ -158,10 +167,10 @@ def _subsets(
     return column, row, pair.planes_at(column[:, 0] - x, row[:, 0] - y, offset.size)
 
 
-def _chunk(
+def _inconsistent_chunk(
     pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
 ) -> BoolArray:
-    """(3, M) bool: as ``incoherent`` returns them."""
+    """(3, M) bool: as ``inconsistent_subsets`` returns them."""
     half = settings.half
     size = 2 * half + 1
     column, row, planes = _subsets(pair, points, settings)
@@ -174,7 +183,7 @@ def _chunk(
     weight = weight * ((x_there >= left + BORDER) & (x_there <= right - BORDER))
     weight = weight * ((y_there >= top + BORDER) & (y_there <= bottom - BORDER))
     total = np.maximum(weight.sum(axis=1, keepdims=True), 1.0)
-    g = _look_up(pair.deformed, x_there, y_there)
+    g = _resampled(pair.deformed, x_there, y_there)
     f = planes[..., 0] - (weight * planes[..., 0]).sum(axis=1, keepdims=True) / total
     g -= (weight * g).sum(axis=1, keepdims=True) / total
     contrast = (weight * f * f).sum(axis=1, keepdims=True)
@@ -196,12 +205,12 @@ def _chunk(
     ye = (weight * y * rest) @ member - pixels * mean_y * mean_e
     ee = (weight * rest * rest) @ member - pixels * mean_e**2
 
-    asked = (pixels >= LEAST) & (pixels >= SHARE * settings.window.sum() / PARTS**2)
+    asked = (pixels >= MIN_PART_PIXELS) & (pixels >= SHARE * settings.window.sum() / PARTS**2)
     determinant = xx * yy - xy * xy
     slopes = np.where(asked, xx + yy, 0.0)
     usual_slopes = slopes.sum(axis=1) / np.maximum(asked.sum(axis=1), 1)
-    solvable = asked & (determinant > ROUND * (0.5 * slopes) ** 2)
-    solvable &= slopes > TEXTURED * usual_slopes[:, None]
+    solvable = asked & (determinant > MIN_ISOTROPY * (0.5 * slopes) ** 2)
+    solvable &= slopes > MIN_TEXTURE * usual_slopes[:, None]
     divisor = np.where(solvable, determinant, 1.0)
     dx, dy = (yy * xe - xy * ye) / divisor, (xx * ye - xy * xe) / divisor
     explained = dx * xe + dy * ye
@@ -210,30 +219,35 @@ def _chunk(
     usual = _lower_quartile(ee / np.maximum(pixels, 1.0), asked)[:, None]
     noise = np.maximum(noise, usual)
     motion_left = np.where(solvable & (explained > sure * noise), np.hypot(dx, dy), 0.0).max(axis=1)
-    odd = ODD + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
-    foreign = asked & (variance > odd * usual) & (variance > FOREIGN * contrast / total)
-    found = np.asarray(foreign.any(axis=1) | (motion_left > max(FAR, settings.apart_px)))
-    doubtful, likely = np.zeros((2, len(points)), dtype=np.bool_)
+    odd = RESIDUAL_RATIO + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
+    foreign = asked & (variance > odd * usual) & (variance > FOREIGN_VARIANCE * contrast / total)
+    found = np.asarray(
+        foreign.any(axis=1) | (motion_left > max(MAX_SMOOTH_MOTION, settings.apart_px))
+    )
+    uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~found)
-    for search, share in ((COARSE, PROMISING), (FINE, 1.0)):
+    for search, share in ((COARSE, COARSE_SHARE), (FINE, 1.0)):
         seen = np.zeros(len(points), dtype=np.bool_)
-        few = FEW if search is COARSE else FEW // 4
+        few = LINE_CHUNK if search is COARSE else LINE_CHUNK // 4
         for i in range(0, open_.size, few):
             some = open_[i : i + few]
-            jump = jumps(weight[some], (x[some], y[some]), f[some], rest[some], search)
-            torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
-            torn &= jump.sure > share * CHOSEN * sure
-            clear = SMOOTH[(jump.sure > CLEAR * sure).astype(np.int64)]
-            most = SEEN if search is COARSE else clear
-            seen[some] = torn & (jump.smooth < most * jump.sure)
-            unclear = (jump.length > LONG * settings.apart_px) & (
-                (jump.sure > UNCLEAR * sure) & (jump.smooth < ALIKE * jump.sure)
+            jump = fit_discontinuities(
+                weight[some], (x[some], y[some]), f[some], rest[some], search
             )
-            doubtful[some] |= unclear
-            likely[some] |= unclear & (jump.sure > PROMISING * CHOSEN * sure)
+            torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
+            torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
+            clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
+            most = MAX_SMOOTH_COARSE if search is COARSE else clear
+            seen[some] = torn & (jump.smooth < most * jump.sure)
+            unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
+                (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)
+                & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
+            )
+            uncertain[some] |= unclear
+            likely[some] |= unclear & (jump.sure > COARSE_SHARE * LINE_SIGNIFICANCE * sure)
         open_ = np.flatnonzero(seen)
     found[open_] = True
-    return np.stack([found, doubtful & ~found, likely & ~found])
+    return np.stack([found, uncertain & ~found, likely & ~found])
 
 
 def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
@@ -249,9 +263,9 @@ def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
     return np.asarray(low + share * (high - low))
 
 
-def _look_up(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:
+def _resampled(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:
     """Grey values of an image at positions (B, n), to 1/32 px: enough to see what doesn't fit."""
-    if max(*image.pixels.shape, *x.shape) > LARGEST:
+    if max(*image.pixels.shape, *x.shape) > MAX_REMAP_SIDE:
         return image.values(x, y)
     found = cv2.remap(
         image.pixels,

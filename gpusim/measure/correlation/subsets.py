@@ -18,7 +18,7 @@ from gpusim.measure.images import FloatArray, Image
 __all__ = ["DicResult", "Window", "check_mask", "make_result", "make_settings", "make_window"]
 
 Window = Literal["square", "round"]
-LEAST_BLUR = 0.5  # px
+MIN_BLUR = 0.5  # px
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def make_settings(
         float(max_move),
         float(apart_px),
         # a blur takes noise off the slopes first
-        SLOPE_NOISE if blur_px < LEAST_BLUR else 0.0,
+        SLOPE_NOISE if blur_px < MIN_BLUR else 0.0,
     )
 
 

@@ -30,7 +30,7 @@ __all__ = ["CENTRE", "PARAMETERS", "fit_junctions", "frames", "residual_and_slop
 
 PARAMETERS = 9
 CENTRE = 1.5  # px: both borders within this distance: the pixel isn't used
-MIN_VARIANCE, MOST_VARIANCE = 0.004**2, 60.0**2  # px^2
+MIN_VARIANCE, MAX_VARIANCE = 0.004**2, 60.0**2  # px^2
 # as good as sharp, yet it rounds off the kink where a border lies between two columns of pixels:
 # from far off, fits there take 10 steps, without any blur 60 to and fro
 ROUNDING = 0.02**2
@@ -59,7 +59,7 @@ def residual_and_slopes(
     """Model less grey value (C, P) at pixels x, y, and its derivatives (C, 9, P)."""
     along_1, along_2, normal_1, normal_2 = frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
-    variance = np.clip(p[:, 8], MIN_VARIANCE, MOST_VARIANCE)
+    variance = np.clip(p[:, 8], MIN_VARIANCE, MAX_VARIANCE)
     profiles, borders = [], []
     for normal in (normal_1, normal_2):
         distance = dx * normal[:, :1]

@@ -20,11 +20,11 @@ Rows = npt.NDArray[np.int64]
 Model = Callable[[FloatArray, Rows], tuple[FloatArray, FloatArray]]
 
 FIRST_DAMPING = 1e-3
-MOST_DAMPING = 1e8
-LEAST_DAMPING = 1e-7
+MAX_DAMPING = 1e8
+MIN_DAMPING = 1e-7
 # in a kink, as where a sharp border lies between two columns of pixels, steps go to and fro across
 # the valley and hardly down: a fit that gained no more than this share by so many is there
-LEAST_GAIN, GAIN_STEPS = 1e-4, 4
+MIN_GAIN, GAIN_STEPS = 1e-4, 4
 # noise makes the kink jagged, and no step is the last: at the end this much will do, less than what
 # an error of one standard deviation adds to the squares of a thousand samples
 LAST_GAIN = 1e-3
@@ -108,15 +108,15 @@ def fit_many(
         normal[taken], gradient[taken] = new_normal[better], new_gradient[better]
         square[taken] = new_square[better]
         steps[taken] += 1
-        damping[taken] = np.maximum(0.1 * damping[taken], LEAST_DAMPING)
+        damping[taken] = np.maximum(0.1 * damping[taken], MIN_DAMPING)
         damping[active[~better]] *= 10.0
         converged[active[small]] = True
         # where no damping makes a step go down any more, rounding decides: that is the minimum too
-        stuck = damping[active] > MOST_DAMPING
+        stuck = damping[active] > MAX_DAMPING
         due = better & (steps[active] % GAIN_STEPS == 0)
         row = active[due]
         gained[row], earlier[row] = earlier[row] - square[row], square[row]
-        stuck |= due & (gained[active] <= LEAST_GAIN * square[active])
+        stuck |= due & (gained[active] <= MIN_GAIN * square[active])
         converged[active[stuck]] = True
         active = active[~small & ~stuck]
         if not active.size:
@@ -124,13 +124,7 @@ def fit_many(
     # by the last whole row of steps, and since
     gain = np.maximum(gained, earlier - square)[active]
     converged[active] = gain <= LAST_GAIN * square[active]
-    freedom = np.maximum((weight > 0).sum(axis=1) - size, 1)
-    main = normal[:, diagonal, diagonal]
-    # a parameter that changes nothing (a blur of none) is left out of the others' covariance
-    main = np.sqrt(np.maximum(main, 1e-24 * main.max(axis=1, keepdims=True) + 1e-200))
-    scaled = normal / (main[:, :, None] * main[:, None, :]) + 1e-14 * np.eye(size)
-    inverse = np.linalg.inv(scaled) / (main[:, :, None] * main[:, None, :])
-    covariance = inverse * (square / freedom)[:, None, None]
+    covariance = _covariance(normal, square, (weight > 0).sum(axis=1))
     total = np.maximum(weight.sum(axis=1), 1e-300)
     return ManyFits(p, np.sqrt(square / total), covariance, converged)
 
@@ -146,3 +140,14 @@ def _normal(
     gradient = (weighted @ residual[..., None])[..., 0]
     square = np.einsum("kp,kp->k", own, residual * residual)
     return normal, gradient, square
+
+
+def _covariance(normal: FloatArray, square: FloatArray, samples: Rows) -> FloatArray:
+    """(C, Q, Q), from normal matrices and the squares that so many samples leave."""
+    size = normal.shape[1]
+    main = normal[:, np.arange(size), np.arange(size)]
+    # a parameter that changes nothing (a blur of none) is left out of the others' covariance
+    main = np.sqrt(np.maximum(main, 1e-24 * main.max(axis=1, keepdims=True) + 1e-200))
+    scaled = normal / (main[:, :, None] * main[:, None, :]) + 1e-14 * np.eye(size)
+    inverse = np.linalg.inv(scaled) / (main[:, :, None] * main[:, None, :])
+    return np.asarray(inverse * (square / np.maximum(samples - size, 1))[:, None, None])

@@ -25,10 +25,10 @@ FloatArray = npt.NDArray[np.float64]
 Lag = tuple[int, int]
 
 REACH = 3  # px: noise further apart counts as independent
-SURE = 4.0  # standard deviations by which a correlation must stand out
-MOST_TAKEN = 3.0  # variance of the noise over that of what fits leave, if distances are known
+MIN_SIGMAS = 4.0  # standard deviations by which a correlation must stand out
+MAX_TAKEN = 3.0  # variance of the noise over that of what fits leave, if distances are known
 BLURS = np.linspace(0.3, 1.8, 31)  # px
-ASKED = 8  # fits that tell how much of the noise is taken up
+SAMPLED_FITS = 8  # fits that tell how much of the noise is taken up
 LAGS = [(d, a) for d in range(REACH + 1) for a in range(-REACH, REACH + 1) if d > 0 or a > 0]
 
 
@@ -47,7 +47,7 @@ def widening(
     scale = np.sqrt((left * left).sum(axis=(1, 2)) / count)
     left = left / np.where(scale > 0, scale, 1.0)[:, None, None]
     own = np.where(used[:, None], influence, 0.0)
-    some = np.unique(np.linspace(0, len(used) - 1, min(ASKED, len(used))).astype(np.int64))
+    some = np.unique(np.linspace(0, len(used) - 1, min(SAMPLED_FITS, len(used))).astype(np.int64))
     taken = _Taken(np.where(used[some, None], slopes[some], 0.0))
     share = len(used) / len(some)
     observed = _alike(left, REACH, (0,))
@@ -56,13 +56,13 @@ def widening(
     known = [(0, 0)] + [
         lag
         for lag in LAGS
-        if pairs[lag] and abs(observed[lag] - independent[lag]) > SURE * np.sqrt(pairs[lag])
+        if pairs[lag] and abs(observed[lag] - independent[lag]) > MIN_SIGMAS * np.sqrt(pairs[lag])
     ]
     if len(known) == 1:
         return np.ones(len(used))
     matrix, sums = _equations(known, taken, share, pairs, observed)
     covariance = np.asarray(np.linalg.lstsq(matrix, sums)[0], dtype=np.float64)
-    if not (np.abs(covariance[1:]) <= covariance[0]).all() or not covariance[0] <= MOST_TAKEN:
+    if not (np.abs(covariance[1:]) <= covariance[0]).all() or not covariance[0] <= MAX_TAKEN:
         # so much is taken up that distances can't be told apart
         known = [(0, 0), *(lag for lag in LAGS if pairs[lag])]
         covariance = _as_blurred(known, *_equations(known, taken, share, pairs, observed))

@@ -12,8 +12,8 @@ FloatArray = npt.NDArray[np.float64]
 
 WINDOW = 7  # px: noise that neighbours share keeps most of its variance in it
 FLAT = 0.2  # share of a picture that is taken as flat, or next to it
-LEEWAY = 1.3  # RMS over the noise: chance, and what a level that is too low by a tenth lacks
-LEAST_CLEAR = 0.35  # noise over the contrast beyond which nothing may be left for it
+RMS_ALLOWANCE = 1.3  # RMS over the noise: chance, and what a level that is too low by a tenth lacks
+MIN_CLEAR = 0.35  # noise over the contrast beyond which nothing may be left for it
 
 
 def noise_level(image: npt.NDArray[np.float32]) -> float:
@@ -35,5 +35,5 @@ def noise_level(image: npt.NDArray[np.float32]) -> float:
 def allowed_residual(most: float, noise: float, contrast: float | FloatArray) -> FloatArray:
     """RMS over the contrast that a fit may leave: ``most`` without noise, more with it."""
     share = noise / np.maximum(np.abs(contrast), 1e-300)
-    more = np.where(share <= LEAST_CLEAR, LEEWAY * share, 0.0)
+    more = np.where(share <= MIN_CLEAR, RMS_ALLOWANCE * share, 0.0)
     return np.asarray(np.hypot(most, more))

@@ -23,9 +23,9 @@ Straighten = Callable[[FloatArray], FloatArray]
 """From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
 
 DEGREES = (3, 5)
-SPARE = 2  # equations per unknown, at least
+EQUATIONS_PER_UNKNOWN = 2  # equations per unknown, at least
 FARTHEST = 6.0  # robust standard deviations; points beyond don't count
-CLOSE = 5e-4  # px: fits that are nearer to the points aren't better ones
+GOOD_FIT = 5e-4  # px: fits that are nearer to the points aren't better ones
 ROUNDS = 8
 STEP = 0.5  # px, of the differences that give the field's slope
 
@@ -79,7 +79,7 @@ def field_of_bends(
     for terms in LENSES:
         field = PlumbField(terms, np.zeros(terms(at[:1]).shape[-1]), middle, scale)
         unknown = len(field.weights)
-        if len(at) < SPARE * unknown:
+        if len(at) < EQUATIONS_PER_UNKNOWN * unknown:
             break
         matrix = field.bends(at, normal, slope) / sigma[:, None]
         weights = np.asarray(np.linalg.lstsq(matrix, bend / sigma, rcond=1e-9)[0], np.float64)
@@ -103,10 +103,10 @@ def plumb_lines(
     best, found = np.inf, None
     for terms in (*LENSES, *map(_polynomial, DEGREES)):
         unknown = 8 + terms(x[:1]).shape[-1]
-        if 2 * len(x) < SPARE * unknown:
+        if 2 * len(x) < EQUATIONS_PER_UNKNOWN * unknown:
             continue
         weights, square, used = _fit(x, index.astype(np.float64), terms)
-        variance = square / (2 * used) + (CLOSE / scale) ** 2
+        variance = square / (2 * used) + (GOOD_FIT / scale) ** 2
         score = 2 * len(x) * np.log(variance) + unknown * np.log(2 * len(x))
         if score < best:
             best, found = score, (terms, weights)

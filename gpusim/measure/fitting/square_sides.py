@@ -15,11 +15,11 @@ from gpusim.measure.images import FloatArray, Image
 __all__ = ["SideSamples", "Sides", "fit_sides", "side_samples"]
 
 SHARE = 0.8  # of a side that is fitted
-BAND = 0.6  # cells on either side of it, at most MOST px
-MOST = 4.0
-LEAST_CELL = 2.5  # px
+BAND = 0.6  # cells on either side of it, at most MAX_BAND px
+MAX_BAND = 4.0
+MIN_CELL = 2.5  # px
 PARAMETERS = 5  # offset, turn, variance of the blur, middle grey, half contrast
-MIN_SIGMA, FIRST_SIGMA, MOST_SIGMA = 0.004, 0.5, 7.0  # px
+MIN_SIGMA, FIRST_SIGMA, MAX_SIGMA = 0.004, 0.5, 7.0  # px
 FURTHEST = 2.0  # px that a side may lie from where it was expected
 
 
@@ -71,8 +71,8 @@ def side_samples(image: Image, corners: FloatArray, cells: int) -> SideSamples:
     direction = ends.reshape(-1, 2) / np.maximum(length, 1e-9)[:, None]
     angle = np.arctan2(-direction[:, 0], direction[:, 1])
     cell = (length.reshape(-1, 4).min(axis=1) / cells).repeat(4)
-    band = np.minimum(BAND * cell, MOST)
-    enough = cell >= LEAST_CELL
+    band = np.minimum(BAND * cell, MAX_BAND)
+    enough = cell >= MIN_CELL
     samples = [
         _pixels(image, *one)
         for one in zip(
@@ -108,7 +108,7 @@ def fit_sides(samples: SideSamples, straighten: Straighten | None = None) -> Sid
         change = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         dx, dy = offset[rows, :, 0], offset[rows, :, 1]
         distance = dx * normal[:, :1] + dy * normal[:, 1:] - p[:, :1]
-        profile = profile_and_slopes(distance, normal, np.minimum(p[:, 2], MOST_SIGMA**2))
+        profile = profile_and_slopes(distance, normal, np.minimum(p[:, 2], MAX_SIGMA**2))
         half = p[:, 4:5]
         slopes = [
             -half * profile[1],

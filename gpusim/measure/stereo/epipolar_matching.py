@@ -13,7 +13,7 @@ from gpusim.measure.images import FloatArray
 from gpusim.measure.stereo.triangulation import essential, normalised, triangulate
 from gpusim.validation import unmasked
 
-__all__ = ["Matches", "epipolar_distance", "match_epipolar"]
+__all__ = ["Matches", "epipolar_distance", "match_epipolar", "paired_epipolar_distance"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +37,38 @@ def epipolar_distance(
 
     Sampson's first-order distance (Sampson, 1982), with the lenses undone.
     """
+    lines_2, rays_2, slope_2, slope_1 = _epipolar_lines((first, second), pixels_1, pixels_2)
+    value = np.einsum("ni,mi->nm", lines_2, rays_2)
+    return np.asarray(np.abs(value) / np.sqrt(slope_2[:, None] + slope_1[None, :]))
+
+
+def paired_epipolar_distance(
+    cameras: tuple[CalibratedCamera, CalibratedCamera], left: FloatArray, right: FloatArray
+) -> FloatArray:
+    """Distance (M,) in px of row by row from the epipolar constraint, as `epipolar_distance`."""
+    lines_2, rays_2, slope_2, slope_1 = _epipolar_lines(cameras, left, right)
+    value = np.abs((lines_2 * rays_2).sum(axis=1))
+    return np.asarray(value / np.sqrt(slope_2 + slope_1))
+
+
+def _epipolar_lines(
+    cameras: tuple[CalibratedCamera, CalibratedCamera],
+    pixels_1: npt.ArrayLike,
+    pixels_2: npt.ArrayLike,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Lines (M1, 3) in the second image, rays (M2, 3) there, and Sampson's squared slopes (M1,) by
+    the pixels of the second image and (M2,) of the first."""
+    first, second = cameras
     rays_1, rays_2 = (
         np.column_stack([ray, np.ones(len(ray))])
         for ray in (normalised(first, pixels_1), normalised(second, pixels_2))
     )
     E = essential(first, second)
     lines_2, lines_1 = rays_1 @ E.T, rays_2 @ E
-    value = np.einsum("ni,mi->nm", lines_2, rays_2)
-    f1, f2 = float(np.mean(np.diag(first.K)[:2])), float(np.mean(np.diag(second.K)[:2]))
+    f1, f2 = (float(np.mean(np.diag(camera.K)[:2])) for camera in cameras)
     slope_2 = np.sum(lines_2[:, :2] ** 2, axis=1) / f2**2
     slope_1 = np.sum(lines_1[:, :2] ** 2, axis=1) / f1**2
-    result: FloatArray = np.abs(value) / np.sqrt(slope_2[:, None] + slope_1[None, :])
-    return result
+    return lines_2, rays_2, slope_2, slope_1
 
 
 @unmasked()

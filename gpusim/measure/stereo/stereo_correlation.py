@@ -19,16 +19,17 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.dic import explain, grid_points
+from gpusim.measure.correlation.dic import given_or_grid, name_failures
 from gpusim.measure.correlation.matching import Status
-from gpusim.measure.correlation.pixel_mask import make_usable
+from gpusim.measure.correlation.pixel_mask import masked_image
 from gpusim.measure.correlation.sequence import Update, dic_sequence
 from gpusim.measure.correlation.subsets import DicResult, check_mask, make_settings
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.stereo.epipolar_matching import paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
-from gpusim.measure.stereo.view_matching import epipolar_misses, match_views
+from gpusim.measure.stereo.view_matching import match_views
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -123,22 +124,13 @@ def stereo_shape(
     if not 0 < epipolar_px < np.inf:
         raise InputError(f"epipolar_px: got {epipolar_px!r}; expected px > 0")
     settings = make_settings(
-        subset,
-        "square",
-        shape=match_shape,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-        min_zncc=min_zncc,
-        max_move=float(subset),
-        blur_px=blur_px,
-    )
+        subset, "square", shape=match_shape, tolerance=tolerance, max_iterations=max_iterations,
+        min_zncc=min_zncc, max_move=float(subset), blur_px=blur_px,
+    )  # fmt: skip
     device = working_device("stereo_shape", backend, device)
-    first = make_usable(left, "left", subset, mask, saturation)
-    second = make_usable(right, "right", subset, None, saturation)
-    if points is None:
-        places = grid_points(first.image.shape, subset=subset, step=step, roi=roi)
-    else:
-        places = check_points(points, "points")
+    first = masked_image(left, "left", subset, mask, saturation)
+    second = masked_image(right, "right", subset, None, saturation)
+    places = given_or_grid(points, first.image.shape, subset=subset, step=step, roi=roi)
     matches = match_views(
         first.image,
         second.image,
@@ -150,7 +142,7 @@ def stereo_shape(
         epipolar_px,
         device,
     )
-    explain(matches, places, settings, first, second)
+    name_failures(matches, places, settings, first, second)
     there = places + matches.coefficients[:, :, 0]
     # both images count alike, as they do later: what the calibration leaves between the rays is
     # split in the same way in every state and cancels in the displacement
@@ -208,45 +200,25 @@ def stereo_dic(
     """
     device = working_device("stereo_dic", backend, device)
     common: dict[str, Any] = {
-        "subset": subset,
-        "saturation": saturation,
-        "blur_px": blur_px,
-        "tolerance": tolerance,
-        "min_zncc": min_zncc,
-        "device": device,
-        "backend": "numpy" if device is None else "gpu",
-    }
+        "subset": subset, "saturation": saturation, "blur_px": blur_px, "tolerance": tolerance,
+        "min_zncc": min_zncc, "device": device, "backend": "numpy" if device is None else "gpu",
+    }  # fmt: skip
     begin = stereo_shape(
-        left,
-        right,
-        cameras,
-        step=step,
-        roi=roi,
-        points=points,
-        mask=mask,
-        match_shape=match_shape,
-        epipolar_px=epipolar_px,
-        **common,
-    )
+        left, right, cameras, step=step, roi=roi, points=points, mask=mask,
+        match_shape=match_shape, epipolar_px=epipolar_px, **common,
+    )  # fmt: skip
     known = np.flatnonzero(begin.ok)
     if known.size == 0:
         count = sum(1 for _ in lefts)
         return [begin] * count
-    tracks = [
-        dic_sequence(image, images, points=where, mask=part, shape=shape, update=update, **both)
-        for image, images, where, part in (
-            (left, lefts, begin.left[known], mask),
-            (right, rights, begin.right[known], None),
-        )
-        for both in ({**common, **options},)
-    ]
-    if len(tracks[0]) != len(tracks[1]):
-        raise InputError(
-            f"lefts, rights: got {len(tracks[0])} and {len(tracks[1])} images; expected pairs"
-        )
+    both: dict[str, Any] = {**common, "shape": shape, "update": update, **options}
+    ones = dic_sequence(left, lefts, points=begin.left[known], mask=mask, **both)
+    twos = dic_sequence(right, rights, points=begin.right[known], **both)
+    if len(ones) != len(twos):
+        raise InputError(f"lefts, rights: got {len(ones)} and {len(twos)} images; expected pairs")
     return [
         _moved(cameras, begin, known, one, two, epipolar_px)
-        for one, two in zip(*tracks, strict=True)
+        for one, two in zip(ones, twos, strict=True)
     ]
 
 
@@ -268,7 +240,7 @@ def _moved(
     sigma[:, known] = np.sqrt(0.5 * (one.sigma**2 + two.sigma**2))
     status[known] = np.where(one.ok, two.status, one.status)
     good = np.flatnonzero(status == Status.OK)
-    miss = epipolar_misses(cameras, here[good], there[good])
+    miss = paired_epipolar_distance(cameras, here[good], there[good])
     status[good[~(miss <= epipolar_px)]] = Status.EPIPOLAR
     return _triangulated(
         cameras, begin.points, here, there, sigma, status, begin.shape, begin.subset

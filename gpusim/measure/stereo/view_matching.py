@@ -20,13 +20,14 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.pixel_search import search_template
 from gpusim.measure.correlation.propagation import Front, seeds
 from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.stereo.triangulation import essential, normalised, project
+from gpusim.measure.stereo.epipolar_matching import paired_epipolar_distance
+from gpusim.measure.stereo.triangulation import normalised, project
 from gpusim.validation import unmasked
 
-__all__ = ["epipolar_misses", "match_views", "rig_camera"]
+__all__ = ["match_views", "rig_camera"]
 
 FEATURE_PX = 4.0  # from its epipolar line: further away a feature match is wrong
-FEW = 0.1  # share of the feature matches that at least satisfy a right calibration
+MIN_EPIPOLAR_SHARE = 0.1  # share of the feature matches that at least satisfy a right calibration
 DEPTHS = 160  # places along an epipolar line, from half a baseline to 500 of them
 BAND = 3  # px beside the line
 
@@ -66,24 +67,6 @@ def rig_camera(
     return CalibratedCamera(name, resolution, matrix, lens, pose, {}, float("nan"))
 
 
-def epipolar_misses(
-    cameras: tuple[CalibratedCamera, CalibratedCamera], left: FloatArray, right: FloatArray
-) -> FloatArray:
-    """Distance (M,) in px of each pair from the epipolar constraint (Sampson), lenses undone."""
-    first, second = cameras
-    ray_1, ray_2 = (
-        np.column_stack([ray, np.ones(len(ray))])
-        for ray in (normalised(first, left), normalised(second, right))
-    )
-    E = essential(first, second)
-    line_2, line_1 = ray_1 @ E.T, ray_2 @ E
-    value = np.abs((line_2 * ray_2).sum(axis=1))
-    f1, f2 = (float(np.mean(np.diag(camera.K)[:2])) for camera in cameras)
-    slope = (line_2[:, :2] ** 2).sum(axis=1) / f2**2 + (line_1[:, :2] ** 2).sum(axis=1) / f1**2
-    result: FloatArray = value / np.sqrt(slope)
-    return result
-
-
 def match_views(
     left: Image,
     right: Image,
@@ -104,11 +87,11 @@ def match_views(
     chosen = seeds(points)
     here, there = feature_matches(left, right)
     if len(here):
-        true = epipolar_misses(cameras, here, there) <= FEATURE_PX
-        if true.mean() < FEW:
+        true = paired_epipolar_distance(cameras, here, there) <= FEATURE_PX
+        if true.mean() < MIN_EPIPOLAR_SHARE:
             true[:] = True  # the calibration is wrong: match all the same, so that it shows
         diagonal = float(np.hypot(*left.shape))
-        front.follow(chosen, common_motions(here[true], there[true], diagonal))
+        front.start_from_features(chosen, common_motions(here[true], there[true], diagonal))
     lost = chosen[~front.ok[chosen] & (front.status[chosen] != Status.NO_TEXTURE)]
     if lost.size > 0.5 * chosen.size:
         found = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
@@ -118,11 +101,13 @@ def match_views(
     front.propagate()
     untried = np.flatnonzero(front.attempts == 0)
     front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
-    front.doubt()
-    front.split()
+    front.recheck_outliers()
+    front.reject_discontinuities()
     matches = front.matches()
     ok = np.flatnonzero(front.ok)
-    miss = epipolar_misses(cameras, points[ok], points[ok] + matches.coefficients[ok, :, 0])
+    miss = paired_epipolar_distance(
+        cameras, points[ok], points[ok] + matches.coefficients[ok, :, 0]
+    )
     wrong = ok[~(miss <= epipolar_px)]
     matches.status[wrong] = Status.EPIPOLAR
     matches.coefficients[wrong] = np.nan

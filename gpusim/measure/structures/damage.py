@@ -32,7 +32,7 @@ __all__ = ["SlopeChanges", "difference_curve", "slope_changes"]
 
 ROUNDS = 60
 SETTLED = 1e-9  # of the length
-LEAST_POINTS = 3  # on a piece of the broken line
+MIN_POINTS = 3  # on a piece of the broken line
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,8 +276,8 @@ def _far_enough(x: FloatArray, breaks: FloatArray, clearance: float) -> npt.NDAr
         own = np.flatnonzero(piece == k)
         ends = breaks[max(k - 1, 0) : k + 1]
         distance = np.abs(x[own, None] - ends).min(axis=1, initial=np.inf)
-        if len(own) > LEAST_POINTS:
-            limit = min(clearance, np.sort(distance)[-LEAST_POINTS])
+        if len(own) > MIN_POINTS:
+            limit = min(clearance, np.sort(distance)[-MIN_POINTS])
             used[own[distance < limit]] = False
     return used
 

@@ -30,10 +30,12 @@ __all__ = ["Dots", "circle_centres", "find_dots"]
 
 RIM = 3  # px around a dot that blur and pixels reach …
 RING = 3  # … and of its surroundings beyond
-LEAST_CONTRAST = 0.08  # of the image's grey range
-ROUND = 0.1  # of a dot stretched to a circle: its harmonics of order 3 and 4; 0.43 for a square
-LEAST_SHARE = 0.5  # of the ring that has to be free
-LEAST_CORE = 9  # px that tell a slope
+MIN_CONTRAST = 0.08  # of the image's grey range
+MIN_ROUNDNESS = (
+    0.1  # of a dot stretched to a circle: its harmonics of order 3 and 4; 0.43 for a square
+)
+MIN_SHARE = 0.5  # of the ring that has to be free
+MIN_CORE = 9  # px that tell a slope
 RADII, TURNS = 8, 24  # samples over a disc
 ROUNDS = 8
 
@@ -81,7 +83,7 @@ def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bo
         labels, boxes = _components(grey if dark else -grey, high, span)
         for number, box in boxes:
             found = _dot(grey, labels, number, box, low, high)
-            if found is not None and (found[5] if dark else -found[5]) >= LEAST_CONTRAST * span:
+            if found is not None and (found[5] if dark else -found[5]) >= MIN_CONTRAST * span:
                 rows.append(found)
     rows.sort(key=lambda dot: (round(dot[1] / high), dot[0]))
     table = np.array(rows, dtype=np.float64).reshape(-1, 6)
@@ -146,7 +148,7 @@ def _components(
     """Connected parts darker than around them, as labels, and those of a likely size with boxes."""
     side = 2 * int(1.5 * high + RIM) + 1
     mean = cv2.blur(grey, (side, side), borderType=cv2.BORDER_REFLECT)
-    below = (grey < mean - 0.5 * LEAST_CONTRAST * span).astype(np.uint8)
+    below = (grey < mean - 0.5 * MIN_CONTRAST * span).astype(np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(below, connectivity=4)
     boxes = []
     for number in range(1, count):
@@ -176,7 +178,7 @@ def _dot(
     wide, wider = (cv2.dilate(mine, _disc(r)) > 0 for r in (RIM, pad))
     ring = wider & ~wide
     free = ring & ~(cv2.dilate(others, _disc(RIM)) > 0)
-    if not np.count_nonzero(free) >= LEAST_SHARE * np.count_nonzero(ring):
+    if not np.count_nonzero(free) >= MIN_SHARE * np.count_nonzero(ring):
         return None
     places = np.indices(window.shape, dtype=np.float64)
     y, x = places[0], places[1]
@@ -199,7 +201,7 @@ def _dot(
     z = circle[0] + 1j * circle[1]
     for order in (3, 4):
         around = np.abs((taken * z**order).sum()) / np.abs((taken * np.abs(z) ** order).sum())
-        if not around <= ROUND:
+        if not around <= MIN_ROUNDNESS:
             return None
     inside = (dx**2 + dy**2) <= (0.25 * axes[1]) ** 2
     depth = float(np.mean(taken[inside]))
@@ -224,7 +226,7 @@ def _brightness(
     middle = float(x[free].mean()), float(y[free].mean())
     plane = np.stack([np.ones_like(x), x - middle[0], y - middle[1]], axis=-1)
     fitted = np.linalg.lstsq(plane[free], window[free], rcond=None)[0]
-    if np.count_nonzero(core) >= LEAST_CORE and window[core].mean() > window[free].mean() > 0:
+    if np.count_nonzero(core) >= MIN_CORE and window[core].mean() > window[free].mean() > 0:
         known, told = np.zeros((2, 2)), np.zeros(2)
         for part in (free, core):
             own = plane[part]

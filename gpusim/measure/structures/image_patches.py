@@ -16,17 +16,17 @@ import scipy
 from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.interpolation import BLUR_REACH, PAD, SLACK, SplineImage
 
-__all__ = ["Crops"]
+__all__ = ["ImagePatches"]
 
 BoolArray = npt.NDArray[np.bool_]
 
 MARGIN = 20  # pixels around a part: what happens at its border has faded to 5e-8 there
-LEAST = 8  # pixels of the image in a part
+MIN_PIXELS = 8  # pixels of the image in a part
 
 
 @dataclass(frozen=True)
-class Crops(SplineImage):
-    """M parts of S x S pixels; positions are those of the pile, see ``to_pile``.
+class ImagePatches(SplineImage):
+    """M parts of S x S pixels; positions are those of the pile, see ``stack_offset``.
 
     Attributes
     ----------
@@ -41,7 +41,9 @@ class Crops(SplineImage):
     limits: FloatArray
 
     @classmethod
-    def around(cls, image: Image, centres: FloatArray, reach: float, blur_px: float) -> Crops:
+    def around(
+        cls, image: Image, centres: FloatArray, reach: float, blur_px: float
+    ) -> ImagePatches:
         """Parts that can be read up to ``reach`` px beside ``centres`` (M, 2), blurred first.
 
         Beyond the image's border it is continued, point-reflected, but not valid.
@@ -74,14 +76,14 @@ class Crops(SplineImage):
             limits=np.concatenate([low, high], axis=1).astype(np.float64),
         )
 
-    def take(self, which: npt.NDArray[np.int64]) -> Crops:
+    def take(self, which: npt.NDArray[np.int64]) -> ImagePatches:
         """The parts ``which`` (K,) alone."""
         inner = self.coefficients[PAD:-PAD, PAD:-PAD]
         pixels, coefficients = (
             a.reshape(-1, self.size, self.size)[which].reshape(-1, self.size)
             for a in (self.pixels, inner)
         )
-        return Crops(
+        return ImagePatches(
             pixels=pixels,
             coefficients=np.pad(coefficients, PAD),
             origin=(0, 0),
@@ -91,7 +93,7 @@ class Crops(SplineImage):
             limits=self.limits[which],
         )
 
-    def piled(self, mask: BoolArray) -> BoolArray:
+    def stacked_mask(self, mask: BoolArray) -> BoolArray:
         """The parts of a mask (H, W) of the image, False outside, one below the other."""
         offset = np.arange(self.size)
         x, y = (self.corners[:, k, None] + offset for k in range(2))
@@ -100,7 +102,7 @@ class Crops(SplineImage):
         parts = mask[y[:, :, None], x[:, None, :]] & inside_y[:, :, None] & inside_x[:, None, :]
         return np.asarray(parts.reshape(-1, self.size))
 
-    def to_pile(self, which: npt.NDArray[np.int64]) -> FloatArray:
+    def stack_offset(self, which: npt.NDArray[np.int64]) -> FloatArray:
         """What to add to positions in the image for those in the parts ``which`` (K,): (K, 2)."""
         shift = -self.corners[which].astype(np.float64)
         shift[:, 1] += which * self.size
@@ -124,7 +126,7 @@ def _part(image: Image, x: int, y: int, size: int) -> FloatArray:
     """A square of ``size`` px from (x, y); zeros if the image has next to nothing of it."""
     height, width = image.shape
     x0, x1, y0, y1 = max(x, 0), min(x + size, width), max(y, 0), min(y + size, height)
-    if min(x1 - x0, y1 - y0) < LEAST:
+    if min(x1 - x0, y1 - y0) < MIN_PIXELS:
         return np.zeros((size, size))
     part = image[y0:y1, x0:x1].astype(np.float64)
     missing = (y0 - y, y + size - y1), (x0 - x, x + size - x1)

@@ -13,7 +13,7 @@ from gpusim.measure.correlation.icgn import correlate_numpy
 from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Status, Subsets
 from gpusim.measure.correlation.pixel_search import search_template
 from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.structures.image_patches import Crops
+from gpusim.measure.structures.image_patches import ImagePatches
 
 __all__ = ["Match", "Matcher"]
 
@@ -21,8 +21,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class _Piles(Pair):
-    """A pair whose subsets fill a small part of the crops around them."""
+class _StackedPair(Pair):
+    """A pair whose subsets fill a small part of the patches around them."""
 
     def planes_at(
         self, x: npt.NDArray[np.int64], y: npt.NDArray[np.int64], size: int
@@ -83,7 +83,7 @@ class Matcher:
         self.backward_px = backward_px
         self.blur_px = blur_px
         self.reach = 1.5 * (settings.half + 2.0) + settings.max_move
-        self.crops = Crops.around(reference, points, self.reach, blur_px)
+        self.patches = ImagePatches.around(reference, points, self.reach, blur_px)
 
     def search(self, index: int, c: FloatArray) -> FloatArray:
         """Displacement near the prediction ``c`` (2, 6) where the turned template fits best."""
@@ -97,16 +97,16 @@ class Matcher:
         inverse = np.linalg.inv(linear)
         # the template's centre pixel shows the point moved by ``lag``
         lag = target - (point + c[:, 0])
-        left, top = point - self.crops.corners[index]
+        left, top = point - self.patches.corners[index]
         x = left + inverse[0, 0] * (a + lag[0]) + inverse[0, 1] * (b + lag[1])
         y = top + inverse[1, 0] * (a + lag[0]) + inverse[1, 1] * (b + lag[1])
-        x0, y0, x1, y1 = self.crops.limits[index]
+        x0, y0, x1, y1 = self.patches.limits[index]
         if not (x0 <= x1 and y0 <= y1):
             return c[:, 0].copy()
-        rows = slice(index * self.crops.size, (index + 1) * self.crops.size)
+        rows = slice(index * self.patches.size, (index + 1) * self.patches.size)
         # between pixels linearly: the search is for whole pixels, and the picture is blurred
         template = scipy.ndimage.map_coordinates(
-            self.crops.pixels[rows], [np.clip(y, y0, y1), np.clip(x, x0, x1)], order=1
+            self.patches.pixels[rows], [np.clip(y, y0, y1), np.clip(x, x0, x1)], order=1
         )
         column, row, score = search_template(
             template, self.deformed, (int(target[0]), int(target[1])), self.search_px
@@ -124,11 +124,11 @@ class Matcher:
         if not which.size:
             return []
         points = self.points[which]
-        reference = self.crops.take(which)
+        reference = self.patches.take(which)
         target = points + starts[:, :, 0]
-        deformed = Crops.around(self.deformed, target, self.reach, self.blur_px)
-        mask = None if self.mask is None else reference.piled(self.mask)
-        found = self._correlate(_Piles(reference, deformed, mask), points, starts)
+        deformed = ImagePatches.around(self.deformed, target, self.reach, self.blur_px)
+        mask = None if self.mask is None else reference.stacked_mask(self.mask)
+        found = self._correlate(_StackedPair(reference, deformed, mask), points, starts)
         missed = np.full(len(which), np.nan)
         good = np.flatnonzero(found.status == Status.OK)
         if good.size:
@@ -149,11 +149,11 @@ class Matcher:
             for k, source in enumerate(sources)
         ]
 
-    def _correlate(self, pair: _Piles, points: FloatArray, starts: FloatArray) -> Correlation:
+    def _correlate(self, pair: _StackedPair, points: FloatArray, starts: FloatArray) -> Correlation:
         """`correlate_numpy` for points and displacements as in the images, not in the piles."""
-        assert isinstance(pair.reference, Crops) and isinstance(pair.deformed, Crops)
+        assert isinstance(pair.reference, ImagePatches) and isinstance(pair.deformed, ImagePatches)
         every = np.arange(len(points))
-        before, after = pair.reference.to_pile(every), pair.deformed.to_pile(every)
+        before, after = pair.reference.stack_offset(every), pair.deformed.stack_offset(every)
         begin = starts.copy()
         begin[:, :, 0] += after - before
         found = correlate_numpy(Subsets(pair, points + before, begin), self.settings)
@@ -161,7 +161,11 @@ class Matcher:
         return found
 
     def _back(
-        self, points: FloatArray, forward: FloatArray, reference: Crops, deformed: Crops
+        self,
+        points: FloatArray,
+        forward: FloatArray,
+        reference: ImagePatches,
+        deformed: ImagePatches,
     ) -> FloatArray:
         """Distances (K,) by which tracking from the deformed image misses the points; or NaN."""
         half = self.settings.half
@@ -172,11 +176,11 @@ class Matcher:
         start[:, :, 0] = -forward[:, :, 0]
         start[:, :, 1:3] = (inverse - np.eye(2)) * half
         mask = self._turned_mask(points, there, inverse, deformed)
-        back = self._correlate(_Piles(deformed, reference, mask), there, start)
+        back = self._correlate(_StackedPair(deformed, reference, mask), there, start)
         return np.asarray(np.linalg.norm(there + back.coefficients[:, :, 0] - points, axis=1))
 
     def _turned_mask(
-        self, points: FloatArray, there: FloatArray, inverse: FloatArray, deformed: Crops
+        self, points: FloatArray, there: FloatArray, inverse: FloatArray, deformed: ImagePatches
     ) -> BoolArray | None:
         """The reference mask as it lies over the subsets in the deformed image, as a pile."""
         if self.mask is None:

@@ -32,10 +32,10 @@ from gpusim.validation import unmasked
 
 __all__ = ["TrackResult", "track"]
 
-SOURCES = 3  # tracked markers from which each one is predicted
-SPAN = 4  # markers back along a chain, whose chord tells how the member has turned
-SAME = 0.3  # px between starts, over the subset
-SURE = 0.95  # correlation from which no further prediction is tried
+MAX_SOURCES = 3  # tracked markers from which each one is predicted
+CHORD_MARKERS = 4  # markers back along a chain, whose chord tells how the member has turned
+SAME_START = 0.3  # px between starts, over the subset
+SURE_ZNCC = 0.95  # correlation from which no further prediction is tried
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class _Tracker:
         first = 0
         for chain in chains:
             last = first + len(chain)
-            starts[first:last] = self._sketch(chain)
+            starts[first:last] = self._predicted_chain(chain)
             sources[first + 1 : last] = chain[:-1]
             first = last
         sketched = dict(zip(order, self.matcher.match(order, starts, sources), strict=True))
@@ -169,7 +169,7 @@ class _Tracker:
             done: list[int] = []
             for index in chain:
                 match: Match | None = sketched[index]
-                if not self._sure(index, sketched[index], done):
+                if not self._is_confirmed(index, sketched[index], done):
                     match = self._best(index, self._nearest(index, done), still=not done)
                 self.matches[index] = match
                 if match is not None and match.good:
@@ -219,21 +219,21 @@ class _Tracker:
             coefficients[i], zncc[i], sigma[i] = match.coefficients, match.zncc, match.sigma
             iterations[i], status[i] = match.iterations, match.status
             backward[i], source[i] = match.backward, match.source
-        shared = self._shared(coefficients[:, :, 0])
+        shared = self._coinciding(coefficients[:, :, 0])
         status[shared] = Status.AMBIGUOUS
         coefficients[shared] = np.nan
         sigma[shared] = np.nan
         raw = Correlation(coefficients, zncc, sigma, iterations, status)
-        crops = self.matcher.crops
-        piled = self.points + crops.to_pile(np.arange(count))
-        widening = noise_factor(crops, piled, self.half, self.matcher.blur_px)
+        patches = self.matcher.patches
+        stacked_mask = self.points + patches.stack_offset(np.arange(count))
+        widening = noise_factor(patches, stacked_mask, self.half, self.matcher.blur_px)
         return TrackResult(
             **vars(make_result(self.points, raw, subset, widening)),
             backward=backward,
             source=source,
         )
 
-    def _shared(self, displacement: FloatArray) -> npt.NDArray[np.bool_]:
+    def _coinciding(self, displacement: FloatArray) -> npt.NDArray[np.bool_]:
         """Markers that ended where another one ended though they began further apart.
 
         Tracking back can't tell perfect look-alikes, but two of them can't be in one place.
@@ -248,9 +248,9 @@ class _Tracker:
     def _nearest(self, index: int, done: list[int]) -> list[int]:
         """Tracked markers nearest to ``index``, nearest first."""
         apart = [float(np.linalg.norm(self.points[i] - self.points[index])) for i in done]
-        return [done[i] for i in np.argsort(apart, kind="stable")[:SOURCES]]
+        return [done[i] for i in np.argsort(apart, kind="stable")[:MAX_SOURCES]]
 
-    def _sketch(self, chain: Sequence[int]) -> FloatArray:
+    def _predicted_chain(self, chain: Sequence[int]) -> FloatArray:
         """Starts (K, 2, 6) along a chain to a pixel: each marker as its neighbours moved and
         turned."""
         starts = np.zeros((len(chain), 2, 6))
@@ -260,7 +260,7 @@ class _Tracker:
             if k:
                 turn = np.zeros((2, 2))
                 if k > 1 and turns:
-                    back = max(0, k - SPAN)
+                    back = max(0, k - CHORD_MARKERS)
                     chord = self.points[chain[k - 1]] - self.points[chain[back]]
                     moved = chord + starts[k - 1, :, 0] - starts[back, :, 0]
                     turn = _rotation(chord, moved) - np.eye(2)
@@ -270,10 +270,10 @@ class _Tracker:
             c[:, 0] = self.matcher.search(index, c)
         return starts
 
-    def _sure(self, index: int, match: Match, done: list[int]) -> bool:
+    def _is_confirmed(self, index: int, match: Match, done: list[int]) -> bool:
         """Whether a sketched match is what tracking by itself would find: as good that no further
         prediction is tried, and where the neighbour's own motion and turn predict it."""
-        if not (match.good and match.zncc >= SURE):
+        if not (match.good and match.zncc >= SURE_ZNCC):
             return False
         if (match.source not in done) if done else (match.source != -1):
             return False
@@ -289,7 +289,7 @@ class _Tracker:
         for source, start in self._predictions(index, sources, still=still):
             start[:, 0] = self.matcher.search(index, start)
             # the same start but for less than a pixel and a degree or so ends the same
-            if any(np.abs(start[:, :3] - other[:, :3]).max() < SAME for other in tried):
+            if any(np.abs(start[:, :3] - other[:, :3]).max() < SAME_START for other in tried):
                 continue
             tried.append(start)
             of.append(source)
@@ -300,7 +300,7 @@ class _Tracker:
                 best = match
             # converged on what fits well: another start would go there too, the way back as well
             settled = best.good or best.status == Status.BACKWARD
-            if settled and best.zncc >= SURE:
+            if settled and best.zncc >= SURE_ZNCC:
                 break
         return best
 

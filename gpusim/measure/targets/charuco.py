@@ -22,7 +22,7 @@ from gpusim.validation import unmasked
 
 __all__ = ["CharucoBoard", "find_charuco"]
 
-CLEAR = 0.85  # of the white rim around a marker: what the fit of a corner may see
+RIM_SHARE = 0.85  # of the white rim around a marker: what the fit of a corner may see
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
     index = np.stack([number % across, number // across], axis=1)
     near = np.asarray(rough, dtype=np.float64).reshape(-1, 2)
     first, second, known = grid_steps(near, index)
-    share = CLEAR * 0.5 * (1.0 - board.marker / board.square)
+    share = RIM_SHARE * 0.5 * (1.0 - board.marker / board.square)
     fit = fit_crossings(array, near, first, second, share=share, index=index)
     # the square between corner (i, j) and the next ones is dark where i + j is even
     dark = index.sum(axis=1) % 2 == 0

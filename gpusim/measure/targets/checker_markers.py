@@ -33,7 +33,7 @@ HARRIS_K = 0.04
 RING = 48  # samples per ring
 MIN_HALF_TURN = 0.5  # correlation of a ring with itself turned by 180 degrees
 MAX_QUARTER_TURN = -0.4  # and by 90 degrees
-SAME = 1.0  # px: two starts nearer to each other end at the same marker
+SAME_START = 1.0  # px: two starts nearer to each other end at the same marker
 MIN_STEP = 0.02  # contrast of a marker over the grey range of the image
 # least-squares quadratic over 5x5 pixels: value, slopes, and second derivatives xx, xy, yy
 _X, _Y = (axis.ravel() for axis in np.meshgrid(np.arange(-2.0, 3.0), np.arange(-2.0, 3.0)))
@@ -157,7 +157,7 @@ def _candidates(
         if place is None or np.hypot(place[0] - centre[0], place[1] - centre[1]) > limit:
             continue
         # several peaks of the response lead to one saddle
-        if any(np.hypot(place[0] - x, place[1] - y) < SAME for x, y in kept):
+        if any(np.hypot(place[0] - x, place[1] - y) < SAME_START for x, y in kept):
             continue
         if _checkered(grey, place, size):
             kept.append(place)

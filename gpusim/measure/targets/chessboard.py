@@ -27,8 +27,8 @@ __all__ = ["find_chessboard"]
 
 DETECTION_SIZES = (1000, 1800, 500, 3200)  # px on the longer side, tried in this order
 ATTEMPTS = 3  # detections that are tried while a whole line of corners is missing
-LEAST_STEP = 6.0  # px between corners
-LEAST_SHARE = 0.5  # of the corners that have to be fitted
+MIN_STEP = 6.0  # px between corners
+MIN_SHARE = 0.5  # of the corners that have to be fitted
 
 
 @unmasked("image")
@@ -83,10 +83,10 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
     flat = grid.reshape(-1, 2)
     first, second, _ = grid_steps(flat, index)
     shortest = min(np.linalg.norm(first, axis=1).min(), np.linalg.norm(second, axis=1).min())
-    if not shortest >= LEAST_STEP:
+    if not shortest >= MIN_STEP:
         return Sighting.none(*nothing, "fields too small")
     fit = fit_crossings(array, flat, first, second, index=index)
-    if not np.count_nonzero(fit.ok) >= LEAST_SHARE * len(flat):
+    if not np.count_nonzero(fit.ok) >= MIN_SHARE * len(flat):
         return Sighting.none(*nothing, "corners not sharp")
     # the field between corner (i, j) and the next ones is dark where i + j is even
     fits = (index.sum(axis=1) % 2 == 0) == (fit.contrast < 0)
@@ -96,7 +96,7 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
         fits = ~fits
         places = places[::-1] if board.unique else places
     ok = fit.ok & fits
-    if not np.count_nonzero(ok) >= LEAST_SHARE * len(flat):
+    if not np.count_nonzero(ok) >= MIN_SHARE * len(flat):
         return Sighting.none(*nothing, "colours don't fit a board")
     return Sighting(
         board=places[ok],

@@ -21,14 +21,14 @@ __all__ = ["Cross", "fit_crosses"]
 BoolArray = npt.NDArray[np.bool_]
 
 SAMPLES = 64  # on the ring that gives the first angle
-FIRST_SIGMA, MOST_SIGMA = 0.3, 3.0  # px
+FIRST_SIGMA, MAX_SIGMA = 0.3, 3.0  # px
 END_MARGIN = 1.2  # px kept from the marker's own border: half a pixel's diagonal and a bit …
 END_SIGMAS = 2.5  # … and the reach of the lens blur
 END_STEP = 0.1  # px between the samples that tell where a border ends
 MIN_REACH = 3.0  # px from the centre, so that small markers keep enough pixels
-LEAST_PIXELS = 16
-MOST_MOVE = 3.0  # px from the start of a fit
-MOST_SKEW, MOST_TURN = 0.35, 1.2  # rad: of the borders to each other, from +x
+MIN_PIXELS = 16
+MAX_MOVE = 3.0  # px from the start of a fit
+MAX_SKEW, MAX_TURN = 0.35, 1.2  # rad: of the borders to each other, from +x
 CHUNK = 1 << 20  # pixels fitted at once
 
 
@@ -164,7 +164,7 @@ def _fit(
     if not rows.size:
         return p, rms, good
     x, y, grey, weight = _region(patches[rows], start[rows], reach[rows])
-    enough = weight.sum(axis=1) >= LEAST_PIXELS
+    enough = weight.sum(axis=1) >= MIN_PIXELS
     rows, x, y, grey, weight = (a[enough] for a in (rows, x, y, grey, weight))
     if not rows.size:
         return p, rms, good
@@ -176,10 +176,10 @@ def _fit(
         (fit.converged | rough)
         & np.isfinite(own).all(axis=1)
         & (np.abs(own[:, 5]) > 1e-3)
-        & (own[:, 8] < MOST_SIGMA**2)
-        & (np.abs(own[:, 2] - own[:, 3]) < MOST_SKEW)
-        & (np.abs(own[:, 2]) < MOST_TURN)
-        & (np.linalg.norm(own[:, :2] - start[rows, :2], axis=1) < MOST_MOVE)
+        & (own[:, 8] < MAX_SIGMA**2)
+        & (np.abs(own[:, 2] - own[:, 3]) < MAX_SKEW)
+        & (np.abs(own[:, 2]) < MAX_TURN)
+        & (np.linalg.norm(own[:, :2] - start[rows, :2], axis=1) < MAX_MOVE)
     )
     return p, rms, good
 

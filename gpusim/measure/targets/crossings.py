@@ -35,13 +35,13 @@ from gpusim.validation import unmasked
 __all__ = ["Crossings", "fit_crossings"]
 
 INSIDE = 0.62  # of the way to the next corner
-LEAST_SHARE = 0.4  # … at least, next to a pattern's end
-LEAST_REACH, ROUGH_REACH, MOST_REACH = 3.0, 7.0, 12.0  # px; the second in a first fit
-FIRST_SIGMA, MOST_SIGMA = 0.5, 6.0  # px
-MOST_DRIFT = 3.0  # px from the start
+MIN_SHARE = 0.4  # … at least, next to a pattern's end
+MIN_REACH, ROUGH_REACH, MAX_REACH = 3.0, 7.0, 12.0  # px; the second in a first fit
+FIRST_SIGMA, MAX_SIGMA = 0.5, 6.0  # px
+MAX_DRIFT = 3.0  # px from the start
 MIN_CONTRAST = 0.02  # of the image's grey range
-MOST_RESIDUAL = 0.25  # of the contrast, besides the picture's noise
-LEAST_PIXELS = 24
+MAX_RESIDUAL = 0.25  # of the contrast, besides the picture's noise
+MIN_PIXELS = 24
 MORE_BLUR = 0.1  # px
 
 
@@ -144,7 +144,7 @@ def fit_crossings(
             for field in fields(result):
                 getattr(result, field.name)[rows] = getattr(again, field.name)
     drift = np.linalg.norm(result.points - points, axis=1)
-    return _kept(result, result.ok & (drift <= 2 * MOST_DRIFT))
+    return _kept(result, result.ok & (drift <= 2 * MAX_DRIFT))
 
 
 def _bent(found: Crossings, index: npt.ArrayLike, array: npt.NDArray[Any]) -> Straighten | None:
@@ -166,7 +166,7 @@ def _own_share(steps: FloatArray, blur: FloatArray, margin: tuple[float, float])
     """Share of the steps up to the pattern's own border, as far as it and its blur reach."""
     length = np.linalg.norm(steps, axis=2).mean(axis=1)
     own = 1.0 - (margin[0] + margin[1] * blur) / np.maximum(length, 1e-9)
-    return np.asarray(np.clip(own, LEAST_SHARE, 1.0))
+    return np.asarray(np.clip(own, MIN_SHARE, 1.0))
 
 
 def _fit(
@@ -185,14 +185,14 @@ def _fit(
     ``before`` are those of an earlier fit, around ``start``.
     """
     x, y, grey, weight, middle = _windows(
-        array, start, steps, inside, ROUGH_REACH if rough else MOST_REACH
+        array, start, steps, inside, ROUGH_REACH if rough else MAX_REACH
     )
     if straighten is not None:
         corner = start - middle
         offset = np.stack([x - corner[:, :1], y - corner[:, 1:]], axis=2)
         offset = straight_offsets(straighten, start, offset)
         x, y = corner[:, :1] + offset[..., 0], corner[:, 1:] + offset[..., 1]
-    usable = (weight.sum(axis=1) >= LEAST_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
+    usable = (weight.sum(axis=1) >= MIN_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
     p = np.full((len(start), PARAMETERS), np.nan)
     if not rows.size:
@@ -226,17 +226,17 @@ def _fit(
     place = p[:, :2] + middle
     with np.errstate(invalid="ignore"):
         residual = rms / np.abs(contrast)
-        most = np.full(len(start), MOST_RESIDUAL)
-        if (residual > MOST_RESIDUAL).any():
+        most = np.full(len(start), MAX_RESIDUAL)
+        if (residual > MAX_RESIDUAL).any():
             noise = noise_level(np.asarray(array, dtype=np.float32)) / span
-            most = allowed_residual(MOST_RESIDUAL, noise, contrast)
+            most = allowed_residual(MAX_RESIDUAL, noise, contrast)
         drift = np.linalg.norm(place - start, axis=1)
         ok = (
             settled
             & (np.abs(contrast) >= 0.5 * MIN_CONTRAST)
             & (residual <= most)
-            & (blur <= MOST_SIGMA)
-            & (drift <= MOST_DRIFT)
+            & (blur <= MAX_SIGMA)
+            & (drift <= MAX_DRIFT)
         )
     found = Crossings(place, sigma, contrast * span, blur, residual, ok)
     return _kept(found, ok), np.where(ok[:, None], p, np.nan)
@@ -247,7 +247,7 @@ def _windows(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Pixels around each corner: x, y from the window's middle, grey, weight (C, P); middle."""
     length = (share * np.linalg.norm(steps, axis=2).max(axis=1)).max(initial=0.0)
-    radius = int(np.ceil(np.clip(length, LEAST_REACH, most)))
+    radius = int(np.ceil(np.clip(length, MIN_REACH, most)))
     middle = np.rint(start)
     offset = np.arange(-radius, radius + 1.0)
     y, x = (axis.ravel() for axis in np.meshgrid(offset, offset, indexing="ij"))

@@ -14,7 +14,7 @@ __all__ = ["Frame", "from_cylindrical", "from_spherical", "rotation"]
 Float = npt.NDArray[np.float64]
 
 # sine of the least angle at which two directions still span a plane
-_LEAST_SINE = 1e-9
+_MIN_SINE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def _directions(first: Float, second: Float, where: str) -> tuple[Float, Float]:
     """Unit vectors along ``first`` and normal to both."""
     normal = np.cross(first, second)
     size = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
-    if not float(np.linalg.norm(normal)) > _LEAST_SINE * size > 0.0:
+    if not float(np.linalg.norm(normal)) > _MIN_SINE * size > 0.0:
         raise InputError(f"{where}: got three points on one line; expected three that span a plane")
     return first / np.linalg.norm(first), normal / np.linalg.norm(normal)
 

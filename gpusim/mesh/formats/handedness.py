@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["turned_wedges", "turned_whole"]
+__all__ = ["right_handed_cells", "right_handed_wedges"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -21,7 +21,7 @@ _MIRROR = {
 }
 
 
-def turned_wedges(kind: str, points: Float, nodes: Long) -> Long:
+def right_handed_wedges(kind: str, points: Float, nodes: Long) -> Long:
     """Every left-handed wedge mirrored; other kinds as they are.
 
     VTK's manual defines its wedge the other way round than Abaqus and the rest, and programs
@@ -32,7 +32,7 @@ def turned_wedges(kind: str, points: Float, nodes: Long) -> Long:
     return np.where(_left(kind, points, nodes)[:, None], nodes[:, _order(kind)], nodes)
 
 
-def turned_whole(kind: str, points: Float, nodes: Long) -> Long:
+def right_handed_cells(kind: str, points: Float, nodes: Long) -> Long:
     """All cells mirrored if every one of them is left-handed, as MED counts corners; else none."""
     if kind not in CELL_TYPES or not len(nodes) or not _left(kind, points, nodes).all():
         return nodes

@@ -16,7 +16,7 @@ from gpusim.errors import InputError
 from gpusim.files.hdf5_file import Hdf5Object, read_hdf5
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
-from gpusim.mesh.formats.handedness import turned_whole
+from gpusim.mesh.formats.handedness import right_handed_cells
 
 __all__ = ["read_med"]
 
@@ -133,7 +133,7 @@ class _Reader:
             self.fail(f"{path}/NOD: got {flat.dtype} {flat.shape}; expected {width} nodes a cell")
         nodes = flat.astype(np.int64).reshape(width, -1).T - 1
         if nodes.size and nodes.min() >= 0 and nodes.max() < len(points):
-            nodes = turned_whole(kind, points, nodes)
+            nodes = right_handed_cells(kind, points, nodes)
         return RawBlock(kind, nodes, self.groups(path, families, len(nodes)))
 
     def families(self, path: str) -> dict[int, list[str]]:

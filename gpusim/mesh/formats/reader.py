@@ -10,8 +10,15 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.cell_blocks import assemble
+from gpusim.mesh.formats.abaqus.reader import read_inp
+from gpusim.mesh.formats.cell_blocks import RawMesh, assemble
+from gpusim.mesh.formats.exodus.reader import read_exodus
 from gpusim.mesh.formats.gmsh.cad import CAD_SUFFIXES
+from gpusim.mesh.formats.gmsh.msh import read_msh
+from gpusim.mesh.formats.med import read_med
+from gpusim.mesh.formats.nastran.reader import read_bdf
+from gpusim.mesh.formats.vtk.vtk import read_vtk
+from gpusim.mesh.formats.vtk.vtu import VtuFile
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["MESH_SUFFIXES", "PARALLEL", "read_mesh"]
@@ -23,63 +30,14 @@ PARALLEL = {
     ".vtpd": "names the parts of a partitioned data set, which are files of their own",
 }
 
-
-def _msh(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.gmsh.msh import read_msh
-
-    return assemble(read_msh(file), str(file.path))
-
-
-def _vtu(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.vtk.vtu import VtuFile
-
-    return assemble(VtuFile(file).mesh(), str(file.path))
-
-
-def _vtk(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.vtk.vtk import read_vtk
-
-    return assemble(read_vtk(file), str(file.path))
-
-
-def _med(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.med import read_med
-
-    return assemble(read_med(file), str(file.path))
-
-
-def _bdf(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.nastran.reader import read_bdf
-
-    return read_bdf(file)
-
-
-def _inp(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.abaqus.reader import read_inp
-
-    return read_inp(file)
-
-
-def _exodus(file: InputFile) -> Mesh:
-    from gpusim.mesh.formats.exodus.reader import read_exodus
-
-    return read_exodus(file)
-
-
-_READERS: dict[str, Callable[[InputFile], Mesh]] = {
-    ".msh": _msh,
-    ".inp": _inp,
-    ".vtu": _vtu,
-    ".vtk": _vtk,
-    ".e": _exodus,
-    ".ex2": _exodus,
-    ".exo": _exodus,
-    ".exodus": _exodus,
-    ".med": _med,
-    ".bdf": _bdf,
-    ".nas": _bdf,
-    ".fem": _bdf,
-    ".dat": _bdf,
+_READERS: dict[str, Callable[[InputFile], RawMesh | Mesh]] = {
+    ".msh": read_msh,
+    ".inp": read_inp,
+    ".vtu": lambda file: VtuFile(file).mesh(),
+    ".vtk": read_vtk,
+    **dict.fromkeys((".e", ".ex2", ".exo", ".exodus"), read_exodus),
+    ".med": read_med,
+    **dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), read_bdf),
 }
 MESH_SUFFIXES = tuple(_READERS)
 
@@ -126,7 +84,8 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     if not file.data:
         raise InputError(f"{name}: the file is empty; expected a mesh")
     try:
-        mesh = _READERS[suffix](file)
+        found = _READERS[suffix](file)
+        mesh = found if isinstance(found, Mesh) else assemble(found, str(file.path))
     except InputError as error:
         text = str(error)
         raise InputError(text if str(name) in text else f"{name}: {text}") from None

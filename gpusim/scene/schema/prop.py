@@ -14,7 +14,7 @@ from .paint import MarkersTable, PaintTable
 __all__ = ["SURFACE_SUFFIXES", "CalibrationTable", "PoseTable", "PropTable"]
 
 # Files of faces alone; said here too, because a plan loads no numerics.
-SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off")
+SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
 
 PropLength = Annotated[float, Field(gt=0, le=1e10)]
 
@@ -97,7 +97,7 @@ class BoxPropTable(_Shaped):
 
 
 class MeshPropTable(_Shaped):
-    """A rigid thing of any shape, from a file of faces (.stl, .ply, .obj, .off) or a mesh."""
+    """A rigid thing of any shape, from a file of faces (.stl, .ply, .obj, .off, .glb, .gltf) or a mesh."""
 
     type: Literal["mesh"]
     file: Annotated[str, Field(min_length=1)]

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, nearest
 from gpusim.mesh.formats.abaqus.element_types import NODES, SOLID_TYPES
-from gpusim.mesh.formats.abaqus.nodes import MOST_GENERATED
+from gpusim.mesh.formats.abaqus.nodes import MAX_GENERATED
 from gpusim.mesh.formats.abaqus.values import is_plain, whole
 
 __all__ = ["ElementBlock", "read_elements"]
@@ -57,10 +57,10 @@ def read_elements(cards: Sequence[Card]) -> tuple[list[ElementBlock], list[tuple
                 where = card.where(line)
                 master, block = _generated(card, where, row, blocks)
                 generated += len(block.labels)
-                if generated > MOST_GENERATED:
+                if generated > MAX_GENERATED:
                     raise InputError(
                         f"{where}: would make {generated} elements; expected at most "
-                        f"{MOST_GENERATED}"
+                        f"{MAX_GENERATED}"
                     )
                 blocks.append(block)
                 sets += [(name, np.append(block.labels, master))] if name else []
@@ -123,9 +123,9 @@ def _generated(
     steps = [values[3] or 1, values[6], values[9]]
     far = max(abs(one) for one in (*steps, *node_steps)) * max(counts)
     total = counts[0] * counts[1] * counts[2]
-    if min(counts) < 1 or total > MOST_GENERATED or far >= 2**53:
+    if min(counts) < 1 or total > MAX_GENERATED or far >= 2**53:
         raise InputError(
-            f"{where}: got counts {counts}; expected counts >= 1 and at most {MOST_GENERATED} "
+            f"{where}: got counts {counts}; expected counts >= 1 and at most {MAX_GENERATED} "
             "elements"
         )
     master = next((block for block in blocks if values[0] in block.labels), None)

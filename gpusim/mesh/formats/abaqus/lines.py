@@ -6,7 +6,6 @@ to the card above, and what follows it goes on with its last card.
 
 from __future__ import annotations
 
-import os
 import re
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -15,11 +14,9 @@ from itertools import pairwise
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.text import text_lines
+from gpusim.mesh.formats.text import Includes, text_lines
 
 __all__ = ["Lines", "fields", "is_comment", "join_lines", "keyword_line", "plain", "read_head"]
-
-_MOST_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
 
 
 @dataclass(eq=False)
@@ -51,21 +48,12 @@ class Lines:
 def join_lines(file: InputFile, expected: str) -> Lines:
     """Raises InputError: a file can't be read or isn't text, or includes itself."""
     joined = Lines()
-    _join(file, joined, _Reading(expected, [os.path.realpath(file.path)]))
+    _join(file, joined, Includes(file, expected))
     return joined
 
 
-@dataclass
-class _Reading:
-    """The files that are being read, outermost first, and how many were included so far."""
-
-    expected: str
-    open: list[str]
-    included: int = 0
-
-
-def _join(file: InputFile, joined: Lines, reading: _Reading) -> None:
-    path, lines = str(file.path), text_lines(file, reading.expected)
+def _join(file: InputFile, joined: Lines, includes: Includes) -> None:
+    path, lines = str(file.path), text_lines(file, includes.expected)
     starts = [k for k, line in enumerate(lines) if _is_keyword(line)]
     done = 0  # lines before it are in the text, but for the *INCLUDE ones
     for start, end in pairwise([*starts, len(lines)]):
@@ -76,33 +64,16 @@ def _join(file: InputFile, joined: Lines, reading: _Reading) -> None:
         joined.add(path, lines, done, start)
         where = f"{path}:{start + 1}"
         _, shown, parameters = read_head(head, where)
-        _include(parameters.get("INPUT", ""), file, f"{where}: {shown}", joined, reading)
+        target = parameters.get("INPUT", "")
+        if not target:
+            raise InputError(f"{where}: {shown}: no file; expected INPUT=file")
+        with includes.included(target, file, f"{where}: {shown}") as child:
+            _join(child, joined, includes)
         done = body
     joined.add(path, lines, done, len(lines))
 
 
 _INCLUDE = re.compile(r"\s*\*\s*I\s*N\s*C\s*L\s*U\s*D\s*E\s*(,|$)", re.IGNORECASE)
-
-
-def _include(target: str, parent: InputFile, where: str, joined: Lines, reading: _Reading) -> None:
-    if not target:
-        raise InputError(f"{where}: no file; expected INPUT=file")
-    child = parent.path.parent / target
-    name = os.path.realpath(child) if "\0" not in target else target
-    reading.included += 1
-    if name in reading.open or len(reading.open) > _DEEPEST_INCLUDED:
-        raise InputError(
-            f"{where}: the file includes itself; got {target!r}; expected a chain that ends"
-        )
-    if reading.included > _MOST_INCLUDED:
-        raise InputError(f"{where}: more than {_MOST_INCLUDED} files; expected fewer")
-    try:
-        file = parent.beside(target, reading.expected)
-    except InputError as error:
-        raise InputError(f"{where}: got {target!r}: {error}") from None
-    reading.open.append(name)
-    _join(file, joined, reading)
-    reading.open.pop()
 
 
 def keyword_line(lines: Sequence[str], start: int, end: int) -> tuple[str, int]:

@@ -12,12 +12,12 @@ from gpusim.mesh.formats.abaqus.cards import Card
 from gpusim.mesh.formats.abaqus.values import LARGEST, is_plain, number, whole
 from gpusim.mesh.formats.coordinate_systems import Frame, from_cylindrical, rotation
 
-__all__ = ["MOST_GENERATED", "NODE_CARDS", "Nodes"]
+__all__ = ["MAX_GENERATED", "NODE_CARDS", "Nodes"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int64]
 
-MOST_GENERATED = 5_000_000
+MAX_GENERATED = 5_000_000
 """Nodes, and elements, that the generating cards of a file may make."""
 
 # ends of an arc may differ by this share in their distance from its centre: files round
@@ -79,9 +79,9 @@ class Nodes:
 
     def _count(self, more: int, where: str) -> None:
         self.generated += more
-        if self.generated > MOST_GENERATED:
+        if self.generated > MAX_GENERATED:
             raise InputError(
-                f"{where}: would make {self.generated} nodes; expected at most {MOST_GENERATED}"
+                f"{where}: would make {self.generated} nodes; expected at most {MAX_GENERATED}"
             )
 
     def _lines(self, card: Card) -> None:

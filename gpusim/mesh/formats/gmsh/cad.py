@@ -23,7 +23,7 @@ from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble
 from gpusim.mesh.formats.gmsh.element_sizes import SizeBox, check_sizes, set_sizes
 from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
-from gpusim.parallel.child_process import SECONDS, call_in_child
+from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
 
 __all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
 
@@ -35,7 +35,7 @@ Long = npt.NDArray[np.int64]
 _NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
 _STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
 _TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
-_MOST_ELEMENTS = 1e8
+_MAX_ELEMENTS = 1e8
 _LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
 
 
@@ -72,7 +72,7 @@ def mesh_cad(
     sizes: Mapping[str, float] | None = None,
     boxes: Sequence[SizeBox] = (),
     scale: float = 1.0,
-    time_limit: float = SECONDS,
+    time_limit: float = CHILD_SECONDS,
 ) -> Mesh:
     """Mesh the solids of a ``.step``/``.stp``, ``.brep`` or closed ``.stl`` file.
 
@@ -122,26 +122,30 @@ def mesh_cad(
     file = read_input(path, "a CAD file")
     if not file.data:
         raise InputError(f"{file.path}: the file is empty; expected a CAD file")
-    if order not in (1, 2):
-        raise InputError(f"mesh_cad: order; got {order}; expected 1 or 2")
-    if file.suffix == ".stl":
-        _refuse_lost_corners(file)
-    if curvature and file.suffix == ".stl":
-        raise InputError(
-            f"{file.path}: curvature for a surface of flat triangles; got {curvature}; expected 0 "
-            "(or the part as STEP or BREP)"
-        )
-    if hexahedra and hex_dominant:
-        raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
-    check_sizes(size, curvature, sizes or {}, boxes, scale)
     if not time_limit > 0.0:
         raise InputError(f"mesh_cad: time_limit; got {time_limit}; expected seconds > 0")
-    check_gmsh(str(file.path))
     options = _Options(
         size, order, hexahedra, hex_dominant, curvature, dict(sizes or {}), tuple(boxes), scale
     )
+    _check_options(file, options)
+    check_gmsh(str(file.path))
     raw = call_in_child(f"{file.path}: can't be meshed", time_limit, _raw_mesh, file, options)
     return assemble(raw, str(file.path))
+
+
+def _check_options(file: InputFile, ask: _Options) -> None:
+    if ask.order not in (1, 2):
+        raise InputError(f"mesh_cad: order; got {ask.order}; expected 1 or 2")
+    if file.suffix == ".stl":
+        _refuse_nonfinite_corners(file)
+    if ask.curvature and file.suffix == ".stl":
+        raise InputError(
+            f"{file.path}: curvature for a surface of flat triangles; got {ask.curvature}; "
+            "expected 0 (or the part as STEP or BREP)"
+        )
+    if ask.hexahedra and ask.hex_dominant:
+        raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
+    check_sizes(ask.size, ask.curvature, ask.sizes, ask.boxes, ask.scale)
 
 
 def check_gmsh(file: str) -> None:
@@ -224,14 +228,14 @@ def _refuse_too_many(gmsh: Any, file: InputFile, size: float, scale: float) -> N
     else:
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
     count = volume * scale**3 / (_TETRAHEDRON * size**3)
-    if not count <= _MOST_ELEMENTS:
+    if not count <= _MAX_ELEMENTS:
         raise InputError(
             f"{file.path}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
-            f"least {(volume / (_TETRAHEDRON * _MOST_ELEMENTS)) ** (1 / 3) * scale:.2g}"
+            f"least {(volume / (_TETRAHEDRON * _MAX_ELEMENTS)) ** (1 / 3) * scale:.2g}"
         )
 
 
-def _refuse_lost_corners(file: InputFile) -> None:
+def _refuse_nonfinite_corners(file: InputFile) -> None:
     """Gmsh takes a corner at NaN for some other corner."""
     content = file.data
     facets = np.frombuffer(content[84:], np.uint8)

@@ -241,7 +241,7 @@ class _Reader(MshSource):
                 width = 1 + tags + GMSH_NODES[kind]
                 if rows == 1:  # Gmsh gives each element a head of its own
                     self.at -= 12
-                    table = self.alike_binary(width + 3, count - done)[:, 3:]
+                    table = self.equal_head_records(width + 3, count - done)[:, 3:]
                 else:
                     table = numbers.ints(rows * width).reshape(-1, width)
             else:

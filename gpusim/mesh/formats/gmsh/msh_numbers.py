@@ -50,7 +50,7 @@ class MshSource:
         self.at += count * kind.itemsize
         return rows
 
-    def alike_binary(self, width: int, most: int) -> Long:
+    def equal_head_records(self, width: int, most: int) -> Long:
         """(M, width) binary records with the same head, from here on."""
         room = (len(self.data) - self.at) // (4 * width)
         if room < 1:

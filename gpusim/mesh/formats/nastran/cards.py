@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NoReturn
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.text import text_lines
+from gpusim.mesh.formats.text import Includes, text_lines
 
 __all__ = ["BdfCard", "read_bdf_cards"]
 
 _EXPECTED = "Nastran bulk data"
-_DEEPEST, _MOST = 50, 1000
 # a line of text: file, number, text without its comment
 _Line = tuple[str, int, str]
 
@@ -43,21 +41,13 @@ class BdfCard:
         return self.fields[number] if number < len(self.fields) else ""
 
 
-@dataclass
-class _Reading:
-    """The files that are being read, outermost first, and how many were included so far."""
-
-    open: list[str] = field(default_factory=list)
-    included: int = 0
-
-
 def read_bdf_cards(file: InputFile) -> list[BdfCard]:
     """The cards of the bulk data, included files in place, up to ENDDATA.
 
     ENDDATA may be absent where the last line is whole. A file without BEGIN BULK and CEND is bulk
     data from its first line. Raises InputError with file and line.
     """
-    lines = list(_lines(file, _Reading([os.path.realpath(file.path)])))
+    lines = list(_lines(file, Includes(file, _EXPECTED)))
     cards: list[BdfCard] = []
     for path, number, text in lines[_start(file, lines) :]:
         name, fields, mark = _fields(text)
@@ -108,7 +98,7 @@ def _start(file: InputFile, lines: list[_Line]) -> int:
     return max(start, 0)
 
 
-def _lines(file: InputFile, reading: _Reading) -> Iterator[_Line]:
+def _lines(file: InputFile, includes: Includes) -> Iterator[_Line]:
     path, kept = str(file.path), ""
     for number, whole in enumerate(text_lines(file, _EXPECTED), start=1):
         text = kept + whole.split("$", 1)[0].rstrip()
@@ -123,26 +113,11 @@ def _lines(file: InputFile, reading: _Reading) -> Iterator[_Line]:
         # a name in quotes may go on in further lines
         kept = text if target[:1] in ("'", '"') and target.count(target[0]) < 2 else ""
         if not kept:
-            yield from _included(target.strip("'\" "), file, f"{path}: line {number}", reading)
+            where = f"{path}: line {number}: INCLUDE"
+            with includes.included(target.strip("'\" "), file, where) as child:
+                yield from _lines(child, includes)
     if kept:
         raise InputError(f"{path}: INCLUDE: the file's name doesn't end; expected a quote after it")
-
-
-def _included(target: str, parent: InputFile, where: str, reading: _Reading) -> Iterator[_Line]:
-    child = parent.path.parent / target
-    name = os.path.realpath(child) if "\0" not in target else target
-    reading.included += 1
-    if name in reading.open or len(reading.open) > _DEEPEST:
-        raise InputError(f"{where}: INCLUDE: the file includes itself; got {target!r}")
-    if reading.included > _MOST:
-        raise InputError(f"{where}: INCLUDE: more than {_MOST} files; expected fewer")
-    try:
-        file = parent.beside(target, _EXPECTED)
-    except InputError as error:
-        raise InputError(f"{where}: INCLUDE: got {target!r}: {error}") from None
-    reading.open.append(name)
-    yield from _lines(file, reading)
-    reading.open.pop()
 
 
 def _fields(text: str) -> tuple[str, list[str], str]:

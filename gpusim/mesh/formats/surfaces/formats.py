@@ -1,13 +1,16 @@
-"""Points and faces of STL, OBJ, OFF and PLY files, as they are written there.
+"""Points and faces of STL, OBJ, OFF and glTF files, as they are written there.
 
 Each function takes a file and returns points (P, 3) float64 and faces (F, 4) int64, -1 as the last
 corner of a triangle. All refuse, with the line where there are lines, what they don't know.
+
+trimesh reads glTF alone: of the others it takes files that are cut off or say what it doesn't know,
+and its triangles are the halves of quadrilaterals.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +18,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["fail", "obj", "off", "stl", "text_lines"]
+__all__ = ["fail", "gltf", "obj", "off", "stl", "text_lines"]
 
 Surface = tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]
 
@@ -149,3 +152,19 @@ def off(file: InputFile) -> Surface:
         (size,) = _whole(file, words[:1], 1, line)
         corners.append(_padded(file, _whole(file, words[1 : 1 + size], size, line), line))
     return np.array(place).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 4)
+
+
+def gltf(file: InputFile) -> Surface:
+    """All meshes of a glTF where its nodes place them; a .gltf holds its buffers itself."""
+    import trimesh  # takes a second, for one format
+
+    kind = file.path.suffix.lower()[1:]
+    try:
+        scene = trimesh.load_scene(file.stream(), file_type=kind, process=False)
+        placed = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
+        found: Any = trimesh.util.concatenate(placed) if placed else trimesh.Trimesh()
+        points, faces = np.asarray(found.vertices), np.asarray(found.faces, np.int64)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, MemoryError) as error:
+        said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        fail(file, f"damaged, no glTF, or with buffers in other files (save as .glb); got {said}")
+    return points.reshape(-1, 3), np.column_stack([faces.reshape(-1, 3), np.full(len(faces), -1)])

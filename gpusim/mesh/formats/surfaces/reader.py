@@ -1,4 +1,4 @@
-"""Files of faces without solids: STL, PLY, OBJ, OFF."""
+"""Files of faces without solids: STL, PLY, OBJ, OFF, glTF."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.surfaces.formats import obj, off, stl
+from gpusim.mesh.formats.surfaces.formats import gltf, obj, off, stl
 from gpusim.mesh.formats.surfaces.ply import ply
 
 __all__ = ["read_surface"]
 
-_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off}
+_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf, ".gltf": gltf}
 _FARTHEST = 1e15
 
 

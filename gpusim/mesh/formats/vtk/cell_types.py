@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh.formats.cell_blocks import RawBlock
-from gpusim.mesh.formats.handedness import turned_wedges
+from gpusim.mesh.formats.handedness import right_handed_wedges
 
 __all__ = ["VTK_KINDS", "vtk_blocks"]
 
@@ -56,5 +56,5 @@ def vtk_blocks(points: Float, nodes: Long, ends: Long, types: Long, source: str)
         if (ends[first:after] - starts[first:after] != width).any():
             raise InputError(f"{source}: a {kind} hasn't got {width} nodes")
         rows = nodes[starts[first] : ends[after - 1]].reshape(-1, width)
-        blocks.append(RawBlock(kind, turned_wedges(kind, points, rows)))
+        blocks.append(RawBlock(kind, right_handed_wedges(kind, points, rows)))
     return blocks
