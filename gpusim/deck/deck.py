@@ -32,6 +32,12 @@ class Step:
     ``Model``; ``forces`` holds the equivalent forces of temperature too. ``temperature`` (N,) is
     the change against the initial one, None where there is none. ``equations`` are further linear
     constraints (*EQUATION, supports in turned axes), None where there are none.
+
+    Examples
+    --------
+    >>> step = gs.load_deck("bricks.inp").steps[0]
+    >>> step.number, step.time, int(step.fixed.sum())
+    (1, 1.0, 12)
     """
 
     number: int
@@ -59,6 +65,14 @@ class Deck:
         forces of the file are in these; models and solutions here are in global axes.
     initial_stress : cell type -> (M,Q,6) at the integration points; types without any are absent.
     ignored : keywords that were read over: output requests and what can't change the result.
+
+    Examples
+    --------
+    >>> deck = gs.load_deck("bricks.inp")
+    >>> deck.mesh
+    Mesh(12 nodes, 2 hex8, 5 named sets)
+    >>> deck.materials[0]
+    Isotropic(E=200.0, nu=0.25, density=3.0, expansion=0.002)
     """
 
     path: str

@@ -70,6 +70,12 @@ class Device:
     ------
     NoAdapter
         No Vulkan adapter at all, none of that name, or no 64-bit floats though ``real="f64"``.
+
+    Examples
+    --------
+    >>> device = gs.Device()
+    >>> device.real in ("f64", "double_single")
+    True
     """
 
     def __init__(

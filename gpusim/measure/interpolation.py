@@ -80,6 +80,12 @@ class SplineImage:
     coefficients : (h + 6, w + 6) float64, spline coefficients with 3 more on each side.
     origin : (x, y) of the crop's first pixel in the whole image.
     valid : (x0, y0, x1, y1), the closed box in which interpolation equals that of the whole image.
+
+    Examples
+    --------
+    >>> image = gs.measure.SplineImage.from_image(np.outer(np.ones(16), np.arange(16.0)))
+    >>> image.values(np.array([7.25]), np.array([8.0])).round(6)
+    array([7.25])
     """
 
     pixels: FloatArray

@@ -33,6 +33,11 @@ class CellType:
         corner i and the next one (column 7 of a triangle is -1); w = 9: column 8 is the middle.
     corner_neighbours : (C,3) int32, for the Jacobian at each of the first C corners its three
         neighbours in right-handed order. A pyramid's apex, where four edges meet, has none.
+
+    Examples
+    --------
+    >>> gs.mesh.CELL_TYPES["hex8"].faces.shape
+    (6, 4)
     """
 
     name: str

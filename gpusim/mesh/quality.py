@@ -39,6 +39,12 @@ class Quality:
     ``bricks`` (M,): which cells are hex8, the type that distortion hurts most.
     ``gaps`` (K,): numbers of cells with a quadrilateral side that lies against triangles of others,
     without pyramids between: they share the corners, but come apart inside.
+
+    Examples
+    --------
+    >>> quality = gs.mesh.mesh_quality(gs.mesh.box(size=(4, 1, 1), divisions=(2, 1, 1)))
+    >>> quality.scaled_jacobian, quality.aspect
+    (array([1., 1.]), array([2., 2.]))
     """
 
     scaled_jacobian: Float
@@ -110,7 +116,13 @@ def least_jacobian(kind: str, points: Float, cells: Int) -> Float:
 
 
 def mesh_quality(mesh: Mesh) -> Quality:
-    """Scaled Jacobian, aspect ratio and distortion of every cell."""
+    """Scaled Jacobian, aspect ratio and distortion of every cell.
+
+    Examples
+    --------
+    >>> gs.mesh.mesh_quality(gs.mesh.box(size=(4, 1, 1), divisions=(2, 1, 1))).aspect
+    array([2., 2.])
+    """
     jacobian = np.empty(mesh.cell_count)
     aspect = np.empty(mesh.cell_count)
     distortion = np.zeros(mesh.cell_count)

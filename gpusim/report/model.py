@@ -249,6 +249,11 @@ class Report:
     ``failure`` is the error's message if ``status`` is "failed". ``highlights`` are label ->
     (value, note) of the cards on top, ``facts`` label -> value pairs (device, versions, sizes),
     and ``scene_text`` is the resolved scene file.
+
+    Examples
+    --------
+    >>> gs.Report(scene="bar", adapter="llvmpipe", status="done").to_json().splitlines()[:3]
+    ['{', '  "schema": 1,', '  "version": "0.1.0",']
     """
 
     scene: str

@@ -38,6 +38,12 @@ class Scene:
     ``files`` are the files that it needs, and those which they name: (absolute path, SHA-256 of the
     content).
     Two scenes are equal if they say the same; where they were read from doesn't matter.
+
+    Examples
+    --------
+    >>> scene = gs.load_scene("bar.toml")
+    >>> [camera.name for camera in scene.cameras]
+    ['side']
     """
 
     name: str

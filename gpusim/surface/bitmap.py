@@ -50,6 +50,12 @@ class Image:
     InputError
         Not one grey picture, values that aren't finite or below 0 or above full scale, or a
         parameter out of range.
+
+    Examples
+    --------
+    >>> picture = gs.paint.Image(np.array([[0, 255], [128, 64]], np.uint8), texel=0.01)
+    >>> picture.size
+    (0.02, 0.02)
     """
 
     pixels: npt.NDArray[Any]

@@ -36,6 +36,13 @@ class Features:
     them. One that lies on another adds to it: its albedo is that of the ground plus the change that
     it makes (see `Stack`). ``covers`` (F,), by default 1 on layer 0 and 0 above, is what a feature
     adds to the share of the ground that prints hide; a glossy ground shines through the rest.
+
+    Examples
+    --------
+    >>> dots = gs.paint.Dots(diameter=0.004, pitch=0.01, columns=3, rows=2)
+    >>> features = dots.features(np.array([0.0, 0.0]), np.array([0.03, 0.02]))
+    >>> features.kind, features.position.shape
+    (array([1, 1, 1, 1, 1, 1], dtype=int32), (6, 2))
     """
 
     kind: npt.NDArray[np.int32]
@@ -152,7 +159,15 @@ class Stack:
 
 
 class Paint(Protocol):
-    """What the renderer needs of a paint."""
+    """What the renderer needs of a paint.
+
+    Examples
+    --------
+    >>> def half(paint: gs.paint.Paint) -> float:
+    ...     return paint.ground / 2
+    >>> half(gs.paint.Plain(0.5))
+    0.25
+    """
 
     @property
     def ground(self) -> float:

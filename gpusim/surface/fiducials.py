@@ -68,6 +68,12 @@ class Aruco:
 
     ``centres`` (M, 2); ``ids`` one number per centre; ``size`` is the side of the dark square,
     which needs a lighter ground around it. ``angle`` (rad) turns every marker.
+
+    Examples
+    --------
+    >>> tags = gs.paint.Aruco(np.array([[0.0, 0.0], [0.1, 0.0]]), ids=(3, 7), size=0.05)
+    >>> tags.dictionary
+    '4X4_50'
     """
 
     centres: Array
@@ -118,6 +124,11 @@ class Charuco:
 
     The square at the upper left is dark, as in OpenCV from 4.6 on; markers are numbered row by row
     from there. ``origin`` (s, t) is the board's lower left corner.
+
+    Examples
+    --------
+    >>> gs.paint.Charuco(columns=5, rows=4, square=0.02, marker=0.015).corners().shape
+    (12, 2)
     """
 
     columns: int
@@ -200,6 +211,11 @@ class RingCodes:
     ``diameter`` is that of the central disc; the ring reaches from twice to three times as far. Bit
     k of a code fills the k-th sector from ``angle`` on, counter-clockwise (Schneider and Sinnreich,
     "Optical 3-D measurement systems for quality control in industry", 1992).
+
+    Examples
+    --------
+    >>> gs.paint.RingCodes(np.zeros((1, 2)), codes=(0b1011,), diameter=0.01).bits
+    12
     """
 
     centres: Array

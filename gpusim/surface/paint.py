@@ -60,6 +60,11 @@ class Plain:
     lacquer over a diffuse base; ``metallic`` 1 makes it bare metal, which has no base and mirrors
     with its albedo. At roughness 1 and metallic 0 it is matte (Lambert). ``bump`` is a fine relief.
     The same holds for the ground of a pattern; squares, dots and markers are matte prints on it.
+
+    Examples
+    --------
+    >>> gs.paint.Plain(albedo=0.4, roughness=0.3)
+    Plain(albedo=0.4, roughness=0.3, metallic=0.0, bump=None)
     """
 
     albedo: float = 0.5
@@ -90,6 +95,11 @@ class Checker:
 
     With ``columns`` and ``rows`` it ends there and ``ground`` surrounds it; without, it covers the
     whole region.
+
+    Examples
+    --------
+    >>> gs.paint.Checker(size=0.01, columns=9, rows=8).light
+    0.9
     """
 
     size: float
@@ -132,7 +142,13 @@ class Checker:
 @checked
 @dataclass(frozen=True)
 class Dots:
-    """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``."""
+    """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``.
+
+    Examples
+    --------
+    >>> gs.paint.Dots(diameter=0.004, pitch=0.01, columns=3, rows=2).ground
+    0.9
+    """
 
     diameter: float
     pitch: float
@@ -188,6 +204,11 @@ class Markers:
 
     ``centres`` is (M, 2) in paint coordinates; ``angle`` (rad) turns every marker. The squares at
     the lower left and upper right are ``dark``.
+
+    Examples
+    --------
+    >>> gs.paint.Markers(np.array([[0.0, 0.0], [0.05, 0.0]]), size=0.01).angle
+    0.0
     """
 
     centres: npt.NDArray[np.float64]

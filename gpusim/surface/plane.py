@@ -18,7 +18,14 @@ PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 @unmasked()
 @dataclass(frozen=True, eq=False)
 class PaintFrame:
-    """Paint coordinates of a planar region: s = (X - origin) . s_axis, t likewise."""
+    """Paint coordinates of a planar region: s = (X - origin) . s_axis, t likewise.
+
+    Examples
+    --------
+    >>> frame = gs.PaintFrame(np.zeros(3), np.array([1.0, 0, 0]), np.array([0.0, 0, 1]))
+    >>> frame.coordinates(np.array([[0.2, 0.0, 0.3]]))
+    array([[0.2, 0.3]])
+    """
 
     origin: npt.NDArray[np.float64]
     s_axis: npt.NDArray[np.float64]

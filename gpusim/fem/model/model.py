@@ -38,6 +38,14 @@ class Model:
         prescribed displacements counts in every load case.
 
     Arrays are copied, checked and made read-only. Raises InputError.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> model = gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed)
+    >>> int(model.fixed.sum()), model.load_cases.shape
+    (12, (1, 20, 3))
     """
 
     mesh: Mesh

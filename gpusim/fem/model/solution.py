@@ -31,6 +31,15 @@ class Solution:
     unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
         should know (dangling nodes). timings : seconds per part. backend, real,
         method, element_classes, row_classes : how it was computed.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
+    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed, forces=forces))
+    >>> solution.converged, solution.reactions.sum(axis=0).round(3) + 0.0
+    (True, array([-10000.,      0.,      0.]))
     """
 
     u: Float

@@ -37,6 +37,13 @@ class DicResult:
     iterations : (M,) int32.
     status : (M,) int8, values of ``Status``.
     subset : width of the subsets, px.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, subset=31, step=20, backend="numpy")
+    >>> result.points.shape, bool(result.ok.all())
+    ((35, 2), True)
     """
 
     points: FloatArray

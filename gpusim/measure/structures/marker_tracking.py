@@ -44,6 +44,13 @@ class TrackResult(DicResult):
 
     backward : (M,) float64, distance by which tracking back missed the marker, px.
     source : (M,) int64, the marker from which it was predicted; -1: from no displacement.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"markers{end}.png") for end in ("", "-1"))
+    >>> result = gs.measure.track(before, after, [[39.5, 59.5], [119.5, 59.5]], subset=19)
+    >>> result.status, bool(result.backward.max() < 0.05)
+    (array([0, 0], dtype=int8), True)
     """
 
     backward: FloatArray
@@ -90,6 +97,14 @@ def track(
     backward_px : a marker is accepted if tracking back returns within this distance.
     backend : "auto" and "numpy" are the same here: the subsets of a few dozen markers are too
         little work for a device to gain anything by it; "gpu" is refused.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"markers{end}.png") for end in ("", "-1"))
+    >>> result = gs.measure.track(before, after, [[39.5, 59.5], [119.5, 59.5]], subset=19)
+    >>> result.displacement.round(2) + 0.0
+    array([[1.5, 0. ],
+           [1.5, 0. ]])
     """
     if backend not in ("auto", "numpy"):
         raise InputError(f"track backend; got {backend!r}; expected 'auto' or 'numpy': markers are "

@@ -46,6 +46,12 @@ class Codes:
         perspective, which the mean of the corners isn't.
     sigma : (M,) float64, standard uncertainty of a corner's coordinate from the fits, px.
     missed : markers that were read but too small or not sharp.
+
+    Examples
+    --------
+    >>> codes = gs.measure.find_aruco(gs.export.read_image("charuco.png"))
+    >>> codes.number, codes.corners.shape
+    (array([0, 1, 2, 3, 4, 5]), (6, 4, 2))
     """
 
     number: npt.NDArray[np.int64]
@@ -77,6 +83,11 @@ def find_aruco(
     bends the sides is taken from all of them together, unless ``straighten`` tells it: from pixels
     (…, 2) to places (…, 2) where straight lines are straight (`lens_mapping` of a calibrated
     camera). Raises InputError for anything but a grey image, or an unknown dictionary.
+
+    Examples
+    --------
+    >>> gs.measure.find_aruco(gs.export.read_image("charuco.png"), "4X4_50").number
+    array([0, 1, 2, 3, 4, 5])
     """
     known = check_dictionary(dictionary, "find_aruco dictionary")
     array = check_image(image, "image")

@@ -59,6 +59,13 @@ class Crossings:
     blur : (C,) float64, width of the lens blur, px.
     residual : (C,) float64, RMS of the fit over the contrast.
     ok : (C,) bool.
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> fit = gs.measure.fit_crossings(image, [[39, 60]], first=[[8, 0]], second=[[0, 8]])
+    >>> fit.ok, fit.points.round(2)
+    (array([ True]), array([[39.5, 59.5]]))
     """
 
     points: FloatArray
@@ -101,6 +108,12 @@ def fit_crossings(
     ------
     InputError
         Not a grey image, or points and steps of other shapes than (C, 2).
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> gs.measure.fit_crossings(image, [[39, 60]], first=[[8, 0]], second=[[0, 8]]).points.round(2)
+    array([[39.5, 59.5]])
     """
     array = check_image(image, "image")
     points = check_points(start, "start")

@@ -47,6 +47,12 @@ class Camera:
     InputError
         Sizes, shapes or values that make no camera, or a lens whose distortion folds inside the
         image (it isn't monotonic there: two points of the scene would share a pixel).
+
+    Examples
+    --------
+    >>> camera = gs.Camera(width=300, height=200, K=[[1000, 0, 150], [0, 1000, 100], [0, 0, 1]])
+    >>> camera.project([[0.01, 0.0, 1.0]])
+    array([[160., 100.]])
     """
 
     width: int
