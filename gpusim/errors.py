@@ -197,3 +197,7 @@ class TwinMismatch(GpusimError):
     """
 
     exit_code = 5
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -34,6 +34,8 @@ PUBLIC = (
 """Modules whose ``__all__`` is for users."""
 NEEDS = {"gpusim.mesh.formats.gmsh.cad": "gmsh"}
 """Modules whose examples run only where an optional package is installed."""
+MOST_CHARACTERS = 240
+"""Of what an object shows at a prompt: no array is printed."""
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 
@@ -84,5 +86,8 @@ def test_example_runs(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) 
         text, {"np": np, "gs": gpusim}, name, inspect.getsourcefile(value), 0
     )
     said: list[str] = []
-    result = doctest.DocTestRunner(optionflags=FLAGS).run(examples, out=said.append)
+    runner = doctest.DocTestRunner(optionflags=FLAGS)
+    result = runner.run(examples, out=said.append, clear_globs=False)
     assert result.failed == 0, "".join(said)
+    made = [one for one in examples.globs.values() if type(one).__module__.startswith("gpusim.")]
+    assert [repr(one) for one in made if len(repr(one)) > MOST_CHARACTERS] == []

@@ -13,6 +13,7 @@ from gpusim.deck.equations import Equations
 from gpusim.deck.temperature import point_stresses
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Solution, solve
+from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
@@ -48,6 +49,7 @@ class Step:
     forces: Float
     temperature: Float | None
     equations: Equations | None
+    __repr__ = field_summary
 
 
 @unmasked()
@@ -86,6 +88,7 @@ class Deck:
     node_axes: Mapping[int, Float]
     initial_stress: Mapping[str, Float]
     ignored: Sequence[str]
+    __repr__ = field_summary
 
     def model(self, *numbers: int) -> Model:
         """The model of one step, or of several that hold the same degrees of freedom.

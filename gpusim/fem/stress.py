@@ -19,6 +19,7 @@ from gpusim.fem.elements.strain import point_stress
 from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
+from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shape_functions import reference_nodes, shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -73,6 +74,7 @@ class Stress:
     volume: Float
     energy: Float
     error: Float
+    __repr__ = field_summary
 
     @cached_property
     def von_mises(self) -> Float:

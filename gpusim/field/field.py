@@ -80,6 +80,10 @@ class Field:
             self._read = values.__getitem__
         self._kept: dict[int, Float] = {}
 
+    def __repr__(self) -> str:
+        span = f"times {self.times[0]:g} to {self.times[-1]:g}"
+        return f"Field({self.mesh.node_count} nodes, {len(self.times)} steps, {span})"
+
     @property
     def start(self) -> float:
         """The earliest time: the first of ``times``, or 0 for a body that starts undeformed."""

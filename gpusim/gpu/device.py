@@ -62,8 +62,7 @@ class Device:
     real : ``"f64"``, ``"double_single"``, or None: 64-bit floats where the adapter has them.
     adapter : part of an adapter's name (as ``gpusim doctor`` prints it); None takes that of the
         environment variable ``GPUSIM_ADAPTER``, or else the first, discrete GPUs before others.
-    memory_limit : bytes that may be allocated; None asks the system on a CPU adapter, and leaves
-        the check to the driver elsewhere.
+    memory_limit : bytes that may be allocated; None: what the system (CPU) or the driver says.
     shaders : a folder with further WGSL files, searched before gpusim's own.
 
     Raises
@@ -73,8 +72,7 @@ class Device:
 
     Examples
     --------
-    >>> device = gs.Device()
-    >>> device.real in ("f64", "double_single")
+    >>> gs.Device().real in ("f64", "double_single")
     True
     """
 
@@ -129,6 +127,9 @@ class Device:
         """The adapter's name, driver included."""
         parts = (self.info.get("device"), self.info.get("description"))
         return ", ".join(str(part) for part in parts if part)
+
+    def __repr__(self) -> str:
+        return f"Device({self.name!r}, real={self.real!r})"
 
     @property
     def atomics64(self) -> bool:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray, Image, check_image, crop_float
 from gpusim.validation import unmasked
 
@@ -92,6 +93,7 @@ class SplineImage:
     coefficients: FloatArray
     origin: tuple[int, int]
     valid: tuple[float, float, float, float]
+    __repr__ = field_summary
 
     @classmethod
     def from_image(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quadrature import face_rule
@@ -44,6 +45,7 @@ class Faces:
     cell: Int
     local: Int
     points: Float
+    __repr__ = field_summary
 
     def __len__(self) -> int:
         return len(self.nodes)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.field_summary import field_summary
+
 __all__ = ["CELL_TYPES", "CellType"]
 
 Int = npt.NDArray[np.int32]
@@ -48,6 +50,7 @@ class CellType:
     edges: Int
     faces: Int
     corner_neighbours: Int
+    __repr__ = field_summary
 
 
 def _int32(rows: list[list[int]]) -> Int:

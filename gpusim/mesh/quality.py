@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.field_summary import field_summary
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
@@ -52,6 +53,7 @@ class Quality:
     distortion: Float
     bricks: npt.NDArray[np.bool_]
     gaps: npt.NDArray[np.int64]
+    __repr__ = field_summary
 
     def bad_cells(
         self, least_jacobian: float = 0.1, most_aspect: float = 1000.0

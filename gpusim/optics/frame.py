@@ -62,6 +62,10 @@ class Frame:
         """Where they did less than the error asks for, and what in the scene looks wrong."""
         self._ids: npt.NDArray[np.uint32] | None = None
 
+    def __repr__(self) -> str:
+        where = "host" if self.device is None else "device"
+        return f"Frame({self.width} x {self.height} px, camera {self.view.camera.name!r}, {where})"
+
     @property
     def width(self) -> int:
         """Columns."""

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
 from gpusim.optics.geometry.view import View
 
@@ -55,6 +56,7 @@ class Truth:
     normal: npt.NDArray[np.float64]
     face: npt.NDArray[np.int32]
     region: npt.NDArray[np.int32]
+    __repr__ = field_summary
 
     LAYERS = ("depth", "reference", "displacement", "flow", "normal", "face", "region")
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
-from gpusim.printable import printable
+from gpusim.field_summary import field_summary, printable
 from gpusim.report.comparison import Budget, Published
 from gpusim.report.mechanics import Mechanics
 from gpusim.report.meshes import MeshSummary
@@ -282,6 +282,7 @@ class Report:
     figures: tuple[Drawing, ...] = ()
     tables: tuple[Table, ...] = ()
     links: tuple[Link, ...] = ()
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if (self.status == "failed") != bool(self.failure):

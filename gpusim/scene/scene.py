@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, SceneError
+from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.scene.faults.cross_references import check_document
 from gpusim.scene.faults.faults import MOST, faults_of, with_origin
@@ -64,6 +65,7 @@ class Scene:
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
+    __repr__ = field_summary
 
     @classmethod
     def from_document(

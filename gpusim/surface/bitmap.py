@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import decode
 from gpusim.surface.bump import Bump
@@ -68,6 +69,7 @@ class Image:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Image", self.roughness, self.metallic)

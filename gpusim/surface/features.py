@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 
 __all__ = [
     "Features",
@@ -53,6 +54,7 @@ class Features:
     albedo: npt.NDArray[np.float64]
     layer: npt.NDArray[np.int32] | None = None
     covers: npt.NDArray[np.float64] | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if self.covers is None:

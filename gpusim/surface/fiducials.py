@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
@@ -87,6 +88,7 @@ class Aruco:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Aruco", self.roughness, self.metallic)
@@ -228,6 +230,7 @@ class RingCodes:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("RingCodes", self.roughness, self.metallic)

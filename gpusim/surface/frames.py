@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.plane import PaintFrame, face_normals
 from gpusim.surface.topology import triangulate
 from gpusim.validation import unmasked
@@ -61,6 +62,7 @@ class CylinderFrame:
     start: Array
     radius: float
     inside: bool = False
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         axis, start = np.asarray(self.axis, np.float64), np.asarray(self.start, np.float64)
@@ -142,6 +144,7 @@ class Atlas:
     """
 
     st: Array
+    __repr__ = field_summary
 
     @staticmethod
     def unfold(

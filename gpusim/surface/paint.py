@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
@@ -220,6 +221,7 @@ class Markers:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Markers", self.roughness, self.metallic)
@@ -246,3 +248,7 @@ class Markers:
             np.full((count, 2), 2.0),
             np.tile([self.dark, self.light], (count, 1)),
         )
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.validation import unmasked
 
 __all__ = ["PaintFrame", "face_normals", "plane_frame", "used_vertices"]
@@ -30,6 +31,7 @@ class PaintFrame:
     origin: npt.NDArray[np.float64]
     s_axis: npt.NDArray[np.float64]
     t_axis: npt.NDArray[np.float64]
+    __repr__ = field_summary
 
     @staticmethod
     def facing(

@@ -56,6 +56,9 @@ class Skin:
         self._keys = faces.cell.astype(np.int64) * 8 + faces.local
         self._order = np.argsort(self._keys, kind="stable")
 
+    def __repr__(self) -> str:
+        return f"Skin({len(self.nodes)} nodes, {len(self.pieces)} pieces)"
+
     def numbers(self, selected: Faces) -> npt.NDArray[np.int64]:
         """Positions of ``selected`` boundary faces within this skin.
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
@@ -47,6 +48,7 @@ class Circles:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Circles", self.roughness, self.metallic)
@@ -163,6 +165,7 @@ class Star:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Star", self.roughness, self.metallic)

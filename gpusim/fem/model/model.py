@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.fem.model.material import Material
+from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
@@ -54,6 +55,7 @@ class Model:
     forces: Float | None = None
     material_of_cell: npt.NDArray[np.int32] | None = None
     prescribed: Float | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.field_summary import field_summary
+
 __all__ = ["Solution"]
 
 Float = npt.NDArray[np.float64]
@@ -59,6 +61,7 @@ class Solution:
     method: str
     element_classes: int
     row_classes: int
+    __repr__ = field_summary
 
     @property
     def energy_balance(self) -> float:

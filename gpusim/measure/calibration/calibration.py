@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.board_orientation import best_turns, turned, turned_pose
 from gpusim.measure.calibration.bundle_adjustment import (
     DISTORTION,
@@ -71,6 +72,7 @@ class CalibratedCamera:
     camera_from_rig: FloatArray
     sigma: dict[str, float]
     rms: float
+    __repr__ = field_summary
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +83,9 @@ class Calibration:
     ----------
     cameras : in the order given; the first one's coordinates are the rig's.
     lens, rms : the lens model (see `calibrate`); px, over all cameras.
-    view_poses : (V, 4, 4), from the target to the rig; NaN where a view wasn't used.
-    view_rms : (C, V) px; NaN where a camera didn't see the target.
+    view_poses, view_rms : (V, 4, 4), from the target to the rig; (C, V) px; NaN where not seen.
     points, residuals : per camera (N, 2) float64 px, where points were seen; projected minus seen.
-    used, outliers : number of points.
-    names, covariance : parameters as (kind, number, name) and their (Q, Q) covariance.
+    used, outliers, names, covariance : numbers of points; parameters (kind, number, name); (Q, Q).
 
     Examples
     --------
@@ -106,6 +106,7 @@ class Calibration:
     outliers: int
     names: tuple[tuple[str, int, str], ...]
     covariance: FloatArray
+    __repr__ = field_summary
 
     def baseline(self, camera: int = 1) -> tuple[float, float]:
         """Distance of a camera from the first one, and its standard uncertainty."""
@@ -154,10 +155,9 @@ def calibrate(
 
     Raises
     ------
-    InputError
-        Fewer than three usable views in a camera, or cameras without a common view.
-    GpusimError
-        The views don't determine the parameters.
+    InputError, GpusimError
+        Fewer than three usable views in a camera, cameras without a common view; views that don't
+        determine the parameters.
 
     Examples
     --------

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.measure.nearest_points import point_tree
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -94,6 +95,7 @@ class StrainResult:
     status: npt.NDArray[np.int8]
     kind: StrainKind
     gauge_px: float
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:

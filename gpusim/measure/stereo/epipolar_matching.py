@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 from gpusim.measure.stereo.triangulation import essential, normalised, triangulate
@@ -33,6 +34,7 @@ class Matches:
     pairs: npt.NDArray[np.int64]
     distance: FloatArray
     ambiguous: npt.NDArray[np.bool_]
+    __repr__ = field_summary
 
 
 @unmasked()

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.correlation.subsets import DicResult
@@ -52,6 +53,7 @@ class MappedResult:
     sigma: FloatArray
     status: npt.NDArray[np.int8]
     subset: float
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
@@ -73,6 +74,7 @@ class StereoResult:
     residual: FloatArray
     status: npt.NDArray[np.int8]
     subset: int
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -58,6 +59,7 @@ class Triangulated:
     covariance: FloatArray
     residual: FloatArray
     cameras: npt.NDArray[np.int64]
+    __repr__ = field_summary
 
 
 def normalised(camera: CalibratedCamera, pixels: npt.ArrayLike) -> FloatArray:
@@ -230,6 +232,7 @@ class Alignment:
     scale: float
     rms: float
     residuals: FloatArray
+    __repr__ = field_summary
 
     def apply(self, points: FloatArray) -> FloatArray:
         """Points (…, 3) of the source in the target's coordinates."""
@@ -297,6 +300,7 @@ class Displacement3D:
     covariance: FloatArray
     magnitude: FloatArray
     sigma: FloatArray
+    __repr__ = field_summary
 
 
 @unmasked()

@@ -25,6 +25,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
@@ -67,6 +68,7 @@ class SlopeChanges:
     residual: float
     offset: float
     slope: float
+    __repr__ = field_summary
 
     def at(self, x: FloatArray) -> FloatArray:
         """The broken line at positions (N,)."""

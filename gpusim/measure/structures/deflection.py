@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
@@ -57,6 +58,7 @@ class Scale:
     origin_mm: FloatArray
     residuals_px: FloatArray
     residual_px: float
+    __repr__ = field_summary
 
     def positions(self, points_px: FloatArray) -> FloatArray:
         """Points (K, 2) in px as positions (K, 2) in mm."""
@@ -135,6 +137,7 @@ class RigidMotion:
     centre: FloatArray
     rms: float
     count: int
+    __repr__ = field_summary
 
     def displacement(self, points: FloatArray) -> FloatArray:
         """Apparent displacement (K, 2) that this motion gives to points (K, 2), px."""
@@ -201,6 +204,7 @@ class DeflectionLine:
     status: npt.NDArray[np.int8]
     scale: Scale
     camera: RigidMotion | None
+    __repr__ = field_summary
 
     def write_csv(self, path: str | Path) -> None:
         """Write one row per marker; what wasn't measured is left empty."""

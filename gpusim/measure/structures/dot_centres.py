@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.stereo.plane_mapping import plane_mapping
@@ -60,6 +61,7 @@ class Dots:
     axes: FloatArray
     angle: FloatArray
     contrast: FloatArray
+    __repr__ = field_summary
 
 
 @unmasked("image")

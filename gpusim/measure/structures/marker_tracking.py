@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
 from gpusim.measure.correlation.matching import Correlation, Status
 from gpusim.measure.correlation.subsets import (
@@ -55,6 +56,7 @@ class TrackResult(DicResult):
 
     backward: FloatArray
     source: npt.NDArray[np.int64]
+    __repr__ = field_summary
 
 
 @unmasked("reference", "deformed")

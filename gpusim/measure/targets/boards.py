@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 
 __all__ = ["Chessboard", "Sighting", "TargetStatistics", "target_statistics"]
@@ -113,6 +114,7 @@ class Sighting:
     missed: int
     problem: str = ""
     turns: Turns | None = None
+    __repr__ = field_summary
 
     def __len__(self) -> int:
         return len(self.image)
@@ -149,6 +151,7 @@ class TargetStatistics:
     blur: float
     covered: float
     problems: dict[str, int]
+    __repr__ = field_summary
 
 
 def target_statistics(sightings: Sequence[Sighting]) -> TargetStatistics:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
 from gpusim.measure.targets.cross_fit import Cross, fit_crosses
@@ -88,6 +89,7 @@ class Markers:
     contrast: FloatArray
     residual: FloatArray
     status: npt.NDArray[np.int8]
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:

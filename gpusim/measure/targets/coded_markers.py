@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.fitting.plumb_lines import (
     PlumbField,
     Straighten,
@@ -59,6 +60,7 @@ class Codes:
     centre: FloatArray
     sigma: FloatArray
     missed: int
+    __repr__ = field_summary
 
     def __len__(self) -> int:
         return len(self.number)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.fitting.border_junction import (
     CENTRE,
     PARAMETERS,
@@ -74,6 +75,7 @@ class Crossings:
     blur: FloatArray
     residual: FloatArray
     ok: npt.NDArray[np.bool_]
+    __repr__ = field_summary
 
 
 @unmasked("image")

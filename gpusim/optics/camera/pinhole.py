@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.optics.camera.distortion import Distortion
 from gpusim.validation import checked, real_numbers
 
@@ -63,6 +64,7 @@ class Camera:
     name: str = "camera"
     lens_K: npt.NDArray[np.float64] | None = None
     pixel_side: float = 1.0
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"

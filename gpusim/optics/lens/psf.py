@@ -20,6 +20,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.validation import checked, unmasked
 
 __all__ = [
@@ -195,6 +196,7 @@ class MeasuredPsf:
 
     kernel: Array
     samples_per_px: float = 1.0
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         kernel = np.asarray(self.kernel, np.float64)
@@ -291,6 +293,7 @@ class SampledKernel:
     halo: int
     terms: tuple[tuple[Array, Array], ...]
     edge_error: float
+    __repr__ = field_summary
 
     @property
     def taps(self) -> int:
@@ -383,3 +386,7 @@ def edge_profile(psf: Psf | None, side: float, x: Array) -> Array:
     H = psf.transfer(f, np.zeros_like(f)) * np.sinc(side * f)
     waves = np.sin(2.0 * np.pi * np.outer(x, f))
     return np.asarray(0.5 + step * (waves @ (H / (np.pi * f))))
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

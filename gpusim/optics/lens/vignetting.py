@@ -9,6 +9,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.validation import checked
 
@@ -40,6 +41,7 @@ class Vignetting:
     cos4: bool = True
     polynomial: tuple[float, ...] = ()
     map: Array | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if not np.isfinite(np.asarray(self.polynomial, np.float64)).all():

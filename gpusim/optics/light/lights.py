@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.optics.light.panorama import read_panorama
 from gpusim.validation import checked
@@ -230,6 +231,7 @@ class EnvironmentLight:
     up: Vector = (0.0, 0.0, 1.0)
     forward: Vector = (0.0, 1.0, 0.0)
     occlusion: bool = False
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         _check("EnvironmentLight", up=self.up, forward=self.forward)
