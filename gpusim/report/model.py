@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
-from gpusim.field_summary import field_summary, printable
+from gpusim.field_summary import field_summary
+from gpusim.printable import printable
 from gpusim.report.comparison import Budget, Published
 from gpusim.report.mechanics import Mechanics
 from gpusim.report.meshes import MeshSummary
