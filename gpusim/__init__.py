@@ -6,7 +6,8 @@ Every layer is usable alone: solve a mesh, render a displacement field, measure 
 
     report = gs.run(gs.load_scene("examples/crane.toml"), "out/crane")
 
-Names are imported when they are first used, so that ``import gpusim`` is quick.
+Names are imported when they are first used, so that ``import gpusim`` is quick. Examples in
+docstrings take ``import gpusim as gs`` and ``import numpy as np`` for granted.
 """
 
 import importlib as _importlib
@@ -15,7 +16,7 @@ import typing as _typing
 from gpusim._version import __version__
 
 if _typing.TYPE_CHECKING:
-    from gpusim import errors, fem, measure, mesh
+    from gpusim import errors, export, fem, measure, mesh
     from gpusim.deck import Deck, load_deck
     from gpusim.errors import (
         DeviceError,
@@ -97,6 +98,7 @@ __all__ = [
     "Vignetting",
     "__version__",
     "errors",
+    "export",
     "fem",
     "load_deck",
     "load_scene",
@@ -158,7 +160,7 @@ _HOMES = {
     "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-_MODULES = ("errors", "fem", "measure", "mesh")
+_MODULES = ("errors", "export", "fem", "measure", "mesh")
 
 
 def __getattr__(name: str) -> _typing.Any:

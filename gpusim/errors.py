@@ -39,7 +39,16 @@ _SHOWN = 50  # faults of a scene; who mends those sees the others
 
 
 class GpusimError(Exception):
-    """Base of the tree; ``exit_code`` is what the command line ends with."""
+    """Base of the tree; ``exit_code`` is what the command line ends with.
+
+    Examples
+    --------
+    >>> try:
+    ...     gs.mesh.box(size=(1, 1, -1), divisions=(2, 2, 2))
+    ... except gs.GpusimError as error:
+    ...     print(error.exit_code)
+    2
+    """
 
     exit_code = 1
 
@@ -49,7 +58,15 @@ class GpusimError(Exception):
 
 
 class InputError(GpusimError, ValueError):
-    """An argument has the wrong shape, type, range or meaning."""
+    """An argument has the wrong shape, type, range or meaning.
+
+    Examples
+    --------
+    >>> gs.mesh.box(size=(1, 1, -1), divisions=(2, 2, 2))
+    Traceback (most recent call last):
+        ...
+    gpusim.errors.InputError: box: size; got (1, 1, -1); expected 3 numbers > 0
+    """
 
     exit_code = 2
 
@@ -59,6 +76,11 @@ class Fault:
     """One thing wrong in a scene file: where (key path), what, got, expected, nearest key.
 
     ``place`` is the key path with names in place of indices, if it has any.
+
+    Examples
+    --------
+    >>> print(gs.errors.Fault("camera[0].focal_mm", "wrong value", got="-50", expected="above 0"))
+    camera[0].focal_mm: wrong value; got -50; expected above 0
     """
 
     key: str
@@ -81,7 +103,16 @@ class Fault:
 
 class SceneError(GpusimError):
     """A scene can't be used. ``faults`` holds everything that is wrong with it, and there are
-    ``more`` that nobody looked at. The message shows the first ones."""
+    ``more`` that nobody looked at. The message shows the first ones.
+
+    Examples
+    --------
+    >>> try:
+    ...     gs.load_scene("bar.toml", {"camera.0.focal_mm": -50})
+    ... except gs.SceneError as error:
+    ...     print(error.faults[0].key)
+    camera.0.focal_mm
+    """
 
     exit_code = 2
 
@@ -97,30 +128,76 @@ class SceneError(GpusimError):
 
 
 class NotConverged(GpusimError):
-    """A solver stopped before it reached its tolerance; the message says why."""
+    """A solver stopped before it reached its tolerance; the message says why.
+
+    Examples
+    --------
+    >>> issubclass(gs.NotConverged, gs.GpusimError), gs.NotConverged.exit_code
+    (True, 3)
+    """
 
     exit_code = 3
 
 
 class DeviceError(GpusimError):
-    """The device can't do what was asked."""
+    """The device can't do what was asked.
+
+    Examples
+    --------
+    >>> issubclass(gs.NoAdapter, gs.DeviceError), gs.DeviceError.exit_code
+    (True, 4)
+    """
 
     exit_code = 4
 
 
 class NoAdapter(DeviceError):
-    """No Vulkan adapter was found, or not the one asked for."""
+    """No Vulkan adapter was found, or not the one asked for.
+
+    Examples
+    --------
+    >>> try:
+    ...     gs.Device(adapter="of no name")
+    ... except gs.NoAdapter:
+    ...     print("run `gpusim doctor`")
+    run `gpusim doctor`
+    """
 
 
 class DeviceLost(DeviceError):
-    """The device went away while it was working."""
+    """The device went away while it was working.
+
+    Examples
+    --------
+    >>> issubclass(gs.DeviceLost, gs.DeviceError)
+    True
+    """
 
 
 class OutOfDeviceMemory(DeviceError):
-    """The request is larger than the device takes; nothing was allocated."""
+    """The request is larger than the device takes; nothing was allocated.
+
+    Examples
+    --------
+    >>> try:
+    ...     gs.Device(memory_limit=1000).empty(10_000, "large")
+    ... except gs.OutOfDeviceMemory:
+    ...     print("nothing was allocated")
+    nothing was allocated
+    """
 
 
 class TwinMismatch(GpusimError):
-    """A kernel and its NumPy twin disagree by more than the tolerance table allows."""
+    """A kernel and its NumPy twin disagree by more than the tolerance table allows.
+
+    Examples
+    --------
+    >>> gs.TwinMismatch.exit_code
+    5
+    """
 
     exit_code = 5
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

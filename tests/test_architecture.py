@@ -20,6 +20,7 @@ FOUNDATION = {
     "_version",
     "arrays",
     "errors",
+    "field_summary",
     "files",
     "interrupts",
     "parallel",

@@ -13,6 +13,7 @@ from gpusim.deck.equations import Equations
 from gpusim.deck.temperature import point_stresses
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Solution, solve
+from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
@@ -32,6 +33,12 @@ class Step:
     ``Model``; ``forces`` holds the equivalent forces of temperature too. ``temperature`` (N,) is
     the change against the initial one, None where there is none. ``equations`` are further linear
     constraints (*EQUATION, supports in turned axes), None where there are none.
+
+    Examples
+    --------
+    >>> step = gs.load_deck("bricks.inp").steps[0]
+    >>> step.number, step.time, int(step.fixed.sum())
+    (1, 1.0, 12)
     """
 
     number: int
@@ -42,6 +49,7 @@ class Step:
     forces: Float
     temperature: Float | None
     equations: Equations | None
+    __repr__ = field_summary
 
 
 @unmasked()
@@ -59,6 +67,14 @@ class Deck:
         forces of the file are in these; models and solutions here are in global axes.
     initial_stress : cell type -> (M,Q,6) at the integration points; types without any are absent.
     ignored : keywords that were read over: output requests and what can't change the result.
+
+    Examples
+    --------
+    >>> deck = gs.load_deck("bricks.inp")
+    >>> deck.mesh
+    Mesh(12 nodes, 2 hex8, 5 named sets)
+    >>> deck.materials[0]
+    Isotropic(E=200.0, nu=0.25, density=3.0, expansion=0.002)
     """
 
     path: str
@@ -72,6 +88,7 @@ class Deck:
     node_axes: Mapping[int, Float]
     initial_stress: Mapping[str, Float]
     ignored: Sequence[str]
+    __repr__ = field_summary
 
     def model(self, *numbers: int) -> Model:
         """The model of one step, or of several that hold the same degrees of freedom.

@@ -33,6 +33,12 @@ def load_deck(source: Source) -> Deck:
 
     Raises InputError that lists, with file and line, every keyword, parameter and element type
     that would change the answer and isn't supported; and then every wrong number and unknown name.
+
+    Examples
+    --------
+    >>> deck = gs.load_deck("bricks.inp")
+    >>> print(f"{gs.solve(deck.model(1)).u[:, 0].max():.5f}")
+    0.00000
     """
     cards = read_cards(source)
     path = str(source.path if isinstance(source, InputFile) else source)

@@ -42,3 +42,7 @@ def __getattr__(name: str) -> Any:
     if name in _HOME_OF:
         return getattr(importlib.import_module(f"gpusim.{_HOME_OF[name]}"), name)
     raise AttributeError(f"module 'gpusim.export' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

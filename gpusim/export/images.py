@@ -58,6 +58,11 @@ def write_image(
     ------
     InputError
         Wrong suffix, shape, dtype or metadata, or a place that can't be written to.
+
+    Examples
+    --------
+    >>> gs.export.write_image("grey.tif", np.full((2, 3), 500, np.uint16)).name
+    'grey.tif'
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".png":
@@ -146,6 +151,13 @@ def read_image(source: PathLike | InputFile) -> GreyImage:
 
     One that was read or written lately comes from memory (`gpusim.export.recent`), so the array
     can't be written to. Raises InputError if the file is missing, unreadable or not grey.
+
+    Examples
+    --------
+    >>> path = gs.export.write_image("grey.png", np.full((2, 3), 128, np.uint8))
+    >>> gs.export.read_image(path)
+    array([[128, 128, 128],
+           [128, 128, 128]], dtype=uint8)
     """
     if isinstance(source, InputFile):
         return _grey(source)

@@ -55,6 +55,12 @@ def write_stl(
     InputError
         Wrong shape, index out of range, position not finite, beyond float32, or so far from the
         origin that float32 would spoil the shape.
+
+    Examples
+    --------
+    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    >>> gs.export.write_stl("square.stl", square, np.array([[0, 1, 2, 3]])).stat().st_size
+    184
     """
     triangles = _triangles(points, faces)
     zero = np.asarray(origin, np.float64)
@@ -93,6 +99,14 @@ def write_region_stls(
 
     ``region_of_face`` is (M,) integer, an index into ``region_names``; other arguments and errors
     as in `write_stl`.
+
+    Examples
+    --------
+    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    >>> faces, region = np.array([[0, 1, 2, 3]]), np.array([0])
+    >>> paths = gs.export.write_region_stls(".", square, faces, region, ["top"], step=0)
+    >>> [path.as_posix() for path in paths]
+    ['top/0000.stl']
     """
     if region_of_face.shape != (len(faces),):
         raise InputError(

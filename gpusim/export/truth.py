@@ -36,7 +36,14 @@ _SCHEMA = 1
 
 
 class FrameWriter:
-    """One frame of one camera; layers appear when they are first written to."""
+    """One frame of one camera; layers appear when they are first written to.
+
+    Examples
+    --------
+    >>> with gs.export.TruthWriter("truth.h5") as truth:
+    ...     truth.write_camera("cam", width=4, height=3, K=np.eye(3), camera_from_world=np.eye(4))
+    ...     truth.frame("cam", 0).write_block("depth", 0, 0, np.ones((3, 4)))
+    """
 
     def __init__(self, group: h5py.Group, shape: tuple[int, int]) -> None:
         self._group = group
@@ -92,6 +99,11 @@ class TruthWriter:
         Wrong shapes or names, or a place that can't be written to.
     GpusimError
         The disk is full.
+
+    Examples
+    --------
+    >>> with gs.export.TruthWriter("truth.h5", regions=("side",)) as truth:
+    ...     truth.write_mesh(np.eye(4, 3), {"tet4": np.array([[0, 1, 2, 3]])})
     """
 
     def __init__(

@@ -61,6 +61,12 @@ def write_vtu(
     ------
     InputError
         Wrong shape, unknown cell type, node index out of range, value not finite.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> gs.export.write_vtu("bar.vtu", bar.points, bar.cells, point_data={"u": 0 * bar.points}).name
+    'bar.vtu'
     """
     _check_points(points)
     blocks = [_block(kind, array, len(points)) for kind, array in cells.items()]
@@ -89,6 +95,13 @@ def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:
     File names are stored relative to the folder of ``path``, so the folder can be moved.
 
     Raises InputError if a step isn't finite, steps don't grow, or there are none.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> steps = [(t, gs.export.write_vtu(f"{t}.vtu", bar.points, bar.cells)) for t in (0, 1)]
+    >>> gs.export.write_pvd("bar.pvd", steps).name
+    'bar.pvd'
     """
     times = [time for time, _ in steps]
     grows = all(a < b for a, b in pairwise(times))

@@ -62,3 +62,7 @@ __all__ = [
     "traction",
     "von_mises",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

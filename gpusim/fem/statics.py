@@ -84,6 +84,16 @@ def solve(
         is False and ``message`` says why.
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated there.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> pull = gs.fem.traction(bar, gs.mesh.select_faces(bar, name="x_max"), (1e6, 0, 0))
+    >>> model = gs.Model(bar, gs.Isotropic(210e9, 0.0), fixed, pull)
+    >>> solution = gs.fem.solve(model, tolerance=1e-8)
+    >>> solution.method, bool(solution.error_estimate < 1e-8)
+    ('direct', True)
     """
     clock = Clock()
     _check_arguments(model, device, tolerance, backend, max_iterations, method, progress)

@@ -19,6 +19,7 @@ from gpusim.fem.elements.strain import point_stress
 from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.fem.model.model import Model
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
+from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shape_functions import reference_nodes, shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -53,6 +54,14 @@ class Stress:
     error : (M,) energy norm of the difference between the averaged and the cell's own stress,
         the indicator of Zienkiewicz & Zhu, IJNME 24 (1987) 337: sqrt of the integral of
         (s* - s).C^-1.(s* - s).
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> model = gs.Model(bar, gs.Isotropic(E=100.0, nu=0.0))
+    >>> found = gs.fem.stress(model, bar.points * [0.01, 0, 0])
+    >>> found.nodal.shape, float(found.cell[0, 0].round(6))
+    ((8, 6), 1.0)
     """
 
     points: Mapping[str, Float]
@@ -65,6 +74,7 @@ class Stress:
     volume: Float
     energy: Float
     error: Float
+    __repr__ = field_summary
 
     @cached_property
     def von_mises(self) -> Float:
@@ -104,7 +114,13 @@ class Stress:
 
 @unmasked()
 def von_mises(stress: npt.ArrayLike) -> Float:
-    """(…) von Mises equivalent of stress (…,6), order xx yy zz xy yz zx."""
+    """(…) von Mises equivalent of stress (…,6), order xx yy zz xy yz zx.
+
+    Examples
+    --------
+    >>> float(gs.fem.von_mises([100.0, 0, 0, 0, 0, 0]))
+    100.0
+    """
     s = _stress(stress)
     x, y, z = s[..., 0], s[..., 1], s[..., 2]
     normal = (x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2
@@ -113,7 +129,13 @@ def von_mises(stress: npt.ArrayLike) -> Float:
 
 @unmasked()
 def principal(stress: npt.ArrayLike) -> Float:
-    """(…,3) principal values of stress (…,6), greatest first."""
+    """(…,3) principal values of stress (…,6), greatest first.
+
+    Examples
+    --------
+    >>> gs.fem.principal([1.0, 0, 0, 2.0, 0, 0]).round(3)
+    array([ 2.562,  0.   , -1.562])
+    """
     s = _stress(stress)
     tensor = s[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
     return np.ascontiguousarray(np.linalg.eigvalsh(tensor)[..., ::-1])
@@ -137,6 +159,13 @@ def stress(
         no stress. None: none.
 
     Raises InputError for several load cases at once (take one), or wrong shapes.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> model = gs.Model(bar, gs.Isotropic(E=100.0, nu=0.0))
+    >>> gs.fem.stress(model, bar.points * [0.01, 0, 0]).cell.round(6) + 0.0
+    array([[1., 0., 0., 0., 0., 0.]])
     """
     if not isinstance(model, Model):
         raise InputError(f"stress: model; got {type(model).__name__}; expected a Model")

@@ -6,3 +6,7 @@ from gpusim.field.field import Field
 from gpusim.field.read import FIELD_SUFFIXES, read_field
 
 __all__ = ["FIELD_SUFFIXES", "Field", "read_field"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -39,6 +39,13 @@ class Field:
     ------
     InputError
         Wrong shapes, times that don't grow, values that aren't finite (when a step is read).
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> field = gs.Field(bar, times=[0, 1], displacement=[0 * bar.points, 0.1 * bar.points])
+    >>> print(f"{field.at(0.5).max():.3f}")
+    0.050
     """
 
     def __init__(
@@ -72,6 +79,10 @@ class Field:
                 )
             self._read = values.__getitem__
         self._kept: dict[int, Float] = {}
+
+    def __repr__(self) -> str:
+        span = f"times {self.times[0]:g} to {self.times[-1]:g}"
+        return f"Field({self.mesh.node_count} nodes, {len(self.times)} steps, {span})"
 
     @property
     def start(self) -> float:

@@ -84,6 +84,14 @@ def read_field(
     InputError
         Names the file: absent, damaged, of another format, without solids or without such a
         variable; a node of a solid without a displacement.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> gs.export.write_vtu("bar.vtu", bar.points, bar.cells, point_data={"u": bar.points}).name
+    'bar.vtu'
+    >>> float(gs.read_field("bar.vtu").at(1.0).max())
+    1.0
     """
     for key, value in (("scale", scale), ("magnify", magnify)):
         if not (np.isfinite(value) and value > 0.0):

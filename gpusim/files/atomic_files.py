@@ -57,6 +57,11 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         The place can't be written to (permission, read-only, a folder in the way).
     GpusimError
         The disk is full, or the block wrote no file.
+
+    Examples
+    --------
+    >>> with gs.export.atomic_path("notes.txt") as path:
+    ...     _ = path.write_text("all or nothing", encoding="utf-8")
     """
     final = Path(path)
     part = final.with_name(f".{final.name}.{os.getpid()}-{secrets.token_hex(4)}.part")
@@ -81,6 +86,11 @@ def atomic_stream(path: PathLike) -> Iterator[BinaryIO]:
     """Give a binary stream whose content appears at ``path`` if the block ends well.
 
     Raises as `atomic_path` does.
+
+    Examples
+    --------
+    >>> with gs.export.atomic_stream("notes.txt") as stream:
+    ...     _ = stream.write(b"all or nothing")
     """
     with atomic_path(path) as part, open(part, "xb") as stream:
         yield stream
@@ -102,6 +112,11 @@ def clean_leftovers(folder: PathLike) -> tuple[Path, ...]:
     """Remove the temporary files that killed processes left below ``folder``; return their paths.
 
     Files of processes that still run are kept, so two runs into one folder don't hurt each other.
+
+    Examples
+    --------
+    >>> gs.export.clean_leftovers(".")
+    ()
     """
     removed = []
     for part in sorted(Path(folder).rglob(".*.part")):
@@ -117,6 +132,11 @@ def safe_name(name: str) -> str:
     at most 120 bytes.
 
     Raises InputError if nothing is left of it.
+
+    Examples
+    --------
+    >>> gs.export.safe_name("side / left")
+    'side_left'
     """
     safe = re.sub(r"[^\w.-]+", "_", name).strip("._")
     safe = safe.encode("utf-8", "ignore")[:120].decode("utf-8", "ignore")

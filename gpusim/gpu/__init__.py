@@ -70,3 +70,7 @@ __all__ = [
     "twin_checks",
     "working_device",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

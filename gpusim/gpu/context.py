@@ -97,6 +97,9 @@ class DeviceContext:
         parts = (self.info.get("device"), self.info.get("description"))
         return ", ".join(str(part) for part in parts if part)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.name!r}, real={self.real!r})"
+
     @property
     def atomics64(self) -> bool:
         """Whether kernels may keep the larger of two 64-bit numbers in one step."""

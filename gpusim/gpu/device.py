@@ -31,14 +31,18 @@ class Device(DeviceContext):
     real : ``"f64"``, ``"double_single"``, or None: 64-bit floats where the adapter has them.
     adapter : part of an adapter's name (as ``gpusim doctor`` prints it); None takes that of the
         environment variable ``GPUSIM_ADAPTER``, or else the first, discrete GPUs before others.
-    memory_limit : bytes that may be allocated; None asks the system on a CPU adapter, and leaves
-        the check to the driver elsewhere.
+    memory_limit : bytes that may be allocated; None: what the system (CPU) or the driver says.
     shaders : a folder with further WGSL files, searched before gpusim's own.
 
     Raises
     ------
     NoAdapter
         No Vulkan adapter at all, none of that name, or no 64-bit floats though ``real="f64"``.
+
+    Examples
+    --------
+    >>> gs.Device().real in ("f64", "double_single")
+    True
     """
 
     def __init__(

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray, Image, check_image, crop_float
 from gpusim.validation import unmasked
 
@@ -80,12 +81,19 @@ class SplineImage:
     coefficients : (h + 6, w + 6) float64, spline coefficients with 3 more on each side.
     origin : (x, y) of the crop's first pixel in the whole image.
     valid : (x0, y0, x1, y1), the closed box in which interpolation equals that of the whole image.
+
+    Examples
+    --------
+    >>> image = gs.measure.SplineImage.from_image(np.outer(np.ones(16), np.arange(16.0)))
+    >>> image.values(np.array([7.25]), np.array([8.0])).round(6)
+    array([7.25])
     """
 
     pixels: FloatArray
     coefficients: FloatArray
     origin: tuple[int, int]
     valid: tuple[float, float, float, float]
+    __repr__ = field_summary
 
     @classmethod
     def from_image(

@@ -61,3 +61,7 @@ __all__ = [
     "set_faces",
     "split",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
@@ -44,12 +45,19 @@ class Faces:
     of linear cells, 8 or 9 with quadratic ones, whose midside nodes follow (see `CellType.faces`;
     -1 where a face has none). ``cell`` (F,) int32 global cell number, ``local`` (F,) int32 face
     number inside the cell, ``points`` (N,3) float64 of the mesh.
+
+    Examples
+    --------
+    >>> faces = gs.mesh.boundary_faces(gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1)))
+    >>> faces.nodes.shape, float(faces.areas.sum())
+    ((10, 4), 10.0)
     """
 
     nodes: Int
     cell: Int
     local: Int
     points: Float
+    __repr__ = field_summary
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -154,6 +162,11 @@ def boundary_faces(mesh: Cells) -> Faces:
     two neighbours have the same corners and different midside nodes (a linear cell beside a
     quadratic one, or nodes that were never merged): they would come apart there. Kept with the
     mesh: asking again is free.
+
+    Examples
+    --------
+    >>> len(gs.mesh.boundary_faces(gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))).nodes)
+    10
     """
     found = mesh.__dict__.get("_boundary")
     if found is None:
@@ -211,7 +224,14 @@ def _matched(corners: Int, node_count: int) -> tuple[npt.NDArray[np.int64], ...]
 
 @unmasked()
 def set_faces(mesh: Cells, pairs: npt.ArrayLike) -> Faces:
-    """Faces for (K,2) pairs (global cell number, local face number)."""
+    """Faces for (K,2) pairs (global cell number, local face number).
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.mesh.set_faces(bar, bar.face_sets["x_max"]).normals + 0.0
+    array([[1., 0., 0.]])
+    """
     wanted = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
     if wanted.size and (wanted[:, 0].min() < 0 or wanted[:, 0].max() >= mesh.cell_count):
         raise InputError(

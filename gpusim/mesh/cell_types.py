@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.field_summary import field_summary
+
 __all__ = ["CELL_TYPES", "CellType"]
 
 Int = npt.NDArray[np.int32]
@@ -33,6 +35,11 @@ class CellType:
         corner i and the next one (column 7 of a triangle is -1); w = 9: column 8 is the middle.
     corner_neighbours : (C,3) int32, for the Jacobian at each of the first C corners its three
         neighbours in right-handed order. A pyramid's apex, where four edges meet, has none.
+
+    Examples
+    --------
+    >>> gs.mesh.CELL_TYPES["hex8"].faces.shape
+    (6, 4)
     """
 
     name: str
@@ -43,6 +50,7 @@ class CellType:
     edges: Int
     faces: Int
     corner_neighbours: Int
+    __repr__ = field_summary
 
 
 def _int32(rows: list[list[int]]) -> Int:

@@ -49,6 +49,12 @@ class Mesh:
         quadratic: at a quadrature point; the first five named by number), cells with the same
         corners as another, neighbours of
         quadratic cells that share the corners of a face but not its midside nodes.
+
+    Examples
+    --------
+    >>> points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> gs.Mesh(points, {"tet4": [[0, 1, 2, 3]]})
+    Mesh(4 nodes, 1 tet4)
     """
 
     points: Float

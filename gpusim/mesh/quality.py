@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.field_summary import field_summary
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.jacobians import CELLS_IN_CACHE, corner_edges, map_jacobians, triple_product
@@ -37,6 +38,12 @@ class Quality:
     ``bricks`` (M,): which cells are hex8, the type that distortion hurts most.
     ``gaps`` (K,): numbers of cells with a quadrilateral side that lies against triangles of others,
     without pyramids between: they share the corners, but come apart inside.
+
+    Examples
+    --------
+    >>> quality = gs.mesh.mesh_quality(gs.mesh.box(size=(4, 1, 1), divisions=(2, 1, 1)))
+    >>> quality.scaled_jacobian, quality.aspect
+    (array([1., 1.]), array([2., 2.]))
     """
 
     scaled_jacobian: Float
@@ -44,6 +51,7 @@ class Quality:
     distortion: Float
     bricks: npt.NDArray[np.bool_]
     gaps: npt.NDArray[np.int64]
+    __repr__ = field_summary
 
     def bad_cells(
         self, least_jacobian: float = 0.1, most_aspect: float = 1000.0
@@ -80,7 +88,13 @@ class Quality:
 
 
 def mesh_quality(mesh: Mesh) -> Quality:
-    """Scaled Jacobian, aspect ratio and distortion of every cell."""
+    """Scaled Jacobian, aspect ratio and distortion of every cell.
+
+    Examples
+    --------
+    >>> gs.mesh.mesh_quality(gs.mesh.box(size=(4, 1, 1), divisions=(2, 1, 1))).aspect
+    array([2., 2.])
+    """
     jacobian = np.empty(mesh.cell_count)
     aspect = np.empty(mesh.cell_count)
     distortion = np.zeros(mesh.cell_count)

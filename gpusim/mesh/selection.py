@@ -48,6 +48,12 @@ def select_nodes(
     tolerance : length; default 1e-6 of the mesh's largest extent.
 
     Dangling nodes are never selected by geometry. Raises InputError when nothing is found.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.mesh.select_nodes(bar, bounds={"x_max": 0.0})
+    array([0, 3, 6, 9], dtype=int32)
     """
     length = _tolerance(mesh, tolerance)
     keep = np.ones(mesh.node_count, dtype=bool)
@@ -87,6 +93,12 @@ def select_faces(
     faces : start from these instead of ``boundary_faces(mesh)``.
 
     Raises InputError when nothing is found.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> float(gs.mesh.select_faces(bar, normal="+z").areas.sum())
+    2.0
     """
     length = _tolerance(mesh, tolerance)
     if name is not None:

@@ -37,6 +37,14 @@ class Frame:
 
     ``radiance`` is (H, W) float32, linear, in W per square unit and steradian (or albedo where the
     scene has no lights). ``device`` is None when it was made by the NumPy twin.
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> frame = gs.render([wall], camera, backend="numpy")
+    >>> frame.radiance.shape, frame.radiance.dtype.name, int(frame.ids().max())
+    ((4, 6), 'float32', 2)
     """
 
     def __init__(
@@ -53,6 +61,10 @@ class Frame:
         self.warnings: tuple[str, ...] = ()
         """Where they did less than the error asks for, and what in the scene looks wrong."""
         self._ids: npt.NDArray[np.uint32] | None = None
+
+    def __repr__(self) -> str:
+        where = "host" if self.device is None else "device"
+        return f"Frame({self.width} x {self.height} px, camera {self.view.camera.name!r}, {where})"
 
     @property
     def width(self) -> int:

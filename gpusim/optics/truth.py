@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
 from gpusim.optics.geometry.view import View
 
@@ -35,6 +36,14 @@ class Truth:
     world; ``flow`` (n, 2) px from this pixel to where the undeformed point projects; ``normal``
     (n, 3) unit normal on the side seen, world: smooth if the frame is lit, else the triangle's;
     ``face``, ``region`` (n,) numbers; ``shape`` (H, W).
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> truth = gs.render([wall], camera, backend="numpy").truth()
+    >>> truth.image("depth").shape, float(truth.depth[0])
+    ((4, 6), 2.0)
     """
 
     shape: tuple[int, int]
@@ -47,6 +56,7 @@ class Truth:
     normal: npt.NDArray[np.float64]
     face: npt.NDArray[np.int32]
     region: npt.NDArray[np.int32]
+    __repr__ = field_summary
 
     LAYERS = ("depth", "reference", "displacement", "flow", "normal", "face", "region")
 

@@ -14,3 +14,7 @@ In the order in which data passes:
 from gpusim.pipeline.runner.run import run
 
 __all__ = ["run"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.printable import printable
 from gpusim.report.comparison import Budget, Published
 from gpusim.report.mechanics import Mechanics
@@ -249,6 +250,11 @@ class Report:
     ``failure`` is the error's message if ``status`` is "failed". ``highlights`` are label ->
     (value, note) of the cards on top, ``facts`` label -> value pairs (device, versions, sizes),
     and ``scene_text`` is the resolved scene file.
+
+    Examples
+    --------
+    >>> gs.Report(scene="bar", adapter="llvmpipe", status="done").to_json().splitlines()[:3]
+    ['{', '  "schema": 1,', '  "version": "0.1.0",']
     """
 
     scene: str
@@ -277,6 +283,7 @@ class Report:
     figures: tuple[Drawing, ...] = ()
     tables: tuple[Table, ...] = ()
     links: tuple[Link, ...] = ()
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if (self.status == "failed") != bool(self.failure):

@@ -27,3 +27,7 @@ from .scene import Scene
 from .schema import json_schema
 
 __all__ = ["Scene", "json_schema", "load_scene", "parse_value"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -28,6 +28,12 @@ def load_scene(
     file. Raises SceneError that lists every fault: unreadable file, TOML syntax (with line),
     unknown or missing keys, wrong types and ranges, names and references that don't fit; or that
     says that the file is too large or too deeply nested for a scene.
+
+    Examples
+    --------
+    >>> scene = gs.load_scene("bar.toml", {"solver.tolerance": 1e-4})
+    >>> scene.name, scene.solver.tolerance
+    ('bar', 0.0001)
     """
     place = path.path if isinstance(path, InputFile) else Path(path)
     source = str(place)
@@ -50,7 +56,14 @@ def load_scene(
 
 
 def parse_value(text: str) -> Any:
-    """The value of a ``--set key=value``: TOML if it is one (3, 1e-9, [1, 2], true), else text."""
+    """The value of a ``--set key=value``: TOML if it is one (3, 1e-9, [1, 2], true), else text.
+
+    Examples
+    --------
+    >>> from gpusim.scene import parse_value
+    >>> parse_value("[1, 2]"), parse_value("steel")
+    ([1, 2], 'steel')
+    """
     document = _parsed(f"value = {text}")
     return text if isinstance(document, Fault) or len(document) > 1 else document["value"]
 

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, SceneError
+from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.scene.faults.cross_references import check_document
 from gpusim.scene.faults.faults import MOST, faults_of, with_origin
@@ -38,6 +39,12 @@ class Scene:
     ``files`` are the files that it needs, and those which they name: (absolute path, SHA-256 of the
     content).
     Two scenes are equal if they say the same; where they were read from doesn't matter.
+
+    Examples
+    --------
+    >>> scene = gs.load_scene("bar.toml")
+    >>> [camera.name for camera in scene.cameras]
+    ['side']
     """
 
     name: str
@@ -58,6 +65,7 @@ class Scene:
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
+    __repr__ = field_summary
 
     @classmethod
     def from_document(

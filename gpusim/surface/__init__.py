@@ -6,3 +6,7 @@ from gpusim.surface.skin import Skin
 from gpusim.surface.surface import PaintFrame, Surface
 
 __all__ = ["Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import decode
 from gpusim.surface.bump import Bump
@@ -50,6 +51,12 @@ class Image:
     InputError
         Not one grey picture, values that aren't finite or below 0 or above full scale, or a
         parameter out of range.
+
+    Examples
+    --------
+    >>> picture = gs.paint.Image(np.array([[0, 255], [128, 64]], np.uint8), texel=0.01)
+    >>> picture.size
+    (0.02, 0.02)
     """
 
     pixels: npt.NDArray[Any]
@@ -62,6 +69,7 @@ class Image:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Image", self.roughness, self.metallic)

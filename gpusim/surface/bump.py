@@ -45,6 +45,11 @@ class Bump:
     InputError
         Lengths that aren't positive, a direction without length, or slopes beyond 0.35 RMS, where
         parts of a relief would hide and light each other.
+
+    Examples
+    --------
+    >>> print(f"{gs.paint.Bump(height=2e-6, length=5e-4).slope:.5f}")
+    0.00566
     """
 
     height: float

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 
 __all__ = [
     "Features",
@@ -36,6 +37,13 @@ class Features:
     them. One that lies on another adds to it: its albedo is that of the ground plus the change that
     it makes (see `Stack`). ``covers`` (F,), by default 1 on layer 0 and 0 above, is what a feature
     adds to the share of the ground that prints hide; a glossy ground shines through the rest.
+
+    Examples
+    --------
+    >>> dots = gs.paint.Dots(diameter=0.004, pitch=0.01, columns=3, rows=2)
+    >>> features = dots.features(np.array([0.0, 0.0]), np.array([0.03, 0.02]))
+    >>> features.kind, features.position.shape
+    (array([1, 1, 1, 1, 1, 1], dtype=int32), (6, 2))
     """
 
     kind: npt.NDArray[np.int32]
@@ -46,6 +54,7 @@ class Features:
     albedo: npt.NDArray[np.float64]
     layer: npt.NDArray[np.int32] | None = None
     covers: npt.NDArray[np.float64] | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if self.covers is None:
@@ -152,7 +161,15 @@ class Stack:
 
 
 class Paint(Protocol):
-    """What the renderer needs of a paint."""
+    """What the renderer needs of a paint.
+
+    Examples
+    --------
+    >>> def half(paint: gs.paint.Paint) -> float:
+    ...     return paint.ground / 2
+    >>> half(gs.paint.Plain(0.5))
+    0.25
+    """
 
     @property
     def ground(self) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
@@ -68,6 +69,12 @@ class Aruco:
 
     ``centres`` (M, 2); ``ids`` one number per centre; ``size`` is the side of the dark square,
     which needs a lighter ground around it. ``angle`` (rad) turns every marker.
+
+    Examples
+    --------
+    >>> tags = gs.paint.Aruco(np.array([[0.0, 0.0], [0.1, 0.0]]), ids=(3, 7), size=0.05)
+    >>> tags.dictionary
+    '4X4_50'
     """
 
     centres: Array
@@ -81,6 +88,7 @@ class Aruco:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Aruco", self.roughness, self.metallic)
@@ -118,6 +126,11 @@ class Charuco:
 
     The square at the upper left is dark, as in OpenCV from 4.6 on; markers are numbered row by row
     from there. ``origin`` (s, t) is the board's lower left corner.
+
+    Examples
+    --------
+    >>> gs.paint.Charuco(columns=5, rows=4, square=0.02, marker=0.015).corners().shape
+    (12, 2)
     """
 
     columns: int
@@ -200,6 +213,11 @@ class RingCodes:
     ``diameter`` is that of the central disc; the ring reaches from twice to three times as far. Bit
     k of a code fills the k-th sector from ``angle`` on, counter-clockwise (Schneider and Sinnreich,
     "Optical 3-D measurement systems for quality control in industry", 1992).
+
+    Examples
+    --------
+    >>> gs.paint.RingCodes(np.zeros((1, 2)), codes=(0b1011,), diameter=0.01).bits
+    12
     """
 
     centres: Array
@@ -212,6 +230,7 @@ class RingCodes:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("RingCodes", self.roughness, self.metallic)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.plane import PaintFrame, face_normals
 from gpusim.surface.topology import triangulate
 from gpusim.validation import unmasked
@@ -47,6 +48,13 @@ class CylinderFrame:
     ``origin`` is a point on the axis, where t is 0, and ``start`` the direction (across the axis)
     where s is 0; the seam lies opposite. Seen from outside with the axis up, s grows to the right;
     with ``inside`` (a bore), seen from within.
+
+    Examples
+    --------
+    >>> origin, up, start = np.zeros(3), np.array([0.0, 0, 1]), np.array([1.0, 0, 0])
+    >>> pipe = gs.CylinderFrame(origin, up, start, radius=0.1)
+    >>> pipe.coordinates(np.array([[0, 0.1, 0.5]])).round(3)
+    array([[0.157, 0.5  ]])
     """
 
     origin: Array
@@ -54,6 +62,7 @@ class CylinderFrame:
     start: Array
     radius: float
     inside: bool = False
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         axis, start = np.asarray(self.axis, np.float64), np.asarray(self.start, np.float64)
@@ -125,9 +134,17 @@ class CylinderFrame:
 @unmasked()
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """Paint coordinates ``st`` (T, 3, 2) of every triangle's corners; NaN where there are none."""
+    """Paint coordinates ``st`` (T, 3, 2) of every triangle's corners; NaN where there are none.
+
+    Examples
+    --------
+    >>> corners = np.array([[[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 0, 0], [1, 1, 0], [0, 1, 1.0]]])
+    >>> gs.Atlas(corners[:, :, :2]).st.shape
+    (2, 3, 2)
+    """
 
     st: Array
+    __repr__ = field_summary
 
     @staticmethod
     def unfold(

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
@@ -60,6 +61,11 @@ class Plain:
     lacquer over a diffuse base; ``metallic`` 1 makes it bare metal, which has no base and mirrors
     with its albedo. At roughness 1 and metallic 0 it is matte (Lambert). ``bump`` is a fine relief.
     The same holds for the ground of a pattern; squares, dots and markers are matte prints on it.
+
+    Examples
+    --------
+    >>> gs.paint.Plain(albedo=0.4, roughness=0.3)
+    Plain(albedo=0.4, roughness=0.3, metallic=0.0, bump=None)
     """
 
     albedo: float = 0.5
@@ -90,6 +96,11 @@ class Checker:
 
     With ``columns`` and ``rows`` it ends there and ``ground`` surrounds it; without, it covers the
     whole region.
+
+    Examples
+    --------
+    >>> gs.paint.Checker(size=0.01, columns=9, rows=8).light
+    0.9
     """
 
     size: float
@@ -132,7 +143,13 @@ class Checker:
 @checked
 @dataclass(frozen=True)
 class Dots:
-    """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``."""
+    """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``.
+
+    Examples
+    --------
+    >>> gs.paint.Dots(diameter=0.004, pitch=0.01, columns=3, rows=2).ground
+    0.9
+    """
 
     diameter: float
     pitch: float
@@ -188,6 +205,11 @@ class Markers:
 
     ``centres`` is (M, 2) in paint coordinates; ``angle`` (rad) turns every marker. The squares at
     the lower left and upper right are ``dark``.
+
+    Examples
+    --------
+    >>> gs.paint.Markers(np.array([[0.0, 0.0], [0.05, 0.0]]), size=0.01).angle
+    0.0
     """
 
     centres: npt.NDArray[np.float64]
@@ -199,6 +221,7 @@ class Markers:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Markers", self.roughness, self.metallic)
@@ -225,3 +248,7 @@ class Markers:
             np.full((count, 2), 2.0),
             np.tile([self.dark, self.light], (count, 1)),
         )
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.validation import unmasked
 
 __all__ = ["PaintFrame", "face_normals", "plane_frame", "used_vertices"]
@@ -18,11 +19,19 @@ PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 @unmasked()
 @dataclass(frozen=True, eq=False)
 class PaintFrame:
-    """Paint coordinates of a planar region: s = (X - origin) . s_axis, t likewise."""
+    """Paint coordinates of a planar region: s = (X - origin) . s_axis, t likewise.
+
+    Examples
+    --------
+    >>> frame = gs.PaintFrame(np.zeros(3), np.array([1.0, 0, 0]), np.array([0.0, 0, 1]))
+    >>> frame.coordinates(np.array([[0.2, 0.0, 0.3]]))
+    array([[0.2, 0.3]])
+    """
 
     origin: npt.NDArray[np.float64]
     s_axis: npt.NDArray[np.float64]
     t_axis: npt.NDArray[np.float64]
+    __repr__ = field_summary
 
     @staticmethod
     def facing(

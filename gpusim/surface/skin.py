@@ -37,6 +37,13 @@ class Skin:
     ``faces`` are the mesh's boundary faces and ``nodes`` the nodes on them, ``pieces`` (K,4) int32
     the surface's faces, ``face_of_piece`` (K,) the boundary face that each is of, and
     ``cell_of_piece`` (K,) its cell.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> skin = gs.Skin(bar, gs.mesh.boundary_faces(bar))
+    >>> skin.pieces.shape
+    (18, 4)
     """
 
     def __init__(self, mesh: Mesh, faces: Faces, subdivisions: int | None = None) -> None:
@@ -48,6 +55,9 @@ class Skin:
         self.cell_of_piece = faces.cell[self.face_of_piece]
         self._keys = faces.cell.astype(np.int64) * 8 + faces.local
         self._order = np.argsort(self._keys, kind="stable")
+
+    def __repr__(self) -> str:
+        return f"Skin({len(self.nodes)} nodes, {len(self.pieces)} pieces)"
 
     def numbers(self, selected: Faces) -> npt.NDArray[np.int64]:
         """Positions of ``selected`` boundary faces within this skin.

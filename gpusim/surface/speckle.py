@@ -66,6 +66,12 @@ class Speckle:
     Raises
     ------
     InputError
+
+    Examples
+    --------
+    >>> speckle = gs.paint.Speckle(diameter=0.006, coverage=0.5, softness=0.0012, seed=1)
+    >>> speckle.largest
+    0.003
     """
 
     diameter: float

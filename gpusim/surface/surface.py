@@ -41,6 +41,12 @@ class Surface:
     InputError
         Wrong shapes, indices out of range, values that aren't finite, faces without area, unknown
         regions, or a pattern on a region that isn't plane.
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> float(wall.moved(wall.points + [0, 0, 0.1]).rest[:, 2].max())
+    0.0
     """
 
     points: npt.NDArray[np.float64]

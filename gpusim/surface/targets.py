@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.surface.bump import Bump
 from gpusim.surface.features import (
     Features,
@@ -32,6 +33,11 @@ class Circles:
     """Concentric circles around every centre (M, 2): the largest is ``dark``, then they alternate.
 
     ``diameters`` fall; (30, 20, 10) is a dark ring of width 5 around a dark disc of diameter 10.
+
+    Examples
+    --------
+    >>> gs.paint.Circles(np.zeros((1, 2)), diameters=(0.03, 0.02, 0.01)).dark
+    0.05
     """
 
     centres: Array
@@ -42,6 +48,7 @@ class Circles:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Circles", self.roughness, self.metallic)
@@ -71,6 +78,11 @@ class Lines:
 
     ``origin`` is the middle of a line (of a crossing). ``columns`` and ``rows`` count pitches;
     without them the lines cover the region.
+
+    Examples
+    --------
+    >>> gs.paint.Lines(pitch=0.01, width=0.001, along="both").albedo
+    0.05
     """
 
     pitch: float
@@ -136,6 +148,11 @@ class Star:
 
     The first spoke begins at ``angle`` (rad) from the s axis. At the distance r from a centre the
     period is 2 pi r / spokes.
+
+    Examples
+    --------
+    >>> gs.paint.Star(np.zeros((1, 2)), diameter=0.1, spokes=36).light
+    0.9
     """
 
     centres: Array
@@ -148,6 +165,7 @@ class Star:
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         check_finish("Star", self.roughness, self.metallic)

@@ -39,6 +39,13 @@ def line_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
         Corners of a straight edge get 1/2 of its share; with a midside node 1/6, 1/6 and 2/3.
 
     Raises InputError if the nodes don't form a line.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> edge = gs.mesh.select_nodes(bar, bounds={"x_min": 2.0, "z_min": 1.0})
+    >>> gs.fem.line_force(bar, edge, total=(0, 0, -10)).sum(axis=0)
+    array([  0.,   0., -10.])
     """
     force = vector("line_force: total", total)
     edges = node_line(mesh, nodes)

@@ -36,7 +36,14 @@ _CHUNK = 16384
 @unmasked()
 @one_blas_thread()
 def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
-    """``total`` (3,) shared equally by ``nodes`` (K,)."""
+    """``total`` (3,) shared equally by ``nodes`` (K,).
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> float(gs.fem.nodal_force(bar, gs.mesh.select_nodes(bar, name="x_max"), (0, 0, -10)).min())
+    -2.5
+    """
     given = np.asarray(nodes)
     if given.size and given.dtype.kind not in "iu":
         raise InputError(f"nodal_force: nodes; got {given.dtype}; expected integer node numbers")
@@ -54,7 +61,15 @@ def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float
 @unmasked()
 @one_blas_thread()
 def face_force(mesh: Mesh, faces: Faces, total: npt.ArrayLike) -> Float:
-    """``total`` (3,) spread uniformly over the area of ``faces``."""
+    """``total`` (3,) spread uniformly over the area of ``faces``.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> end = gs.mesh.select_faces(bar, name="x_max")
+    >>> gs.fem.face_force(bar, end, total=(0, 0, -10)).sum(axis=0)
+    array([  0.,   0., -10.])
+    """
     force = vector("face_force: total", total)
     weights = _integrate(mesh, faces, _area)
     return np.asarray(weights * (force / weights[:, 0].sum()))
@@ -63,13 +78,29 @@ def face_force(mesh: Mesh, faces: Faces, total: npt.ArrayLike) -> Float:
 @unmasked()
 @one_blas_thread()
 def traction(mesh: Mesh, faces: Faces, value: npt.ArrayLike) -> Float:
-    """Force per area ``value`` (3,) on the undeformed ``faces``."""
+    """Force per area ``value`` (3,) on the undeformed ``faces``.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> end = gs.mesh.select_faces(bar, name="x_max")
+    >>> gs.fem.traction(bar, end, (5.0, 0, 0)).sum(axis=0).round(6)
+    array([5., 0., 0.])
+    """
     stress = vector("traction: value", value)
     return _integrate(mesh, faces, _area) * stress
 
 
 def pressure(mesh: Mesh, faces: Faces, value: float) -> Float:
-    """Pressure ``value`` (positive pushes into the body) on the undeformed ``faces``."""
+    """Pressure ``value`` (positive pushes into the body) on the undeformed ``faces``.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> top = gs.mesh.select_faces(bar, normal="+z")
+    >>> gs.fem.pressure(bar, top, 3.0).sum(axis=0).round(6) + 0.0
+    array([ 0.,  0., -6.])
+    """
     if not np.isfinite(value):
         raise InputError(f"pressure: value; got {value}; expected a finite number")
     return _integrate(mesh, faces, lambda normal: -value * normal)
@@ -89,6 +120,12 @@ def body_force(
     density : scalar or (M,) per cell.
     formulation : cell type -> formulation whose stiffness rule integrates (other programs do so);
         None: a rule that is exact on straight cells.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.fem.body_force(bar, density=1000.0, acceleration=(0, 0, -9.81)).sum(axis=0).round(3)
+    array([     0.,      0., -19620.])
     """
     constant = vector("body_force: acceleration", acceleration)
 
@@ -115,6 +152,13 @@ def centrifugal(
     axis_point, axis : (3,) a point on the axis and its direction (any length > 0).
     omega : angular velocity, rad per unit of time; its sign doesn't matter.
     formulation : as for ``body_force``.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1), origin=(0, -0.5, -0.5))
+    >>> forces = gs.fem.centrifugal(bar, 1000.0, axis_point=(0, 0, 0), axis=(0, 0, 1), omega=10.0)
+    >>> print(f"{forces[:, 0].sum():.1f}")
+    200000.0
     """
     origin = vector("centrifugal: axis_point", axis_point)
     direction = vector("centrifugal: axis", axis)

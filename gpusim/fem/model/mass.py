@@ -25,6 +25,12 @@ def mass_matrix(model: Model) -> csr_matrix:
 
     Integral of density x shape function x shape function with a rule that is exact on straight
     cells. Raises InputError if a material has no density.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.fem.mass_matrix(gs.Model(bar, gs.Isotropic(1.0, 0.3, density=7.0))).shape
+    (36, 36)
     """
     _check(model)
     rows, columns, values = [], [], []
@@ -45,6 +51,12 @@ def lumped_mass(model: Model) -> Float:
     Positive for every cell type, unlike row sums (Hinton, Rock & Zienkiewicz, Earthquake Eng.
     Struct. Dyn. 4 (1976) 245). The same for the three directions. Raises InputError if a material
     has no density.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> print(f"{gs.fem.lumped_mass(gs.Model(bar, gs.Isotropic(1.0, 0.3, density=7.0))).sum():.6f}")
+    14.000000
     """
     _check(model)
     result = np.zeros(model.mesh.node_count)

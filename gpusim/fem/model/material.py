@@ -23,7 +23,13 @@ _SHEAR = ((0, 1), (1, 2), (2, 0))
 
 @runtime_checkable
 class Material(Protocol):
-    """What a model asks of a material; all in global axes and any consistent units."""
+    """What a model asks of a material; all in global axes and any consistent units.
+
+    Examples
+    --------
+    >>> isinstance(gs.Isotropic(210e9, 0.3), gs.fem.Material)
+    True
+    """
 
     @property
     def density(self) -> float:
@@ -43,6 +49,12 @@ class Isotropic:
     ``E`` Young's modulus > 0, ``nu`` Poisson's ratio in (-1, 0.5), ``density`` >= 0 (needed for
     gravity, rotation and mass), ``expansion`` linear thermal expansion per unit of temperature.
     Raises InputError outside these ranges.
+
+    Examples
+    --------
+    >>> steel = gs.Isotropic(E=210e9, nu=0.3, density=7850.0)
+    >>> steel.stiffness().shape
+    (6, 6)
     """
 
     E: float
@@ -99,6 +111,12 @@ class Orthotropic:
     Raises InputError for wrong numbers, and for moduli that give no positive definite stiffness
     (energy would be gained by deforming): needs |nu_ij| < sqrt(E_i / E_j) and
     1 - nu12 nu21 - nu23 nu32 - nu31 nu13 - 2 nu21 nu32 nu13 > 0.
+
+    Examples
+    --------
+    >>> wood = gs.Orthotropic(E=(11e9, 4e8, 8e8), nu=(0.4, 0.3, 0.03), G=(7e8, 5e7, 7e8))
+    >>> wood.axes[0]
+    (1.0, 0.0, 0.0)
     """
 
     E: Triple

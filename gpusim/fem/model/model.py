@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.fem.model.material import Material
+from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
@@ -38,6 +39,14 @@ class Model:
         prescribed displacements counts in every load case.
 
     Arrays are copied, checked and made read-only. Raises InputError.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> model = gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed)
+    >>> int(model.fixed.sum()), model.load_cases.shape
+    (12, (1, 20, 3))
     """
 
     mesh: Mesh
@@ -46,6 +55,7 @@ class Model:
     forces: Float | None = None
     material_of_cell: npt.NDArray[np.int32] | None = None
     prescribed: Float | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, Mesh):

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.field_summary import field_summary
+
 __all__ = ["Solution"]
 
 Float = npt.NDArray[np.float64]
@@ -32,6 +34,15 @@ class Solution:
         should know (dangling nodes). timings : seconds per part. backend, real,
         method, element_classes, row_classes : how it was computed. reasons : the solver's choices
         and why, one a line.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
+    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed, forces=forces))
+    >>> solution.converged, solution.reactions.sum(axis=0).round(3) + 0.0
+    (True, array([-10000.,      0.,      0.]))
     """
 
     u: Float
@@ -52,6 +63,8 @@ class Solution:
     element_classes: int
     row_classes: int
     reasons: tuple[str, ...] = ()
+
+    __repr__ = field_summary
 
     @property
     def energy_balance(self) -> float:

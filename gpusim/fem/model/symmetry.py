@@ -16,6 +16,12 @@ def symmetry(mesh: Mesh, faces: Faces) -> npt.NDArray[np.bool_]:
 
     The faces must lie in one plane x, y or z = constant (1e-6 of the mesh's extent): supports are
     along the axes. Raises InputError otherwise, saying what the faces look like.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.fem.symmetry(bar, gs.mesh.select_faces(bar, name="y_min")).sum(axis=0)
+    array([0, 6, 0])
     """
     if len(faces) == 0:
         raise InputError("symmetry: no faces; got an empty selection; expected at least one face")

@@ -48,6 +48,13 @@ def thermal(
         of a bar bends it without stress.
 
     Give the same temperature to ``stress``, which subtracts the free strain.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> steel = gs.Isotropic(E=210e9, nu=0.3, expansion=1.2e-5)
+    >>> gs.fem.thermal(bar, [steel], temperature=10.0).shape
+    (12, 3)
     """
     model = Model(mesh, materials, material_of_cell=material_of_cell)
     change = linear_temperature("thermal", mesh, temperature)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.board_orientation import best_turns, turned, turned_pose
 from gpusim.measure.calibration.bundle_adjustment import (
     DISTORTION,
@@ -51,14 +52,17 @@ class CalibratedCamera:
 
     Attributes
     ----------
-    name : as given.
-    resolution : (width, height), px.
+    name, resolution : as given, (width, height) px.
     K : (3, 3) float64, px, pixel centres at integers (OpenCV).
     distortion : (14,) float64, OpenCV's k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y.
-    camera_from_rig : (4, 4) float64, from the first camera's coordinates to this one's, in the
-        target's unit of length.
+    camera_from_rig : (4, 4) float64, from the first camera's frame; the target's unit of length.
     sigma : standard uncertainties by parameter name (fx fy cx cy k1 …), px or as the coefficient.
     rms : px, root of the mean squared distance between seen and projected points.
+
+    Examples
+    --------
+    >>> gs.measure.rig_camera((160, 120), K=[[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]).resolution
+    (160, 120)
     """
 
     name: str
@@ -68,6 +72,7 @@ class CalibratedCamera:
     camera_from_rig: FloatArray
     sigma: dict[str, float]
     rms: float
+    __repr__ = field_summary
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +82,17 @@ class Calibration:
     Attributes
     ----------
     cameras : in the order given; the first one's coordinates are the rig's.
-    lens : the lens model ("pinhole", "radial", … see
-    `gpusim.measure.calibration.bundle_adjustment.LENSES`).
-    rms : px, over all cameras.
-    view_poses : (V, 4, 4), from the target to the rig; NaN where a view wasn't used.
-    view_rms : (C, V) px; NaN where a camera didn't see the target.
-    points, residuals : per camera (N, 2) float64 px, where points were seen and projected minus
-        seen positions.
-    used, outliers : number of points.
-    names, covariance : parameters as (kind, number, name) and their (Q, Q) covariance.
+    lens, rms : the lens model (see `calibrate`); px, over all cameras.
+    view_poses, view_rms : (V, 4, 4), from the target to the rig; (C, V) px; NaN where not seen.
+    points, residuals : per camera (N, 2) float64 px, where points were seen; projected minus seen.
+    used, outliers, names, covariance : numbers of points; parameters (kind, number, name); (Q, Q).
+
+    Examples
+    --------
+    >>> views = [gs.export.read_image(f"board-{number}.png") for number in range(4)]
+    >>> seen = [gs.measure.find_chessboard(v, gs.measure.Chessboard(7, 6, 1.0)) for v in views]
+    >>> gs.measure.calibrate(seen, lens="pinhole").view_poses.shape
+    (4, 4, 4)
     """
 
     cameras: tuple[CalibratedCamera, ...]
@@ -99,6 +106,7 @@ class Calibration:
     outliers: int
     names: tuple[tuple[str, int, str], ...]
     covariance: FloatArray
+    __repr__ = field_summary
 
     def baseline(self, camera: int = 1) -> tuple[float, float]:
         """Distance of a camera from the first one, and its standard uncertainty."""
@@ -139,20 +147,24 @@ def calibrate(
     Parameters
     ----------
     sightings : per camera name one sighting per view, views in the same order for all cameras
-        that are to be calibrated together; or a list for a single camera. Empty sightings are
-        left out, and so are points further than 6 robust standard deviations (at least 0.02 px)
-        from where the calibration puts them.
-    lens : "pinhole" (no distortion), "radial" (k1 k2), "radial3" (k1 k2 k3), "radtan" (k1 k2
-        p1 p2), "brown" (k1 k2 p1 p2 k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted"
-        (+ tau).
+        that are to be calibrated together; or a list for a single camera. Empty sightings are left
+        out, and points off by more than 6 robust standard deviations (at least 0.02 px).
+    lens : "pinhole", "radial" (k1 k2), "radial3" (k1 k2 k3), "radtan" (k1 k2 p1 p2), "brown" (k1
+        k2 p1 p2 k3), "rational" (+ k4 k5 k6), "prism" (+ s1..s4), "tilted" (+ tau).
     square_pixels : one focal length for both directions.
 
     Raises
     ------
-    InputError
-        Fewer than three usable views in a camera, or cameras without a common view.
-    GpusimError
-        The views don't determine the parameters.
+    InputError, GpusimError
+        Fewer than three usable views in a camera, cameras without a common view; views that don't
+        determine the parameters.
+
+    Examples
+    --------
+    >>> views = [gs.export.read_image(f"board-{number}.png") for number in range(4)]
+    >>> seen = [gs.measure.find_chessboard(v, gs.measure.Chessboard(7, 6, 1.0)) for v in views]
+    >>> print(f"{gs.measure.calibrate(seen, lens='pinhole').cameras[0].K[0, 0]:.0f} px")
+    800 px
     """
     seen = _checked(sightings, lens)
     names = list(seen)

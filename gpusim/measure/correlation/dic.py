@@ -105,6 +105,13 @@ def dic(
     ------
     InputError
         An argument is wrong. A point that can't be measured is no error: see ``status``.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, points=[[80, 60]], backend="numpy")
+    >>> result.displacement.round(2) + 0.0
+    array([[0.25, 0.  ]])
     """
     device = working_device("dic", backend, device)
     settings = make_settings(
@@ -278,7 +285,18 @@ def grid_points(
     step: int,
     roi: tuple[int, int, int, int] | None = None,
 ) -> FloatArray:
-    """Grid positions (M, 2), row by row, whose subsets lie in the region of interest."""
+    """Grid positions (M, 2), row by row, whose subsets lie in the region of interest.
+
+    Examples
+    --------
+    >>> gs.measure.grid_points((60, 80), subset=31, step=20)
+    array([[15., 15.],
+           [35., 15.],
+           [55., 15.],
+           [15., 35.],
+           [35., 35.],
+           [55., 35.]])
+    """
     if not isinstance(step, (int, np.integer)) or step < 1:
         raise InputError(f"step: got {step!r}; expected a whole number of px >= 1")
     height, width = image_shape

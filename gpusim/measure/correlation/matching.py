@@ -26,7 +26,15 @@ KEEP_PLANES = 1 << 22  # pixels of a reference crop: 134 MB of planes
 
 
 class Status(IntEnum):
-    """What became of a point. Only ``OK`` points carry numbers; the others are NaN."""
+    """What became of a point. Only ``OK`` points carry numbers; the others are NaN.
+
+    Examples
+    --------
+    >>> flat = np.full((64, 64), 128, np.uint8)
+    >>> result = gs.measure.dic(flat, flat, points=[[32, 32]], backend="numpy")
+    >>> gs.measure.Status(result.status[0]).name
+    'NO_TEXTURE'
+    """
 
     OK = 0
     OUTSIDE = 1  # its subset leaves one of the images

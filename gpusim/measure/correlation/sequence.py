@@ -83,6 +83,14 @@ def dic_sequence(
     ------
     InputError
         As ``dic``, or ``update`` or ``update_zncc`` is out of range.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> images = [before, after]
+    >>> _, last = gs.measure.dic_sequence(before, images, points=[[80, 60]], backend="numpy")
+    >>> last.displacement.round(2) + 0.0
+    array([[0.25, 0.  ]])
     """
     if update not in ("never", "auto", "always"):
         raise InputError(f"update: got {update!r}; expected 'never', 'auto' or 'always'")

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.measure.nearest_points import point_tree
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -35,7 +36,13 @@ MIN_RECIPROCAL_CONDITION = 1e-10
 
 
 class StrainStatus(IntEnum):
-    """What became of the strain at a point."""
+    """What became of the strain at a point.
+
+    Examples
+    --------
+    >>> gs.measure.StrainStatus(0).name
+    'OK'
+    """
 
     OK = 0
     NOT_MEASURED = 1  # the point itself has no displacement
@@ -70,6 +77,14 @@ class StrainResult:
     status : (M,) int8, values of ``StrainStatus``.
     kind : which strain.
     gauge_px : width of the virtual strain gauge, in the unit of the points.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> moved = gs.measure.dic(before, after, step=20, backend="numpy")
+    >>> strain = gs.measure.strain(moved, window=3)
+    >>> strain.tensor.shape, bool(np.nanmax(np.abs(strain.tensor)) < 1e-3)
+    ((35, 2, 2), True)
     """
 
     points: FloatArray
@@ -80,6 +95,7 @@ class StrainResult:
     status: npt.NDArray[np.int8]
     kind: StrainKind
     gauge_px: float
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:
@@ -128,6 +144,13 @@ def strain(
     ------
     InputError
         ``window``, ``kind``, ``order`` or ``spacing`` is none of these, or there are no points.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, step=20, backend="numpy")
+    >>> gs.measure.strain(result, window=3, kind="hencky").kind
+    'hencky'
     """
     if not isinstance(window, (int, np.integer)) or window < 3 or window % 2 == 0:
         raise InputError(f"window: got {window!r}; expected an odd number of points >= 3")

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.matching import SLOPE_NOISE, Correlation, Settings, Status
 from gpusim.measure.correlation.warp import check_shape
 from gpusim.measure.images import FloatArray, Image
@@ -37,6 +38,13 @@ class DicResult:
     iterations : (M,) int32.
     status : (M,) int8, values of ``Status``.
     subset : width of the subsets, px.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, subset=31, step=20, backend="numpy")
+    >>> result.points.shape, bool(result.ok.all())
+    ((35, 2), True)
     """
 
     points: FloatArray
@@ -47,6 +55,7 @@ class DicResult:
     iterations: npt.NDArray[np.int32]
     status: npt.NDArray[np.int8]
     subset: int
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 from gpusim.measure.stereo.triangulation import essential, normalised, triangulate
@@ -19,11 +20,21 @@ __all__ = ["Matches", "epipolar_distance", "match_epipolar", "paired_epipolar_di
 @dataclass(frozen=True, eq=False)
 class Matches:
     """``pairs`` (K, 2) row numbers in the first and the second image, ``distance`` (K,) px from
-    the epipolar line, ``ambiguous`` (K,) bool: another partner would have fitted as well."""
+    the epipolar line, ``ambiguous`` (K,) bool: another partner would have fitted as well.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> first, second = (gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1))
+    >>> gs.measure.match_epipolar(first, second, [[80, 20], [80, 40]], [[10, 40], [10, 20]]).pairs
+    array([[0, 1],
+           [1, 0]])
+    """
 
     pairs: npt.NDArray[np.int64]
     distance: FloatArray
     ambiguous: npt.NDArray[np.bool_]
+    __repr__ = field_summary
 
 
 @unmasked()
@@ -36,6 +47,13 @@ def epipolar_distance(
     """Distance in px (M1, M2) of each pair from satisfying the epipolar constraint.
 
     Sampson's first-order distance (Sampson, 1982), with the lenses undone.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> first, second = (gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1))
+    >>> gs.measure.epipolar_distance(first, second, [[80, 20]], [[10, 20], [10, 22]]).round(3)
+    array([[0.   , 1.414]])
     """
     lines_2, rays_2, slope_2, slope_1 = _epipolar_lines((first, second), pixels_1, pixels_2)
     value = np.einsum("ni,mi->nm", lines_2, rays_2)
@@ -92,6 +110,14 @@ def match_epipolar(
     ------
     InputError
         Points that aren't (M, 2), or limits that aren't positive.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> first, second = (gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1))
+    >>> gs.measure.match_epipolar(first, second, [[80, 20], [80, 40]], [[10, 40], [10, 20]]).pairs
+    array([[0, 1],
+           [1, 0]])
     """
     a, b = np.asarray(pixels_1, dtype=np.float64), np.asarray(pixels_2, dtype=np.float64)
     for name, points in (("pixels_1", a), ("pixels_2", b)):

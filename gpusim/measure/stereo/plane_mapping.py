@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.matching import Status
 from gpusim.measure.correlation.subsets import DicResult
@@ -37,6 +38,13 @@ class MappedResult:
     sigma : (M,) float64, of the worse displacement component, unit of the mapping.
     status : (M,) int8, values of ``Status``.
     subset : width of the subsets in that unit, at the median magnification.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, points=[[80, 60]], backend="numpy")
+    >>> gs.measure.mapped(result, lambda pixels: pixels / 800.0).points
+    array([[0.1  , 0.075]])
     """
 
     points: FloatArray
@@ -45,6 +53,7 @@ class MappedResult:
     sigma: FloatArray
     status: npt.NDArray[np.int8]
     subset: float
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:
@@ -59,6 +68,13 @@ def mapped(result: DicResult, mapping: Mapping) -> MappedResult:
 
     Points that the mapping has no place for (NaN) become ``OUTSIDE``. Raises InputError if what it
     returns isn't (N, 2).
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, points=[[80, 60]], backend="numpy")
+    >>> gs.measure.mapped(result, lambda pixels: pixels / 800.0).displacement.round(5) + 0.0
+    array([[0.00031, 0.     ]])
     """
     points = result.points
     there = points + result.displacement
@@ -89,7 +105,15 @@ def mapped(result: DicResult, mapping: Mapping) -> MappedResult:
 
 
 def lens_mapping(camera: CalibratedCamera) -> Mapping:
-    """To pixels of a camera with the same matrix K and no distortion."""
+    """To pixels of a camera with the same matrix K and no distortion.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> camera = gs.measure.rig_camera((160, 120), K, distortion=[0.1, 0, 0, 0])
+    >>> gs.measure.lens_mapping(camera)(np.array([[79.5, 59.5]]))
+    array([[79.5, 59.5]])
+    """
     K = camera.K
 
     def undistorted(pixels: FloatArray) -> FloatArray:
@@ -106,6 +130,14 @@ def plane_mapping(camera: CalibratedCamera, camera_from_plane: npt.ArrayLike) ->
 
     The unit is that of the frame's translation. Raises InputError for another shape, or a plane
     that the camera looks along.
+
+    Examples
+    --------
+    >>> camera = gs.measure.rig_camera((160, 120), [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]])
+    >>> plane = np.eye(4)
+    >>> plane[2, 3] = 1.0
+    >>> gs.measure.plane_mapping(camera, plane)(np.array([[87.5, 59.5]])).round(6)
+    array([[0.01, 0.  ]])
     """
     pose = np.asarray(camera_from_plane, dtype=np.float64)
     if pose.shape != (4, 4) or not np.isfinite(pose).all():

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
@@ -54,6 +55,15 @@ class StereoResult:
         triangulated one projects to, px.
     status : (M,) int8, values of ``Status``.
     subset : width of the subsets, px.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.02)]
+    >>> left, right = (gs.export.read_image(f"{name}.png") for name in ("left", "right"))
+    >>> result = gs.measure.stereo_shape(left, right, rig, points=[[80, 60]], backend="numpy")
+    >>> result.shape.shape, bool(result.ok[0])
+    ((1, 3), True)
     """
 
     points: FloatArray
@@ -65,6 +75,7 @@ class StereoResult:
     residual: FloatArray
     status: npt.NDArray[np.int8]
     subset: int
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:
@@ -118,6 +129,15 @@ def stereo_shape(
     ------
     InputError
         An argument is wrong. A point that can't be measured is no error: see ``status``.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.02)]
+    >>> left, right = (gs.export.read_image(f"{name}.png") for name in ("left", "right"))
+    >>> result = gs.measure.stereo_shape(left, right, rig, points=[[80, 60]], backend="numpy")
+    >>> print(f"{result.shape[0, 2]:.2f} from the left camera")
+    1.00 from the left camera
     """
     if len(cameras) != 2:
         raise InputError(f"cameras: got {len(cameras)}; expected the left and the right one")
@@ -197,6 +217,16 @@ def stereo_dic(
     ------
     InputError
         As ``stereo_shape`` and ``dic_sequence``, or the numbers of images differ.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.02)]
+    >>> read = lambda name: gs.export.read_image(f"{name}.png")
+    >>> pairs = read("left"), read("right"), [read("left-1")], [read("right-1")]
+    >>> (moved,) = gs.measure.stereo_dic(*pairs, rig, points=[[80, 60]], backend="numpy")
+    >>> moved.displacement.round(4) + 0.0
+    array([[0.001, 0.   , 0.   ]])
     """
     device = working_device("stereo_dic", backend, device)
     common: dict[str, Any] = {

@@ -35,6 +35,15 @@ def surface_strain(
     ``gradient`` of the result is U - 1 with the stretch U = sqrt(C), ``residual`` the RMS distance
     of the fit from the measured displacement, in the unit of the positions. Raises InputError for
     another window or kind.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.02)]
+    >>> left, right = (gs.export.read_image(f"{name}.png") for name in ("left", "right"))
+    >>> shape = gs.measure.stereo_shape(left, right, rig, step=30, backend="numpy")
+    >>> bool(np.nanmax(np.abs(gs.measure.surface_strain(shape, window=3).tensor)) < 1e-9)
+    True
     """
     if not isinstance(window, (int, np.integer)) or window < 3 or window % 2 == 0:
         raise InputError(f"window: got {window!r}; expected an odd number of points >= 3")

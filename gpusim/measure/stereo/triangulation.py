@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -45,12 +46,20 @@ class Triangulated:
     ``points`` (M, 3), ``covariance`` (M, 3, 3) per unit variance of an image coordinate unless a
     noise was given, ``residual`` (M,) RMS reprojection distance in px, ``cameras`` (M,) how many
     cameras saw each.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1)]
+    >>> gs.measure.triangulate(rig, [[[79.5, 59.5]], [[-0.5, 59.5]]]).cameras
+    array([2])
     """
 
     points: FloatArray
     covariance: FloatArray
     residual: FloatArray
     cameras: npt.NDArray[np.int64]
+    __repr__ = field_summary
 
 
 def normalised(camera: CalibratedCamera, pixels: npt.ArrayLike) -> FloatArray:
@@ -111,6 +120,13 @@ def triangulate(
     ``sigma_px`` (C, M) or a number is the standard uncertainty of an image coordinate: points are
     weighted by it and the covariance scaled. ``refine=False`` stops at the direct linear
     transform. Raises InputError for shapes that don't fit.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1)]
+    >>> gs.measure.triangulate(rig, [[[79.5, 59.5]], [[-0.5, 59.5]]]).points.round(4) + 0.0
+    array([[0., 0., 1.]])
     """
     seen = np.asarray(pixels, dtype=np.float64)
     if len(cameras) < 2 or seen.ndim != 3 or seen.shape[0] != len(cameras) or seen.shape[2] != 2:
@@ -202,13 +218,21 @@ def project(camera: CalibratedCamera, points: FloatArray) -> tuple[FloatArray, F
 @unmasked()
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """target = scale * rotation @ source + shift; ``rms`` of what is left, ``residuals`` (M, 3)."""
+    """target = scale * rotation @ source + shift; ``rms`` of what is left, ``residuals`` (M, 3).
+
+    Examples
+    --------
+    >>> motion = gs.measure.align(np.eye(3), np.eye(3) + [0, 0, 0.5])
+    >>> motion.shift.round(6) + 0.0
+    array([0. , 0. , 0.5])
+    """
 
     rotation: FloatArray
     shift: FloatArray
     scale: float
     rms: float
     residuals: FloatArray
+    __repr__ = field_summary
 
     def apply(self, points: FloatArray) -> FloatArray:
         """Points (…, 3) of the source in the target's coordinates."""
@@ -227,6 +251,13 @@ def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) 
     InputError
         Fewer than three common points, or all in one place, or on one line: that leaves a turn
         open.
+
+    Examples
+    --------
+    >>> points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]])
+    >>> motion = gs.measure.align(points, 2.0 * points + [0, 0, 0.5], scale=True)
+    >>> print(f"{motion.scale:.3f}, {motion.rms:.1e}")
+    2.000, 7.7e-16
     """
     a, b = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
@@ -255,12 +286,21 @@ class Displacement3D:
     """How far M points moved: ``displacement`` (M, 3) and its ``covariance`` (M, 3, 3).
 
     ``magnitude`` (M,) and ``sigma`` (M,), the standard uncertainty of the magnitude.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1)]
+    >>> before = gs.measure.triangulate(rig, [[[79.5, 59.5]], [[-0.5, 59.5]]], sigma_px=0.01)
+    >>> gs.measure.displacement_3d(before, before).magnitude
+    array([0.])
     """
 
     displacement: FloatArray
     covariance: FloatArray
     magnitude: FloatArray
     sigma: FloatArray
+    __repr__ = field_summary
 
 
 @unmasked()
@@ -272,6 +312,15 @@ def displacement_3d(
 
     The covariance is that of the two triangulations; the calibration's own, which both states
     share, cancels in a difference to first order and isn't in it.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.1)]
+    >>> before = gs.measure.triangulate(rig, [[[79.5, 59.5]], [[-0.5, 59.5]]])
+    >>> after = gs.measure.triangulate(rig, [[[79.5, 67.5]], [[-0.5, 67.5]]])
+    >>> gs.measure.displacement_3d(before, after).displacement.round(4) + 0.0
+    array([[0.  , 0.01, 0.  ]])
     """
     moved = after.points - before.points
     covariance = before.covariance + after.covariance

@@ -47,6 +47,12 @@ def rig_camera(
     them it is the first. ``distortion`` has OpenCV's order, up to 14 coefficients.
 
     Raises InputError for shapes or values that make no camera.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> gs.measure.rig_camera((160, 120), K, t=(-0.1, 0, 0)).camera_from_rig[:3, 3]
+    array([-0.1,  0. ,  0. ])
     """
     matrix = np.asarray(K, dtype=np.float64)
     turn = np.eye(3) if R is None else np.asarray(R, dtype=np.float64)

@@ -25,6 +25,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
@@ -48,6 +49,13 @@ class SlopeChanges:
         clearance of a break).
     residual : RMS of points minus broken line.
     offset, slope : of its first piece, at position 0.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 21)
+    >>> found = gs.measure.slope_changes(x, np.maximum(0, x - 0.4))
+    >>> found.position.round(6), found.change.round(6)
+    (array([0.4]), array([1.]))
     """
 
     position: FloatArray
@@ -60,6 +68,7 @@ class SlopeChanges:
     residual: float
     offset: float
     slope: float
+    __repr__ = field_summary
 
     def at(self, x: FloatArray) -> FloatArray:
         """The broken line at positions (N,)."""
@@ -89,6 +98,11 @@ def difference_curve(
 
     A reference at other positions is interpolated linearly between its measured points, and not
     beyond them. Raises InputError for shapes that don't fit.
+
+    Examples
+    --------
+    >>> gs.measure.difference_curve([0, 1, 2], [0, 1.5, 4], [0, 2], [0, 2])
+    array([0. , 0.5, 2. ])
     """
     x, y = np.asarray(position, np.float64), np.asarray(deflection, np.float64)
     x0, y0 = np.asarray(reference_position, np.float64), np.asarray(reference, np.float64)
@@ -139,6 +153,12 @@ def slope_changes(
     ------
     InputError
         Fewer than eight points, equal positions, or limits out of range.
+
+    Examples
+    --------
+    >>> x = np.linspace(0, 1, 21)
+    >>> gs.measure.slope_changes(x, np.maximum(0, x - 0.4)).position.round(6)
+    array([0.4])
     """
     a, b = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if a.ndim != 1 or b.shape != a.shape:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
@@ -42,6 +43,12 @@ class Scale:
     origin_px, origin_mm : (2,) float64, centroids.
     residuals_px : (M, 2) float64, known minus fitted positions seen in the image, px.
     residual_px : their RMS length.
+
+    Examples
+    --------
+    >>> scale = gs.measure.scale_coefficient([[0, 0], [100, 0]], [[0, 0], [50, 0]])
+    >>> scale.mm_per_px, scale.positions(np.array([[20.0, 0.0]])).round(6)
+    (0.5, array([[10.,  0.]]))
     """
 
     mm_per_px: float
@@ -51,6 +58,7 @@ class Scale:
     origin_mm: FloatArray
     residuals_px: FloatArray
     residual_px: float
+    __repr__ = field_summary
 
     def positions(self, points_px: FloatArray) -> FloatArray:
         """Points (K, 2) in px as positions (K, 2) in mm."""
@@ -69,6 +77,11 @@ def scale_coefficient(points_px: npt.ArrayLike, positions_mm: npt.ArrayLike) -> 
     ``positions_mm`` is (M, 2) in the object's plane with its second axis up, or (M,) along a
     straight member whose markers lie on one line: the first axis then runs along it, the second
     one is turned a quarter to the left of it (up, for a member that runs to the right).
+
+    Examples
+    --------
+    >>> gs.measure.scale_coefficient([[0, 0], [100, 0]], [[0, 0], [50, 0]]).mm_per_px
+    0.5
     """
     px = np.asarray(points_px, dtype=np.float64)
     mm = np.asarray(positions_mm, dtype=np.float64)
@@ -111,6 +124,12 @@ class RigidMotion:
     """A rotation by ``angle`` (rad, from +x to +y) about ``centre`` (2,) and a shift (2,), px.
 
     ``rms`` is what the static markers still move after it is taken out, px; ``count`` markers.
+
+    Examples
+    --------
+    >>> motion = gs.measure.rigid_motion([[0, 0], [100, 0]], [[1, 0], [1, 0]])
+    >>> motion.displacement(np.array([[50.0, 20.0]])).round(6)
+    array([[1., 0.]])
     """
 
     angle: float
@@ -118,6 +137,7 @@ class RigidMotion:
     centre: FloatArray
     rms: float
     count: int
+    __repr__ = field_summary
 
     def displacement(self, points: FloatArray) -> FloatArray:
         """Apparent displacement (K, 2) that this motion gives to points (K, 2), px."""
@@ -132,6 +152,11 @@ def rigid_motion(points: npt.ArrayLike, displacement: npt.ArrayLike) -> RigidMot
     """Rigid motion of static markers (M, 2) that seem to move by ``displacement`` (M, 2), px.
 
     One marker gives a shift only. Rows that aren't finite (not tracked) are left out.
+
+    Examples
+    --------
+    >>> gs.measure.rigid_motion([[0, 0], [100, 0]], [[1, 2], [1, 2]]).shift
+    array([1., 2.])
     """
     px = np.asarray(points, dtype=np.float64)
     moved = np.asarray(displacement, dtype=np.float64)
@@ -163,6 +188,14 @@ class DeflectionLine:
     status : (M,) int8, as tracked (0 = measured).
     scale : the scale that was used.
     camera : the rigid motion that was taken out, or None.
+
+    Examples
+    --------
+    >>> scale = gs.measure.scale_coefficient([[0, 0], [100, 0]], [[0, 0], [50, 0]])
+    >>> line = gs.measure.deflection_line([0, 50], [[0, 0], [100, 0]], [[0, 0], [0, 4]], scale)
+    >>> line.displacement_mm.round(6) + 0.0
+    array([[ 0.,  0.],
+           [ 0., -2.]])
     """
 
     position_mm: FloatArray
@@ -171,6 +204,7 @@ class DeflectionLine:
     status: npt.NDArray[np.int8]
     scale: Scale
     camera: RigidMotion | None
+    __repr__ = field_summary
 
     def write_csv(self, path: str | Path) -> None:
         """Write one row per marker; what wasn't measured is left empty."""
@@ -199,6 +233,13 @@ def deflection_line(
 
     ``position_mm`` (M,), ``points_px`` and ``displacement_px`` (M, 2), ``status`` and
     ``sigma_px`` (M,) as tracked. ``camera`` is the apparent motion of static markers.
+
+    Examples
+    --------
+    >>> scale = gs.measure.scale_coefficient([[0, 0], [100, 0]], [[0, 0], [50, 0]])
+    >>> line = gs.measure.deflection_line([0, 50], [[0, 0], [100, 0]], [[0, 0], [0, 4]], scale)
+    >>> float(line.displacement_mm[1, 1].round(6))
+    -2.0
     """
     position = np.asarray(position_mm, dtype=np.float64)
     points = np.asarray(points_px, dtype=np.float64)

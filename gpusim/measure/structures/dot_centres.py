@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.stereo.plane_mapping import plane_mapping
@@ -50,12 +51,19 @@ class Dots:
     axes : (M, 2) float64, full widths of the ellipses, the longer one first, px.
     angle : (M,) float64, direction of the longer one, rad in [-pi/2, pi/2), from +x to +y (down).
     contrast : (M,) float64, grey levels from a dot to its surroundings, below 0 for bright dots.
+
+    Examples
+    --------
+    >>> dots = gs.measure.find_dots(gs.export.read_image("dots.png"), size_px=(6, 20))
+    >>> dots.points[0].round(1), dots.axes[0].round(1)
+    (array([47.5, 43.5]), array([10., 10.]))
     """
 
     points: FloatArray
     axes: FloatArray
     angle: FloatArray
     contrast: FloatArray
+    __repr__ = field_summary
 
 
 @unmasked("image")
@@ -71,6 +79,11 @@ def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bo
     ------
     InputError
         Not a grey image, or wrong sizes.
+
+    Examples
+    --------
+    >>> len(gs.measure.find_dots(gs.export.read_image("dots.png"), size_px=(6, 20)).points)
+    6
     """
     array = check_image(image, "image")
     low, high = float(size_px[0]), float(size_px[1])
@@ -100,6 +113,14 @@ def circle_centres(
     The circles of ``radius`` lie in z = 0 of the frame that ``camera_from_plane`` (4, 4) places,
     in its unit. Perspective and the lens's distortion are taken into account. Raises InputError for
     wrong shapes, or a plane that the camera looks along.
+
+    Examples
+    --------
+    >>> camera = gs.measure.rig_camera((160, 120), [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]])
+    >>> plane = np.eye(4)
+    >>> plane[2, 3] = 1.0
+    >>> gs.measure.circle_centres([[80.0, 60.0]], camera, plane, radius=0.005).round(3)
+    array([[80., 60.]])
     """
     seen = check_points(points, "points")
     if not 0 < radius < np.inf:

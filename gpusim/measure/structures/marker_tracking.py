@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
 from gpusim.measure.correlation.matching import Correlation, Status
 from gpusim.measure.correlation.subsets import (
@@ -44,10 +45,18 @@ class TrackResult(DicResult):
 
     backward : (M,) float64, distance by which tracking back missed the marker, px.
     source : (M,) int64, the marker from which it was predicted; -1: from no displacement.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"markers{end}.png") for end in ("", "-1"))
+    >>> result = gs.measure.track(before, after, [[39.5, 59.5], [119.5, 59.5]], subset=19)
+    >>> result.status, bool(result.backward.max() < 0.05)
+    (array([0, 0], dtype=int8), True)
     """
 
     backward: FloatArray
     source: npt.NDArray[np.int64]
+    __repr__ = field_summary
 
 
 @unmasked("reference", "deformed")
@@ -90,6 +99,14 @@ def track(
     backward_px : a marker is accepted if tracking back returns within this distance.
     backend : "auto" and "numpy" are the same here: the subsets of a few dozen markers are too
         little work for a device to gain anything by it; "gpu" is refused.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"markers{end}.png") for end in ("", "-1"))
+    >>> result = gs.measure.track(before, after, [[39.5, 59.5], [119.5, 59.5]], subset=19)
+    >>> result.displacement.round(2) + 0.0
+    array([[1.5, 0. ],
+           [1.5, 0. ]])
     """
     if backend not in ("auto", "numpy"):
         raise InputError(f"track backend; got {backend!r}; expected 'auto' or 'numpy': markers are "

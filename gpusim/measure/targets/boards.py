@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 
 __all__ = ["Chessboard", "Sighting", "TargetStatistics", "target_statistics"]
@@ -25,6 +26,12 @@ class Chessboard:
     Counted are fields, not inner corners: 9 x 8 fields have 8 x 7 inner corners. The field at the
     upper left is dark; if columns + rows is even, a board looks the same upside down, and cameras
     can't agree on its origin (`unique`).
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(columns=7, rows=6, square=0.015)
+    >>> board.corners, board.unique, board.points().shape
+    ((6, 5), True, (30, 3))
     """
 
     columns: int
@@ -89,6 +96,13 @@ class Sighting:
     problem : why nothing was found, or "".
     turns : how the target may be turned and look the same, so that its places are one of several
         readings; None if it can be told.
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(columns=7, rows=6, square=0.015)
+    >>> seen = gs.measure.find_chessboard(gs.export.read_image("board-0.png"), board)
+    >>> len(seen), seen.missed, seen.problem
+    (30, 0, '')
     """
 
     board: FloatArray
@@ -100,6 +114,7 @@ class Sighting:
     missed: int
     problem: str = ""
     turns: Turns | None = None
+    __repr__ = field_summary
 
     def __len__(self) -> int:
         return len(self.image)
@@ -120,6 +135,13 @@ class TargetStatistics:
     ``images``, ``found`` (with at least four points) and ``share`` of the points found in those;
     ``sigma`` and ``blur`` are medians in px; ``covered`` is the share of a 10 x 10 grid over the
     image that has a point; ``problems`` counts the reasons of the images without.
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(columns=7, rows=6, square=0.015)
+    >>> seen = gs.measure.find_chessboard(gs.export.read_image("board-0.png"), board)
+    >>> gs.measure.target_statistics([seen]).share
+    1.0
     """
 
     images: int
@@ -129,10 +151,19 @@ class TargetStatistics:
     blur: float
     covered: float
     problems: dict[str, int]
+    __repr__ = field_summary
 
 
 def target_statistics(sightings: Sequence[Sighting]) -> TargetStatistics:
-    """Statistics over the images of one camera. Raises InputError for an empty list."""
+    """Statistics over the images of one camera. Raises InputError for an empty list.
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(columns=7, rows=6, square=0.015)
+    >>> seen = gs.measure.find_chessboard(gs.export.read_image("board-0.png"), board)
+    >>> gs.measure.target_statistics([seen]).found
+    1
+    """
     if not sightings:
         raise InputError("target_statistics: got no sightings; expected at least one image")
     good = [s for s in sightings if len(s) >= 4]

@@ -30,6 +30,11 @@ class CharucoBoard:
     """``columns`` x ``rows`` squares of side ``square``, markers of side ``marker`` (same unit).
 
     ``dictionary`` as OpenCV names it, without DICT_. The square at the upper left is dark.
+
+    Examples
+    --------
+    >>> gs.measure.CharucoBoard(columns=4, rows=3, square=0.04, marker=0.026).corners
+    (3, 2)
     """
 
     columns: int
@@ -74,6 +79,12 @@ def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
 
     A board that isn't found gives a sighting without points that says why. Raises InputError for
     anything else.
+
+    Examples
+    --------
+    >>> board = gs.measure.CharucoBoard(columns=4, rows=3, square=0.04, marker=0.026)
+    >>> gs.measure.find_charuco(gs.export.read_image("charuco.png"), board).image[0].round(2)
+    array([47.5, 43.5])
     """
     array = check_image(image, "image")
     across = board.columns - 1

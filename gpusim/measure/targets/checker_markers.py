@@ -19,6 +19,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
 from gpusim.measure.targets.cross_fit import Cross, fit_crosses
@@ -43,7 +44,15 @@ QUADRATIC = np.linalg.pinv(
 
 
 class MarkerStatus(IntEnum):
-    """What became of an expected marker. Only ``FOUND`` ones carry numbers."""
+    """What became of an expected marker. Only ``FOUND`` ones carry numbers.
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> found = gs.measure.locate_markers(image, [[80, 20]], size_px=(15, 25), search_px=5)
+    >>> gs.measure.MarkerStatus(found.status[0]).name
+    'NOT_FOUND'
+    """
 
     FOUND = 0
     NOT_FOUND = 1
@@ -65,6 +74,13 @@ class Markers:
         the quadrant between +x and +y (turned by ``angle``) is white.
     residual : (M,) float64, RMS of the border fit over ``|contrast|``.
     status : (M,) int8, values of ``MarkerStatus``.
+
+    Examples
+    --------
+    >>> found = gs.measure.find_markers(gs.export.read_image("markers.png"), size_px=(15, 25))
+    >>> found.points.round(2), int(found.ok.sum())
+    (array([[ 39.5,  59.5],
+           [119.5,  59.5]]), 2)
     """
 
     points: FloatArray
@@ -73,6 +89,7 @@ class Markers:
     contrast: FloatArray
     residual: FloatArray
     status: npt.NDArray[np.int8]
+    __repr__ = field_summary
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:
@@ -94,6 +111,13 @@ def find_markers(
     Centres are good to 0.01 px on sharp area-sampled images, row by row from the top left.
     ``min_response`` is the lowest Harris response over the highest of the image, ``max_residual``
     what a fit may leave over the contrast; more in noisy pictures, by their noise.
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> gs.measure.find_markers(image, size_px=(15, 25)).points.round(2)
+    array([[ 39.5,  59.5],
+           [119.5,  59.5]])
     """
     array = check_image(image, "image")
     low, high = _check_size(size_px)
@@ -176,6 +200,13 @@ def locate_markers(
 
     A marker further away than ``search_px`` is ``NOT_FOUND``; two within it are ``AMBIGUOUS``,
     and so is one marker that is the nearest of two expected positions.
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> found = gs.measure.locate_markers(image, [[120, 60]], size_px=(15, 25), search_px=5)
+    >>> found.points.round(2)
+    array([[119.5,  59.5]])
     """
     array = check_image(image, "image")
     places = check_points(expected, "expected")

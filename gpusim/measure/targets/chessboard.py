@@ -50,6 +50,12 @@ def find_chessboard(
     ------
     InputError
         Not a grey image, or a region outside of it.
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(columns=7, rows=6, square=0.015)
+    >>> gs.measure.find_chessboard(gs.export.read_image("board-0.png"), board).image.shape
+    (30, 2)
     """
     array = check_image(image, "image")
     x0, y0, x1, y1 = region or (0, 0, array.shape[1], array.shape[0])

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.fitting.plumb_lines import (
     PlumbField,
     Straighten,
@@ -46,6 +47,12 @@ class Codes:
         perspective, which the mean of the corners isn't.
     sigma : (M,) float64, standard uncertainty of a corner's coordinate from the fits, px.
     missed : markers that were read but too small or not sharp.
+
+    Examples
+    --------
+    >>> codes = gs.measure.find_aruco(gs.export.read_image("charuco.png"))
+    >>> codes.number, codes.corners.shape
+    (array([0, 1, 2, 3, 4, 5]), (6, 4, 2))
     """
 
     number: npt.NDArray[np.int64]
@@ -53,6 +60,7 @@ class Codes:
     centre: FloatArray
     sigma: FloatArray
     missed: int
+    __repr__ = field_summary
 
     def __len__(self) -> int:
         return len(self.number)
@@ -77,6 +85,11 @@ def find_aruco(
     bends the sides is taken from all of them together, unless ``straighten`` tells it: from pixels
     (…, 2) to places (…, 2) where straight lines are straight (`lens_mapping` of a calibrated
     camera). Raises InputError for anything but a grey image, or an unknown dictionary.
+
+    Examples
+    --------
+    >>> gs.measure.find_aruco(gs.export.read_image("charuco.png"), "4X4_50").number
+    array([0, 1, 2, 3, 4, 5])
     """
     known = check_dictionary(dictionary, "find_aruco dictionary")
     array = check_image(image, "image")

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.measure.fitting.border_junction import (
     CENTRE,
     PARAMETERS,
@@ -59,6 +60,13 @@ class Crossings:
     blur : (C,) float64, width of the lens blur, px.
     residual : (C,) float64, RMS of the fit over the contrast.
     ok : (C,) bool.
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> fit = gs.measure.fit_crossings(image, [[39, 60]], first=[[8, 0]], second=[[0, 8]])
+    >>> fit.ok, fit.points.round(2)
+    (array([ True]), array([[39.5, 59.5]]))
     """
 
     points: FloatArray
@@ -67,6 +75,7 @@ class Crossings:
     blur: FloatArray
     residual: FloatArray
     ok: npt.NDArray[np.bool_]
+    __repr__ = field_summary
 
 
 @unmasked("image")
@@ -101,6 +110,12 @@ def fit_crossings(
     ------
     InputError
         Not a grey image, or points and steps of other shapes than (C, 2).
+
+    Examples
+    --------
+    >>> image = gs.export.read_image("markers.png")
+    >>> gs.measure.fit_crossings(image, [[39, 60]], first=[[8, 0]], second=[[0, 8]]).points.round(2)
+    array([[39.5, 59.5]])
     """
     array = check_image(image, "image")
     points = check_points(start, "start")

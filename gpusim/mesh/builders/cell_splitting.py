@@ -35,6 +35,11 @@ def split(mesh: Mesh, kind: str = "tet4") -> Mesh:
     InputError
         A quadratic cell (split first, then `quadratic`); a type that can't be split so; wedges
         whose cuts don't meet; cells so warped that a part of them has no volume.
+
+    Examples
+    --------
+    >>> gs.mesh.split(gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1)), "tet4")
+    Mesh(8 nodes, 6 tet4, 6 named sets)
     """
     if kind not in ("tet4", "wedge6"):
         raise InputError(f"split: kind; got {kind!r}; expected 'tet4' or 'wedge6'")

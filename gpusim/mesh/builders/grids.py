@@ -35,6 +35,12 @@ def box(
     away from them is that of ``divisions``, and they get finer towards each notch.
 
     Face sets ``x_min … z_max`` and ``notch_1 …``; nodes count x fastest, then y, then z.
+
+    Examples
+    --------
+    >>> gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1)).bounds
+    array([[0., 0., 0.],
+           [2., 1., 1.]])
     """
     lengths = triple_of("box: size", size)
     start = triple_of("box: origin", origin, positive=False)
@@ -66,6 +72,11 @@ def beam(
     elements away from the notches are. Face sets ``x_min … z_max`` and ``notch_1 …``.
 
     Raises InputError for a length that isn't positive, and for a notch in a tapered beam.
+
+    Examples
+    --------
+    >>> gs.mesh.beam(length=1.0, width=0.1, height=0.1, divisions=(4, 1, 1), end_width=0.05)
+    Mesh(20 nodes, 4 hex8, 6 named sets)
     """
     sizes = triple_of("beam: length, width, height", (length, width, height))
     end = triple_of(
@@ -108,6 +119,11 @@ def crane(
 
     Node set "foot" (z <= 0). Face sets "foot" (the faces below z = 0), "load" (top of the last
     ``load_length``), "front" and "back" (y = -width/2, +width/2), "tip" (x = length).
+
+    Examples
+    --------
+    >>> gs.mesh.crane(element_size=0.05, through=1, across=2)
+    Mesh(156 nodes, 50 hex8, 6 named sets)
     """
     names = {
         "height": height, "length": length, "foot": foot, "width": width,

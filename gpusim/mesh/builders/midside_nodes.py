@@ -39,6 +39,11 @@ def quadratic(mesh: Mesh, serendipity: bool = True) -> Mesh:
     ------
     InputError
         A cell that is quadratic already, or one that has no partner of that kind.
+
+    Examples
+    --------
+    >>> gs.mesh.quadratic(gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1)))
+    Mesh(20 nodes, 1 hex20, 6 named sets)
     """
     names = _SERENDIPITY if serendipity else _LAGRANGE
     for kind, _, block in mesh.blocks():

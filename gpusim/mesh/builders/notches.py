@@ -29,6 +29,13 @@ class Notch:
     along it, ``depth`` how far it reaches into the body from ``side`` ("+x" … "-z", another axis);
     along the third axis it goes through the whole body. ``cells`` is the number of elements over
     the width, which sets their size around the notch in a graded mesh.
+
+    Examples
+    --------
+    >>> notch = gs.mesh.Notch(position=0.5, width=0.02, depth=0.03, side="-y")
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(10, 4, 1), notches=[notch])
+    >>> bar.face_sets["notch_1"].shape
+    (8, 2)
     """
 
     position: float
@@ -135,6 +142,12 @@ def notched(mesh: Mesh, notches: Sequence[Notch]) -> Mesh:
     ------
     InputError
         A cell lies partly inside a notch, or nothing lies inside, or all of it.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(4, 2, 1))
+    >>> gs.mesh.notched(bar, [gs.mesh.Notch(position=0.375, width=0.25, depth=0.5)])
+    Mesh(30 nodes, 7 hex8, 7 named sets)
     """
     if not notches:
         return mesh

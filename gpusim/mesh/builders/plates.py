@@ -47,6 +47,11 @@ def plate_with_hole(
         "hex8", "hex20" or "hex27"; midside nodes lie on the circle.
 
     Face sets "hole", "x_min" … "z_max". Raises InputError for sizes that don't fit.
+
+    Examples
+    --------
+    >>> gs.mesh.plate_with_hole(2.0, 1.0, 0.1, hole_diameter=0.4, around=8, radial=2, through=1)
+    Mesh(60 nodes, 20 hex8, 7 named sets)
     """
     sizes = triple_of("plate_with_hole: length, width, thickness", (length, width, thickness))
     step = _step("plate_with_hole", element)
@@ -112,6 +117,11 @@ def bracket(
 
     Raises InputError for sizes that don't fit: each leg needs room for a square of side ``width``
     beside the bend.
+
+    Examples
+    --------
+    >>> sorted(gs.mesh.bracket(around=8, radial=2, through=1, bend=2).face_sets)[:3]
+    ['base', 'base_end', 'base_hole']
     """
     names = {
         "base_length": base_length, "wall_height": wall_height, "width": width,

@@ -64,6 +64,14 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     InputError
         Names the file: absent, empty, cut off, of another format or version, without solid cells,
         with cells of an unknown type (named with their number), inverted cells.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(2, 1, 1))
+    >>> gs.export.write_vtu("bar.vtu", bar.points, bar.cells).name
+    'bar.vtu'
+    >>> gs.read_mesh("bar.vtu", scale=1e-3)
+    Mesh(12 nodes, 2 hex8)
     """
     if not (np.isfinite(scale) and scale > 0.0):
         raise InputError(f"read_mesh: scale; got {scale}; expected a factor > 0")

@@ -175,6 +175,13 @@ def write_calibration(
     InputError
         An unknown format or unit, no camera, or cameras that the format can't express; nothing is
         written.
+
+    Examples
+    --------
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (640, 480), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> gs.write_calibration("rig.yml", [camera], "opencv", unit="mm")
+    >>> gs.read_calibration("rig.yml")[0].eye.round(6) + 0.0
+    array([0., 0., 2.])
     """
     if format not in _READ:
         raise InputError(f"write_calibration format; got {format!r}; expected {sorted(_READ)}")

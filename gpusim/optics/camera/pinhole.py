@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.optics.camera.distortion import Distortion
 from gpusim.validation import checked, real_numbers
 
@@ -47,6 +48,12 @@ class Camera:
     InputError
         Sizes, shapes or values that make no camera, or a lens whose distortion folds inside the
         image (it isn't monotonic there: two points of the scene would share a pixel).
+
+    Examples
+    --------
+    >>> camera = gs.Camera(width=300, height=200, K=[[1000, 0, 150], [0, 1000, 100], [0, 0, 1]])
+    >>> camera.project([[0.01, 0.0, 1.0]])
+    array([[160., 100.]])
     """
 
     width: int
@@ -57,6 +64,7 @@ class Camera:
     name: str = "camera"
     lens_K: npt.NDArray[np.float64] | None = None
     pixel_side: float = 1.0
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"

@@ -97,6 +97,14 @@ def photograph(
     Raises
     ------
     InputError, NoAdapter, OutOfDeviceMemory
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> lens = gs.Lens(psf=gs.psf.Gaussian(0.5))
+    >>> gs.photograph([wall], camera, lens=lens, backend="numpy").radiance.shape
+    (4, 6)
     """
     if lens is not None and not isinstance(lens, Lens):
         raise InputError(f"photograph lens; got {lens!r}; expected a Lens")

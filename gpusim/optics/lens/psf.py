@@ -20,6 +20,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.validation import checked, unmasked
 
 __all__ = [
@@ -49,6 +50,11 @@ class Psf(Protocol):
     """The image of a point: a density over the sensor of integral 1, coordinates in px.
 
     Hashable, so that a sampled kernel is made once.
+
+    Examples
+    --------
+    >>> isinstance(gs.psf.Gaussian(0.5), gs.psf.Psf)
+    True
     """
 
     def __hash__(self) -> int:
@@ -64,7 +70,13 @@ class Psf(Protocol):
 @checked
 @dataclass(frozen=True)
 class Gaussian:
-    """A round Gaussian of standard deviation ``sigma`` (px)."""
+    """A round Gaussian of standard deviation ``sigma`` (px).
+
+    Examples
+    --------
+    >>> float(gs.psf.Gaussian(sigma=0.5).transfer(0.0, 0.0))
+    1.0
+    """
 
     sigma: float
 
@@ -89,6 +101,11 @@ class Airy:
 
     Intensity (pi / 4 w^2) (2 J1(v) / v)^2 with w = wavelength x f_number and v = pi r / w (Goodman,
     Introduction to Fourier Optics, 6.2).
+
+    Examples
+    --------
+    >>> print(f"{gs.psf.Airy(wavelength=0.55e-6, f_number=8.0, pitch=3.45e-6).width:.3f} px")
+    1.275 px
     """
 
     wavelength: float
@@ -128,7 +145,13 @@ class Airy:
 @checked
 @dataclass(frozen=True)
 class Disc:
-    """Defocus by geometrical optics: an even disc of ``radius`` px."""
+    """Defocus by geometrical optics: an even disc of ``radius`` px.
+
+    Examples
+    --------
+    >>> gs.psf.Disc(radius=1.5).cells(1).shape
+    (7, 7)
+    """
 
     radius: float
 
@@ -164,10 +187,16 @@ class MeasuredPsf:
     """A measured kernel (rows, columns) of ``samples_per_px``, centred on its middle sample.
 
     It is scaled to sum 1. Between its samples it is interpolated by cubic B-splines.
+
+    Examples
+    --------
+    >>> gs.psf.MeasuredPsf(np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0.0]])).samples_per_px
+    1.0
     """
 
     kernel: Array
     samples_per_px: float = 1.0
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         kernel = np.asarray(self.kernel, np.float64)
@@ -202,7 +231,14 @@ class MeasuredPsf:
 
 @dataclass(frozen=True)
 class Convolved:
-    """One point spread after another."""
+    """One point spread after another.
+
+    Examples
+    --------
+    >>> both = gs.psf.Convolved(gs.psf.Gaussian(0.3), gs.psf.Gaussian(0.4))
+    >>> bool(np.isclose(both.transfer(0.2, 0.0), gs.psf.Gaussian(0.5).transfer(0.2, 0.0)))
+    True
+    """
 
     first: Psf
     second: Psf
@@ -245,12 +281,19 @@ class SampledKernel:
 
     ``terms``: (along x, along y) weights, (2 halo + n,) each; the kernel is the sum of their outer
     products. The first weight belongs to the cell ``halo`` cells before the pixel's own.
+
+    Examples
+    --------
+    >>> kernel = gs.psf.sample(gs.psf.Gaussian(0.7), n=2)
+    >>> kernel.n, len(kernel.terms)
+    (2, 1)
     """
 
     n: int
     halo: int
     terms: tuple[tuple[Array, Array], ...]
     edge_error: float
+    __repr__ = field_summary
 
     @property
     def taps(self) -> int:
@@ -270,6 +313,11 @@ def sample(
     ------
     InputError
         Arguments out of range, or a kernel too large to be sampled.
+
+    Examples
+    --------
+    >>> gs.psf.sample(gs.psf.Gaussian(0.7), tolerance=1e-3).n
+    4
     """
     if not 0.0 < fill_factor <= 1.0:
         raise InputError(f"fill_factor; got {fill_factor}; expected above 0, up to 1")
@@ -325,6 +373,11 @@ def edge_profile(psf: Psf | None, side: float, x: Array) -> Array:
     """Image of a step edge at 0 along the rows, (n,) at distances ``x`` px.
 
     1/2 + integral of H(f) sin(2 pi f x) / (pi f), H = transfer x aperture of width ``side``.
+
+    Examples
+    --------
+    >>> gs.psf.edge_profile(gs.psf.Gaussian(0.5), 1.0, np.array([-1.0, 0.0, 1.0])).round(3)
+    array([0.041, 0.5  , 0.959])
     """
     if psf is None:
         return np.asarray(np.clip(x / side + 0.5, 0.0, 1.0))
@@ -333,3 +386,7 @@ def edge_profile(psf: Psf | None, side: float, x: Array) -> Array:
     H = psf.transfer(f, np.zeros_like(f)) * np.sinc(side * f)
     waves = np.sin(2.0 * np.pi * np.outer(x, f))
     return np.asarray(0.5 + step * (waves @ (H / (np.pi * f))))
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -33,6 +33,11 @@ class Shutter:
     Row r collects from time + r x ``line_time`` on for ``exposure_time``; a ``line_time`` of 0 is a
     global shutter, a negative one reads from the bottom up. ``samples``: moments that the exposure
     is averaged over, unless the motion decides.
+
+    Examples
+    --------
+    >>> gs.Shutter(exposure_time=1e-3, line_time=5e-6).line_time
+    5e-06
     """
 
     exposure_time: float = 0.0

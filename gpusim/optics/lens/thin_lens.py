@@ -47,6 +47,11 @@ class Lens:
     vignetting : fall-off towards the corners.
     positions : lens positions, unless the error asked for decides.
     samples_per_px : render cells along a pixel for the point spread, unless the error decides.
+
+    Examples
+    --------
+    >>> gs.Lens(f_number=8.0, focal_length=0.05, focus_distance=1.0).aperture
+    0.00625
     """
 
     psf: Psf | None = None

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.validation import checked
 
@@ -28,11 +29,19 @@ class Vignetting:
     polynomial : (a1, a2, …) of 1 + a1 r^2 + a2 r^4 + …, r = 1 at half the image's diagonal from
         the principal point.
     map : (rows, columns) measured gains, corners on the corner pixels' centres, linear between.
+
+    Examples
+    --------
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> gains = gs.Vignetting(cos4=True).gains(camera, row0=0, rows=4)
+    >>> gains.shape, bool(gains[0, 0] < gains[2, 3])
+    ((4, 6), True)
     """
 
     cos4: bool = True
     polynomial: tuple[float, ...] = ()
     map: Array | None = None
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         if not np.isfinite(np.asarray(self.polynomial, np.float64)).all():

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.optics.light.panorama import read_panorama
 from gpusim.validation import checked
@@ -65,6 +66,14 @@ class PointLight:
     """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi.
 
     ``shadows``: whether surfaces hide it, here and in the other lamps.
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> lit = gs.render([wall], camera, [gs.PointLight((0, 0, 3), power=100.0)], backend="numpy")
+    >>> print(f"{lit.radiance[2, 3]:.3f}")
+    0.140
     """
 
     position: Vector
@@ -83,6 +92,11 @@ class SpotLight:
 
     Within the cone less ``penumbra`` (the share of the half angle over which it fades, 0 to 1) the
     intensity is even; ``power`` (W) is the flux of the whole beam.
+
+    Examples
+    --------
+    >>> gs.SpotLight(position=(0, 0, 2), target=(0, 0, 0), power=40.0, cone=0.5).penumbra
+    0.2
     """
 
     position: Vector
@@ -120,6 +134,11 @@ class AreaLight:
 
     ``shape`` is ``"rectangle"`` or ``"ellipse"`` (a disc where both sizes are equal). Its width
     runs level. ``power`` is its radiant flux (W); its radiance is power / (pi x its area).
+
+    Examples
+    --------
+    >>> gs.AreaLight(position=(0, 0, 2), target=(0, 0, 0), size=(0.3, 0.2), power=40.0).shape
+    'rectangle'
     """
 
     position: Vector
@@ -148,6 +167,11 @@ class SunLight:
 
     ``irradiance`` (W per square unit) is that of a face square to it; ``diameter`` (rad) is how
     large it looks, which decides how soft its shadows are.
+
+    Examples
+    --------
+    >>> gs.SunLight(direction=(0, 0, -1), irradiance=800.0).diameter
+    0.0093
     """
 
     direction: Vector
@@ -171,6 +195,11 @@ class AmbientLight:
 
     It stands for what a room's walls send back; every face receives pi x radiance, or with
     ``occlusion`` the share of it that surfaces around leave open (see docs/light.md).
+
+    Examples
+    --------
+    >>> gs.AmbientLight(radiance=0.3)
+    AmbientLight(radiance=0.3, occlusion=False)
     """
 
     radiance: float
@@ -189,6 +218,11 @@ class EnvironmentLight:
     its first row looks ``up``, its middle column along ``forward``, columns run to the right as
     seen from the middle. They light diffusely and are mirrored by glossy paints; with
     ``occlusion`` surfaces hide them.
+
+    Examples
+    --------
+    >>> gs.EnvironmentLight(sky=1.0, ground=0.2, occlusion=True).sky
+    1.0
     """
 
     sky: float = 0.0
@@ -197,6 +231,7 @@ class EnvironmentLight:
     up: Vector = (0.0, 0.0, 1.0)
     forward: Vector = (0.0, 1.0, 0.0)
     occlusion: bool = False
+    __repr__ = field_summary
 
     def __post_init__(self) -> None:
         _check("EnvironmentLight", up=self.up, forward=self.forward)

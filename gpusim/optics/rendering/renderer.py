@@ -82,6 +82,13 @@ def render(
     Raises
     ------
     InputError, NoAdapter, OutOfDeviceMemory
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> float(gs.render([wall], camera).radiance.max())
+    0.5
     """
     if not _all_are(Surface, surfaces) or not surfaces:
         raise InputError(f"render surfaces; got {surfaces!r}; expected a list of Surface")

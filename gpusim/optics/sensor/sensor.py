@@ -56,6 +56,14 @@ class Sensor:
     ------
     InputError
         Values out of range, or noise in electrons without a gain.
+
+    Examples
+    --------
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (3, 2), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> gs.Sensor(bits=8).expose(gs.render([wall], camera, backend="numpy"))
+    array([[128, 128, 128],
+           [128, 128, 128]], dtype=uint8)
     """
 
     bits: int = 8

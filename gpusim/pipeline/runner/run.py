@@ -46,6 +46,12 @@ def run(
         Before anything is written into ``out``; also where another run has it.
     NotConverged, DeviceError, GpusimError
         While working: ``report.json`` then says what failed; finished stages are kept.
+
+    Examples
+    --------
+    >>> report = gs.run(gs.load_scene("bar.toml"), "out/bar", backend="numpy")
+    >>> report.status
+    'done'
     """
     if not isinstance(scene, Scene):
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")

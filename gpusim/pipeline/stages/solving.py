@@ -34,6 +34,15 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     InputError
         Neither a model nor a scene, or a scene without exactly one body; and what
         `gpusim.fem.solve` raises.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
+    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.0)], fixed=fixed, forces=forces))
+    >>> print(f"{1e6 * solution.u[:, 0].max():.3f} micrometres")
+    4.762 micrometres
     """
     if isinstance(problem, Scene):
         if len(problem.bodies) != 1:

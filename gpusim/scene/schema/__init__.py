@@ -53,7 +53,14 @@ class SceneTable(Table):
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON schema of a scene file, for editors."""
+    """The JSON schema of a scene file, for editors.
+
+    Examples
+    --------
+    >>> from gpusim.scene import json_schema
+    >>> json_schema()["type"]
+    'object'
+    """
     schema = SceneTable.model_json_schema(by_alias=True)
     add_descriptions(schema, SceneTable)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -112,6 +112,14 @@ def mesh_cad(
         gmsh or its libraries are missing, a file that is absent, of another kind or can't be
         meshed, or that Gmsh dies on, doesn't get done with in time, or takes more than 80 % of the
         memory for; a file without solids, unknown names in ``sizes``, sizes that aren't positive.
+
+    Examples
+    --------
+    >>> cube = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> gs.export.write_stl("cube.stl", cube.points, gs.mesh.boundary_faces(cube).nodes).name
+    'cube.stl'
+    >>> gs.mesh_cad("cube.stl", size=1000.0, scale=1e-3).bounds[1]
+    array([1., 1., 1.])
     """
     name = path.path if isinstance(path, InputFile) else Path(path)
     if name.suffix.lower() not in CAD_SUFFIXES:
@@ -149,7 +157,12 @@ def _check_options(file: InputFile, ask: _Options) -> None:
 
 
 def check_gmsh(file: str) -> None:
-    """Raises InputError for a CAD file unless gmsh is installed; it isn't loaded."""
+    """Raises InputError for a CAD file unless gmsh is installed; it isn't loaded.
+
+    Examples
+    --------
+    >>> gs.mesh.check_gmsh("part.step")
+    """
     if find_spec("gmsh") is None:
         raise InputError(
             f"{file}: a CAD file needs gmsh, which is not installed; expected it: "

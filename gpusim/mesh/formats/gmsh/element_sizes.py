@@ -20,7 +20,13 @@ Named = Mapping[str, Sequence[tuple[int, int]]]
 class SizeBox:
     """A region with its own element size: corners ``lower`` and ``upper`` (x, y, z), ``size``, and
     the ``transition`` length outside over which the size grows to the global one. All in the unit
-    of the mesh."""
+    of the mesh.
+
+    Examples
+    --------
+    >>> gs.mesh.SizeBox(lower=(0, 0, 0), upper=(0.1, 0.1, 0.1), size=0.01).transition
+    0.0
+    """
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]

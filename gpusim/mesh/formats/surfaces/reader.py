@@ -27,6 +27,15 @@ def read_surface(
     Points at the same place (an STL repeats them for every triangle) become one; faces that are
     no faces then are left out. Raises InputError, naming the file, and the line of a text: faces of
     more than four corners, and whatever else the format has that would change the surface.
+
+    Examples
+    --------
+    >>> cube = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> gs.export.write_stl("cube.stl", cube.points, gs.mesh.boundary_faces(cube).nodes).name
+    'cube.stl'
+    >>> points, faces = gs.mesh.read_surface("cube.stl")
+    >>> points.shape, faces.shape
+    ((8, 3), (12, 4))
     """
     name = path.path if isinstance(path, InputFile) else Path(path)
     kind = _FORMATS.get(name.suffix.lower())
