@@ -40,7 +40,7 @@ class ReportPaths:
 
 
 def prepare_figures() -> None:
-    """Let processes beside this one import what draws figures, while the caller goes on."""
+    """Let a process beside this one import what draws figures, while the caller goes on."""
     processes.prepare(
         "gpusim.report.figures",
         "gpusim.report.backdrop",
@@ -77,9 +77,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     # these take longest: they begin
     other = [processes.begin(drawing) for drawing in report.figures]
     series = [
-        processes.begin(
-            draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png")
-        )
+        processes.begin(draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png"))
         for index, item in enumerate(report.series)
     ]
     overlays = [

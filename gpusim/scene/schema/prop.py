@@ -97,7 +97,7 @@ class BoxPropTable(_Shaped):
 
 
 class MeshPropTable(_Shaped):
-    """A rigid thing of any shape, from a file of faces (.stl, .ply, .obj, .off, .glb, .gltf) or a mesh."""
+    """A rigid thing of any shape: faces (.stl, .ply, .obj, .off, .glb, .gltf) or a mesh file."""
 
     type: Literal["mesh"]
     file: Annotated[str, Field(min_length=1)]
