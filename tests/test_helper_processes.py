@@ -87,6 +87,7 @@ print(*{{processes.begin(os.getpid).result() for _ in range(20)}}, flush=True)
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     numbers = ran.stdout.split()
     assert numbers
+    assert ran.stderr == ""
     for number in numbers:
         stat = Path(f"/proc/{number}/stat")
         for _ in range(200):

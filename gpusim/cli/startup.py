@@ -16,7 +16,7 @@ __all__ = ["importing", "starting"]
 @contextmanager
 def starting(output: Path, backend: Backend) -> Iterator[None]:
     """Begin with what a run into ``output`` will need, while the block reads and imports the rest:
-    processes that draw figures, and what an earlier run has asked the device for."""
+    a process that draws figures, and what an earlier run has asked the device for."""
     from gpusim.report import prepare_figures
 
     prepare_figures()

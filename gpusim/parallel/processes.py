@@ -46,8 +46,8 @@ R = TypeVar("R")
 
 CHILD_SECONDS = 600.0
 """Time limit of `call_in_child`, unless the caller says another."""
-MAX_HELPERS = 2
-"""Processes of the pool; a core that only draws isn't worth more."""
+MAX_HELPERS = 1
+"""Processes of the pool: a second one imports for longer than it draws."""
 _ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 _CHILD = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
@@ -67,6 +67,19 @@ def _end_with(parent: int) -> None:
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)
         if os.getppid() != parent:
             os._exit(1)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """What begins here isn't interrupted before it can say that it ignores that."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 # a guarded call
@@ -230,16 +243,14 @@ def _copying() -> Iterator[None]:
     """No interrupt, no collection of garbage (which may belong to the device) and no warning that
     other threads' locks stay locked, while copies are made and in them."""
     collects = gc.isenabled()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    gc.disable()
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)
+    with _interrupts_held(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        gc.disable()
+        try:
             yield
-    finally:
-        if collects:
-            gc.enable()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        finally:
+            if collects:
+                gc.enable()
 
 
 def _copy(
@@ -280,15 +291,21 @@ def prepare(*modules: str) -> None:
     global _pool
     if _pool is None and processors() > 1 and sys.executable and not hasattr(sys, "frozen"):
         import loky  # takes 0.1 s, and few programs draw reports
+        from loky.backend import resource_tracker
 
+        # it would list the semaphores of a caller that was killed, and cleans them up all the same
+        sys.warnoptions.append("ignore:resource_tracker:UserWarning")
+        resource_tracker.ensure_running()
+        sys.warnoptions.pop()
         count = min(MAX_HELPERS, processors())
-        # a backend for screens that isn't there is no reason not to draw files
-        _pool = loky.ProcessPoolExecutor(
-            count, initializer=_begin_helper, initargs=(os.getpid(), modules),
-            env={**_ONE_BLAS_THREAD, "MPLBACKEND": "agg"},
-        )  # fmt: skip
-        for _ in range(count):
-            _pool.submit(os.getpid)
+        with _interrupts_held():
+            _pool = loky.ProcessPoolExecutor(
+                count, initializer=_begin_helper, initargs=(os.getpid(), modules),
+                # a backend for screens that isn't there is no reason not to draw files
+                env={**_ONE_BLAS_THREAD, "MPLBACKEND": "agg"},
+            )  # fmt: skip
+            for _ in range(count):
+                _pool.submit(os.getpid)
 
 
 def begin(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> Call[R]:

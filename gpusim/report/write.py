@@ -40,7 +40,7 @@ class ReportPaths:
 
 
 def prepare_figures() -> None:
-    """Let processes beside this one import what draws figures, while the caller goes on."""
+    """Let a process beside this one import what draws figures, while the caller goes on."""
     processes.prepare(
         "gpusim.report.figures",
         "gpusim.report.backdrop",
