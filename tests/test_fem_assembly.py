@@ -14,7 +14,7 @@ from gpusim.fem.assembly.diagonal_blocks import invert_blocks
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
 from gpusim.fem.assembly.element_deformation import Deformation
 from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.assembly.node_graph import Edges
+from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
 from gpusim.fem.model.rigid_body_modes import rigid_modes
@@ -92,7 +92,7 @@ def test_unequal_elements_add_up_as_in_a_plain_sum(kind: str) -> None:
 
 def test_only_the_rows_of_some_nodes() -> None:
     mesh = irregular("wedge15")
-    edges = Edges(model_groups(Model(mesh, [WOOD]), RULE), mesh.node_count)
+    edges = NodeGraph(model_groups(Model(mesh, [WOOD]), RULE), mesh.node_count)
     every = edges.blocks(None)
     nodes = np.array([17, 3, 80])
     wanted = [every[edges.start[k] : edges.start[k + 1]] for k in nodes]

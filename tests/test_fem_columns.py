@@ -135,7 +135,7 @@ def test_half_a_cycle_tells_the_energy_of_a_symmetric_one(single: bool) -> None:
     assert model.fixed is not None
     made = build_hierarchy(
         block_matrix(parts.rows, 2.0), parts.groups, parts.lattice, ~model.fixed, mesh.points,
-        parts.rows, 2.0, harsh=not single,
+        parts.rows, 2.0, uneven_stiffness=not single,
     )  # fmt: skip
     assert isinstance(made.levels[0].smoother, Columns)
     cycle = Multigrid(made)

@@ -14,9 +14,9 @@ from gpusim.fem.assembly.assembly import Assembled, assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers import banded_cholesky
-from gpusim.fem.direct_solvers.banded_cholesky import Banded, band_ordering
+from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
 from gpusim.fem.direct_solvers.solver_choice import direct_solver, least_seconds
-from gpusim.fem.direct_solvers.substructuring import Chain, cut_slabs
+from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
 from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.mesh import Mesh, box
 from gpusim.mesh.builders.cell_splitting import split
@@ -75,8 +75,8 @@ def test_both_direct_solvers_give_scipys_answer(divisions: tuple[int, int, int])
     slabs = cut_slabs(parts.groups[0], parts.lattice, free)
     assert slabs is not None
     for solver in (
-        Banded(parts.rows, ordering, 1.0),
-        Chain(slabs, parts.groups[0], parts.lattice, 1.0),
+        BandedFactor(parts.rows, ordering, 1.0),
+        SubstructuredFactor(slabs, parts.groups[0], parts.lattice, 1.0),
     ):
         u = solver.apply(force)
         assert np.abs(u - wanted).max() <= 1e-9 * np.abs(wanted).max()
@@ -105,7 +105,7 @@ def test_a_notched_body_and_one_of_single_supports_take_the_chain() -> None:
     parts = assembled(model)
     slabs = cut_slabs(parts.groups[0], parts.lattice, ~fixed)  # type: ignore[arg-type]
     assert slabs is not None
-    chain = Chain(slabs, parts.groups[0], parts.lattice, 1.0)  # type: ignore[arg-type]
+    chain = SubstructuredFactor(slabs, parts.groups[0], parts.lattice, 1.0)  # type: ignore[arg-type]
     force = np.where(fixed, 0.0, model.load_cases).reshape(1, -1)
     wanted = exact(model)
     assert np.abs(chain.apply(force) - wanted).max() <= 1e-8 * np.abs(wanted).max()
@@ -117,7 +117,7 @@ def test_a_wrong_join_is_seen() -> None:
     free = ~model.fixed  # type: ignore[operator]
     slabs = cut_slabs(parts.groups[0], parts.lattice, free)  # type: ignore[arg-type]
     assert slabs is not None and parts.lattice is not None
-    chain = Chain(slabs, parts.groups[0], parts.lattice, 1.0)
+    chain = SubstructuredFactor(slabs, parts.groups[0], parts.lattice, 1.0)
     chain._joins[1][-1].left *= 1.0 + 1e-4
     wanted = exact(model)
     u = chain.apply(np.where(free, model.load_cases, 0.0).reshape(2, -1))

@@ -153,7 +153,7 @@ def test_errors_name_the_load_case() -> None:
         loop = NumpyCG(lambda x: -x, _Identity())
         return iterate(
             part, loop, Norm(1.0), start,
-            tolerance=1e-6, most=3, progress=progress, blur=lambda *_: 0.0,
+            tolerance=1e-6, most=3, progress=progress, rounding=lambda *_: 0.0,
         )  # fmt: skip
 
     with pytest.raises(NotConverged, match="negative curvature in load case 1"):

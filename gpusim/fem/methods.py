@@ -25,7 +25,7 @@ from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm
 from gpusim.fem.krylov.load_cases import Progress, each_case
 from gpusim.fem.krylov.outer_iteration import Outcome, iterate
-from gpusim.fem.krylov.rounding_error import Blur
+from gpusim.fem.krylov.rounding_error import RoundingError
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
@@ -155,8 +155,9 @@ def _with_pressures(
     def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
         assert mixed is not None
         return iterate(
-            part, mixed.loop(1), mixed.norm, start, blur=Blur(mixed, options.tolerance),
-            tolerance=options.tolerance, most=options.most or _MOST_WITH_PRESSURES,
+            part, mixed.loop(1), mixed.norm, start,
+            rounding=RoundingError(mixed, options.tolerance), tolerance=options.tolerance,
+            most=options.most or _MOST_WITH_PRESSURES,
             progress=progress,
         )  # fmt: skip
 
@@ -204,15 +205,15 @@ def _multigrid(
         system.scale,
         stiff_in_bulk=plan.stiff_in_bulk,
         inverted=plan.on_device,
-        harsh=plan.harsh,
+        uneven_stiffness=plan.uneven_stiffness,
     )
     multigrid, lowest = Multigrid(hierarchy), hierarchy.lowest
-    if plan.harsh:
+    if plan.uneven_stiffness:
         lowest = min(lowest, _softest(multigrid, system))
     run = partial(
         iterate,
         norm=Norm(lowest),
-        blur=Blur(multigrid, options.tolerance),
+        rounding=RoundingError(multigrid, options.tolerance),
         tolerance=options.tolerance,
         most=options.most if options.most is not None else _MOST_ITERATIONS,
     )

@@ -19,7 +19,7 @@ from gpusim.fem.direct_solvers.solver_choice import (
     least_seconds,
     multigrid_seconds,
 )
-from gpusim.fem.krylov.outer_iteration import HARSH
+from gpusim.fem.krylov.outer_iteration import UNEVEN_STIFFNESS
 from gpusim.fem.model.model import Model
 from gpusim.gpu import Device, default_device, software_adapter
 
@@ -30,7 +30,7 @@ Float = npt.NDArray[np.float64]
 METHODS = ("auto", "direct", "multigrid")
 # where stiffnesses differ greatly a direct solver may take this many times as long as multigrid
 # would, or (s)
-_HARSH_PATIENCE, _HARSH_SECONDS = 30.0, 30.0
+_UNEVEN_PATIENCE, _UNEVEN_SECONDS = 30.0, 30.0
 # ratio of greatest and least modulus, 300 at nu = 0.495, from which on a material is stiff in bulk
 _STIFF_IN_BULK = 300.0
 
@@ -67,13 +67,13 @@ class Options:
 class SolvePlan:
     """``attempts`` are tried in turn until one converges: "none" (nothing to solve), "direct",
     "pressures" (conjugate gradients on displacements and pressures), "multigrid" (on displacements
-    alone). Multigrid iterates ``on_device`` or on the host; its levels heed ``harsh`` differences
-    of stiffness and materials that are ``stiff_in_bulk``. ``direct`` looks for the cheaper direct
-    solver, once. ``reasons`` say why, choice by choice."""
+    alone). Multigrid iterates ``on_device`` or on the host; its levels heed ``uneven_stiffness``
+    and materials that are ``stiff_in_bulk``. ``direct`` looks for the cheaper direct solver, once.
+    ``reasons`` say why, choice by choice."""
 
     attempts: tuple[str, ...]
     on_device: bool
-    harsh: bool
+    uneven_stiffness: bool
     stiff_in_bulk: bool
     direct: Callable[[], Direct | None]
     device: Device | None
@@ -99,7 +99,7 @@ def plan_solve(model: Model, assembled: Assembled, system: System, options: Opti
     """
     direct = cache(partial(direct_solver, assembled, system.free, model.mesh.points, system.scale))
     attempts: tuple[str, ...]
-    harsh, stiff, on_device = system.contrast > HARSH, False, False
+    uneven_stiffness, stiff, on_device = system.contrast > UNEVEN_STIFFNESS, False, False
     if not system.right.any():
         attempts, why = ("none",), "no load: the solution is what is prescribed"
     elif options.method == "direct":
@@ -120,14 +120,14 @@ def plan_solve(model: Model, assembled: Assembled, system: System, options: Opti
             "nearly incompressible: displacements alone, as pressures go with mean-dilatation "
             "bricks ('bbar')"
         )
-    if harsh:
+    if uneven_stiffness:
         reasons["stiffness"] = (
             f"differs by {system.contrast:.0e} from node to node: coarse levels in float64, gone "
             "through once"
         )
     lattice = assembled.lattice is not None
     reasons["numbering"] = "a lattice, whose rows repeat" if lattice else "general"
-    return SolvePlan(attempts, on_device, harsh, stiff, direct, options.device, reasons)
+    return SolvePlan(attempts, on_device, uneven_stiffness, stiff, direct, options.device, reasons)
 
 
 def _cheaper(
@@ -135,9 +135,9 @@ def _cheaper(
 ) -> tuple[tuple[str, ...], str]:
     """Attempts of method "auto", and why."""
     patience = multigrid_seconds(int(system.free.sum()))
-    if system.contrast > HARSH:
+    if system.contrast > UNEVEN_STIFFNESS:
         # multigrid takes many times as long there, and its error is harder to tell
-        patience = max(_HARSH_PATIENCE * patience, _HARSH_SECONDS)
+        patience = max(_UNEVEN_PATIENCE * patience, _UNEVEN_SECONDS)
     allowed = f"multigrid: {patience:.2g} s allowed, a direct solver takes"
     least = least_seconds(assembled, system.free)
     if least > patience:

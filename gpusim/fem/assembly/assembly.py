@@ -19,7 +19,7 @@ from gpusim.fem.assembly.element_batches import (
     model_groups,
     only_group,
 )
-from gpusim.fem.assembly.node_graph import Edges, row_sums
+from gpusim.fem.assembly.node_graph import NodeGraph, row_sums
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.lattice.stencil import Stencil
 from gpusim.fem.model.model import Model
@@ -87,7 +87,7 @@ def assemble(
 
 def assemble_groups(groups: Sequence[Elements], count: int) -> BlockRows:
     """Block rows of elements of any kind on ``count`` nodes."""
-    edges = Edges(groups, count)
+    edges = NodeGraph(groups, count)
     classes = sum(group.distinct for group in groups)
     elements = sum(len(group.cells) for group in groups)
     if classes * _ROWS_REPEAT <= elements and all(isinstance(group, Group) for group in groups):
@@ -111,7 +111,7 @@ def group_matrix(groups: Sequence[Elements], count: int) -> bsr_matrix:
 
     For coarse levels, where fixed unknowns are left out and rows don't add up to zero.
     """
-    start, column, data = Edges(groups, count).with_diagonal()
+    start, column, data = NodeGraph(groups, count).with_diagonal()
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
 
 

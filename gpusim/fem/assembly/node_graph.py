@@ -19,7 +19,7 @@ from gpusim.fem.assembly.element_batches import Elements, Group
 from gpusim.fem.assembly.matrix_product import ahead
 from gpusim.fem.assembly.scipy_kernels import add_rows, counting_sort, transpose_pattern
 
-__all__ = ["Edges", "row_sums"]
+__all__ = ["NodeGraph", "row_sums"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -33,7 +33,7 @@ _MIRRORED = 1 << 14
 _TRANSPOSED = np.array([0, 3, 6, 1, 4, 7, 2, 5, 8])
 
 
-class Edges:
+class NodeGraph:
     """Edges between ``count`` nodes, each from its lesser node, sorted; pairs are the edges of one
     element, by pair (a,b) of its nodes and then by element. ``start`` (N+1,) int64 and
     ``neighbour`` int32: every edge from either end, neighbours ascending."""

@@ -98,7 +98,7 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
     def vectors(count: int, unknowns: int) -> int:
         return count * Texels.footprint(cases * (unknowns // 3 + 1))
 
-    whole = hierarchy.bottom.unknowns // 3
+    whole = hierarchy.coarsest.unknowns // 3
     total = block_texels_bytes(*2 * [np.full(whole, whole)], exact=True)
     for number, level in enumerate(hierarchy.levels):
         fine, coarse = (int(n) for n in level.transfer.shape)
@@ -139,7 +139,7 @@ class _Bottom:
     """The dense inverse."""
 
     def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
-        inverse = dense_blocks(hierarchy.bottom.inverse)
+        inverse = dense_blocks(hierarchy.coarsest.inverse)
         self._inverse = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
 
     def record(self, recording: Recording, b: Pair, x: Pair) -> None:

@@ -22,7 +22,7 @@ from gpusim.arrays.path_sums import along_paths
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.definiteness import indefinite
 
-__all__ = ["Banded", "Ordering", "band_ordering"]
+__all__ = ["BandedFactor", "Ordering", "band_ordering"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -109,7 +109,7 @@ def _tiles(bandwidth: int) -> tuple[int, int]:
     return tile, -(-bandwidth // tile) + 1
 
 
-class Banded:
+class BandedFactor:
     """The factorised stiffness K / scale on the free unknowns."""
 
     name = "direct"

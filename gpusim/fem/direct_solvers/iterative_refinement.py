@@ -10,8 +10,8 @@ import numpy.typing as npt
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.definiteness import indefinite
 from gpusim.fem.assembly.system import System
-from gpusim.fem.direct_solvers.banded_cholesky import Banded
-from gpusim.fem.direct_solvers.substructuring import Chain
+from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor
+from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor
 from gpusim.fem.krylov.outer_iteration import Outcome
 from gpusim.fem.krylov.rounding_error import VISIBLE, rounded
 
@@ -31,7 +31,7 @@ _SINGULAR = 0.1
 
 def refine(
     system: System,
-    factor: Banded | Chain,
+    factor: BandedFactor | SubstructuredFactor,
     *,
     tolerance: float,
     progress: Callable[[int, float], None] | None,
@@ -109,7 +109,7 @@ def _residual(system: System, x: Float) -> Float:
 
 
 def _first_correction(
-    system: System, factor: Banded | Chain, x: Float, given: Float
+    system: System, factor: BandedFactor | SubstructuredFactor, x: Float, given: Float
 ) -> tuple[Float, Float]:
     """The first correction (L,n), and what the rounding of K does to the displacements (L,)."""
     size = _size(x + given)

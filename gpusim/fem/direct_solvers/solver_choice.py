@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.direct_solvers.banded_cholesky import Banded, band_ordering
-from gpusim.fem.direct_solvers.substructuring import Chain, cut_slabs
+from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
+from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.parallel.main_memory import host_memory
 
@@ -46,7 +46,7 @@ class Direct:
     seconds: float
     nbytes: int
     description: str
-    build: Callable[[], Banded | Chain]
+    build: Callable[[], BandedFactor | SubstructuredFactor]
 
     @property
     def fits(self) -> bool:
@@ -78,7 +78,7 @@ def direct_solver(
                     slabs.nbytes,
                     f"congruent sections condensed, {sum(len(r.pairs) for r in slabs.rounds)} "
                     f"distinct of {len(slabs.kind) - 1} joins",
-                    lambda: Chain(slabs, group, lattice, scale),
+                    lambda: SubstructuredFactor(slabs, group, lattice, scale),
                 )
             )
     # a bandwidth that isn't worth a closer look; that of a lattice is about its widest plane
@@ -92,7 +92,7 @@ def direct_solver(
                 ordering.operations / _BAND_RATE + _PER_UNKNOWN * unknowns,
                 ordering.nbytes,
                 f"banded Cholesky, bandwidth {ordering.bandwidth}",
-                lambda: Banded(assembled.rows, ordering, scale),
+                lambda: BandedFactor(assembled.rows, ordering, scale),
             )
         )
     return min(found, key=lambda one: one.seconds, default=None)

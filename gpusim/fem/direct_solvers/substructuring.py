@@ -29,7 +29,7 @@ from gpusim.fem.assembly.element_batches import Group
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 
-__all__ = ["Chain", "Slabs", "cut_slabs"]
+__all__ = ["Slabs", "SubstructuredFactor", "cut_slabs"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -147,7 +147,7 @@ class _Join:
 
 
 @dataclass(eq=False)
-class Chain:
+class SubstructuredFactor:
     """The condensed stiffness K / scale of a lattice cut into slabs."""
 
     slabs: Slabs

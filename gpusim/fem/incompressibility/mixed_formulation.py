@@ -21,7 +21,7 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 
-__all__ = ["Mixed", "mixed_solver"]
+__all__ = ["MixedFormulation", "mixed_solver"]
 
 Float = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ _PROBES, _FIRST, _SHARP = 160, 5, 1.1
 
 
 @dataclass(frozen=True, eq=False)
-class Mixed:
+class MixedFormulation:
     """What ``SaddleCG`` takes. ``unit`` is A's over K's, ``norm`` K's; ``probed`` iterations went
     into A's least eigenvalues."""
 
@@ -65,7 +65,7 @@ class Mixed:
 
 def mixed_solver(
     model: Model, formulation: Mapping[str, str], assembled: Assembled, system: System
-) -> Mixed | None:
+) -> MixedFormulation | None:
     """None where ``split_volume`` says so, or the least eigenvalues of A don't show soon.
 
     Raises NotConverged for an A that isn't positive definite.
@@ -94,6 +94,6 @@ def mixed_solver(
     )
     lowest = unit * min(hierarchy.lowest, found.lowest) * (1.0 - _BELOW)
     theta = _BELOW * float(found.mu.min())
-    return Mixed(
+    return MixedFormulation(
         multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), found.iterations
     )

@@ -14,10 +14,10 @@ from gpusim.errors import NotConverged
 from gpusim.fem.assembly.definiteness import check_finite
 from gpusim.fem.assembly.system import System
 from gpusim.fem.krylov.error_estimates import BELOW, Estimates, Norm
-from gpusim.fem.krylov.rounding_error import VISIBLE, Blur, extent, rounded
+from gpusim.fem.krylov.rounding_error import VISIBLE, RoundingError, extent, rounded
 from gpusim.fem.krylov.stopping_criterion import energy_bound
 
-__all__ = ["HARSH", "Outcome", "iterate"]
+__all__ = ["UNEVEN_STIFFNESS", "Outcome", "iterate"]
 
 Float = npt.NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _AIM, _LATER_AIM = 0.7, 0.15
 _ENOUGH = 0.95
 # ratio of stiffnesses from node to node beyond which the loads may not feel all soft modes, and
 # how much closer to go there
-HARSH, _HARSH_AIM = 1e3, 0.03
+UNEVEN_STIFFNESS, _UNEVEN_AIM = 1e3, 0.03
 # a run goes this far at least: after a few steps Ritz values tell little
 _LOOSEST = 1e-3
 # share of the tolerance within which a start counts as right by what its residual may do: the least
@@ -61,7 +61,7 @@ def iterate(
     norm: Norm,
     start: Float | None,
     *,
-    blur: Blur,
+    rounding: RoundingError,
     tolerance: float,
     most: int,
     progress: Callable[[int, float], None] | None,
@@ -78,16 +78,16 @@ def iterate(
     solution counts as converged if the run that gave it ended within its own bound and moved the
     solution by little; the estimate is the sum of both, times a factor of safety.
 
-    ``blur`` tells what the rounding of K itself leaves open, which is added. Where that is much of
-    the tolerance, refinement goes on with forces by deformation.
+    ``rounding`` tells what the rounding of K itself leaves open, which is added. Where that is much
+    of the tolerance, refinement goes on with forces by deformation.
     """
     refinement = _Refinement(system, loop, norm, start, tolerance, most, progress)
     refinement.run(system)
-    left = blur(system, refinement.total)
+    left = rounding(system, refinement.total)
     if left > VISIBLE * tolerance and refinement.iterations < most:
         system = system.by_deformation()
         refinement.run(system)
-        left = min(left, blur(system, refinement.total))
+        left = min(left, rounding(system, refinement.total))
     if refinement.beyond(left) and left <= _LITTLE * tolerance and refinement.iterations < most:
         # both together were too much, and this part can still be made smaller
         refinement.run(system, tolerance - left)
@@ -119,19 +119,19 @@ class _Refinement:
         self._histories: list[Float] = []
         self._first: Float | None = None
         self._inside, self._note = min(tolerance, _LOOSEST), ""
-        if system.contrast > HARSH:
+        if system.contrast > UNEVEN_STIFFNESS:
             self._note = self._state.probe(loop, most)
-            self._inside *= _HARSH_AIM
+            self._inside *= _UNEVEN_AIM
 
     @property
     def total(self) -> Float:
         """The scaled solution, prescribed displacements included."""
         return self._x + self._state.given
 
-    def beyond(self, blur: float) -> bool:
-        """Whether the estimate is within the tolerance, but not with ``blur`` added."""
+    def beyond(self, rounding: float) -> bool:
+        """Whether the estimate is within the tolerance, but not with ``rounding`` added."""
         estimate = float(np.maximum(self._estimate, self._state.floor).max())
-        return estimate <= self._tolerance < estimate + blur
+        return estimate <= self._tolerance < estimate + rounding
 
     def run(self, system: System, tolerance: float | None = None) -> None:
         """As far as one form of the system leads; to another ``tolerance`` if that is given."""
@@ -199,11 +199,11 @@ class _Refinement:
         else:
             self._message = f"stopped after {_MOST_REFINEMENTS} refinements"
 
-    def outcome(self, system: System, blur: float) -> Outcome:
-        """By the form of the system that was refined last; ``blur`` is added to the estimate."""
+    def outcome(self, system: System, rounding: float) -> Outcome:
+        """By the form of the system refined last; ``rounding`` is added to the estimate."""
         estimates = np.maximum(self._estimate, self._state.floor)
         converged = bool((estimates <= self._tolerance).all())
-        message, estimate = self._message, float(estimates.max()) + blur
+        message, estimate = self._message, float(estimates.max()) + rounding
         if converged and not estimate <= self._tolerance:
             converged, message = False, rounded(estimate)
         residuals = np.zeros((0, len(self._estimate)))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.fem.assembly.system import System
 
-__all__ = ["VISIBLE", "Blur", "extent", "rounded"]
+__all__ = ["VISIBLE", "RoundingError", "extent", "rounded"]
 
 Float = npt.NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Inverse(Protocol):
     def apply(self, r: Float) -> Float: ...
 
 
-class Blur:
+class RoundingError:
     """By a preconditioner in place of the inverse; it is within a factor of two for the soft
     motions that matter here."""
 

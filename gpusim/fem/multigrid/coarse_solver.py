@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from gpusim.fem.assembly.block_rows import pattern
 from gpusim.fem.assembly.definiteness import indefinite
 
-__all__ = ["Bottom", "narrow_order"]
+__all__ = ["CoarseSolver", "narrow_order"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -48,7 +48,7 @@ def _bandwidth(graph: csr_matrix, order: Long) -> int:
     return int(np.abs(row - place[graph.indices]).max(initial=0))
 
 
-class Bottom:
+class CoarseSolver:
     """Solves with a symmetric positive definite ``matrix``, of which the unknowns in ``mask``
     (B,s) exist; by a band of its block rows in ``order``, or by its inverse.
 

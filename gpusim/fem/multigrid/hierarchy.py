@@ -21,7 +21,7 @@ from gpusim.fem.lattice.lattice import Lattice, find_lattice
 from gpusim.fem.lattice.plane_interpolation import PlaneWeights
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct
 from gpusim.fem.model.rigid_body_modes import rigid_modes
-from gpusim.fem.multigrid.coarse_solver import Bottom, narrow_order
+from gpusim.fem.multigrid.coarse_solver import CoarseSolver, narrow_order
 from gpusim.fem.multigrid.column_blocks import Columns, columns_across
 from gpusim.fem.multigrid.geometric_coarsening import (
     Coarser,
@@ -64,7 +64,7 @@ _EVEN = 100.0
 class Level:
     """One level: its matrix (3x3 or 6x6 blocks) as host product, inverted diagonal blocks
     (B,s,s), greatest eigenvalue of D^-1 A, and the transfer to the next coarser level. Where a
-    ``smoother`` of columns serves instead, the eigenvalue is its own. ``lightly``: one
+    ``smoother`` of columns serves instead, the eigenvalue is its own. ``single_step``: one
     step of smoothing is enough, because the coarser level has the same elements. ``twice``: a cycle
     goes through this level and what is below twice, as aggregated levels are cheap, and poor where
     bodies are flat or long (see ``Multigrid``)."""
@@ -74,7 +74,7 @@ class Level:
     largest: float
     transfer: Transfer
     smoother: Columns | None = None
-    lightly: bool = False
+    single_step: bool = False
     twice: bool = False
 
 
@@ -84,7 +84,7 @@ class Hierarchy:
     the smallest eigenvalue of K (by the coarsest level's matrix)."""
 
     levels: tuple[Level, ...]
-    bottom: Bottom
+    coarsest: CoarseSolver
     lowest: float
 
 
@@ -98,7 +98,7 @@ def build_hierarchy(
     scale: float,
     stiff_in_bulk: bool = False,
     inverted: bool = False,
-    harsh: bool = False,
+    uneven_stiffness: bool = False,
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain.
 
@@ -106,9 +106,8 @@ def build_hierarchy(
     block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
     (N,3), ``points`` (N,3). Aggregation by sheets or columns is of no use to bodies that are
     ``stiff_in_bulk``; ``inverted`` asks for a coarsest matrix that can be inverted, as devices do.
-    Where stiffnesses differ greatly the matrix is ``harsh``: interpolation from aggregates stays
-    in float64 then, and its levels aren't gone through twice, as rounding brings eigenvalues of a
-    cycle above 1.
+    With ``uneven_stiffness`` interpolation from aggregates stays in float64, and its levels aren't
+    gone through twice, as rounding brings eigenvalues of a cycle above 1.
     """
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
@@ -121,12 +120,12 @@ def build_hierarchy(
         coarse_free = free[coarser.kept]
         transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
         product = _product(matrix)
-        lightly = all(_compact_tets(group, points) for group in groups)
+        single_step = all(_compact_tets(group, points) for group in groups)
         if sum(group.distinct for group in groups) <= _FEW:
             largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
         else:
-            largest = largest_eigenvalue(product, inverse, _FEW_STEPS if lightly else _STEPS)
-        levels.append(Level(product, inverse, largest, transfer, lightly=lightly))
+            largest = largest_eigenvalue(product, inverse, _FEW_STEPS if single_step else _STEPS)
+        levels.append(Level(product, inverse, largest, transfer, single_step=single_step))
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
@@ -142,7 +141,7 @@ def build_hierarchy(
     column = None
     if not stiff_in_bulk and len(points) == whole:
         column = columns_across(groups, points)
-    return _aggregate(levels, matrix, free, points, longest, column, harsh)
+    return _aggregate(levels, matrix, free, points, longest, column, uneven_stiffness)
 
 
 def _by_sheets(
@@ -279,7 +278,7 @@ def _aggregate(
     points: Float,
     longest: int,
     column: npt.NDArray[np.int64] | None,
-    harsh: bool,
+    uneven_stiffness: bool,
 ) -> Hierarchy:
     """Aggregate until a few hundred unknowns remain, or ``longest`` in a narrow band; at first by
     ``column``, where nodes stand in columns."""
@@ -299,11 +298,11 @@ def _aggregate(
         smoother = None if column is None else Columns(own, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
         prolongation, near_null, mask = prolongator(
-            own, smoother or inverse, largest, near_null, mask, single=not harsh
+            own, smoother or inverse, largest, near_null, mask, single=not uneven_stiffness
         )
         matrix = galerkin(own, prolongation)
         transfer = MatrixTransfer(prolongation)
-        twice = inverse.shape[1] == 6 and not harsh
+        twice = inverse.shape[1] == 6 and not uneven_stiffness
         levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))
         column = None
         unknowns = matrix.shape[0]
@@ -317,11 +316,11 @@ def _aggregate(
             f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'direct'"
         )
     coarsest_matrix = _assembled(matrix)
-    bottom = Bottom(coarsest_matrix, mask, narrow)
-    return Hierarchy(tuple(levels), bottom, _lowest_eigenvalue(bottom, levels, coarsest_matrix))
+    solver = CoarseSolver(coarsest_matrix, mask, narrow)
+    return Hierarchy(tuple(levels), solver, _lowest_eigenvalue(solver, levels, coarsest_matrix))
 
 
-def _lowest_eigenvalue(bottom: Bottom, levels: list[Level], matrix: bsr_matrix) -> float:
+def _lowest_eigenvalue(solver: CoarseSolver, levels: list[Level], matrix: bsr_matrix) -> float:
     """Of K in the coarsest space, by inverse iteration.
 
     Interpolated values weigh on coarse nodes by their shares, P^T w for P^T diag(w) P: that is
@@ -342,10 +341,10 @@ def _lowest_eigenvalue(bottom: Bottom, levels: list[Level], matrix: bsr_matrix) 
             x = level.transfer.restrict(x)
         return x
 
-    x = noise(bottom.unknowns, 5)
+    x = noise(solver.unknowns, 5)
     image = x[None]
     for _ in range(8):
-        x = bottom.solve(image)[0]
+        x = solver.solve(image)[0]
         x /= np.linalg.norm(x)
         image = overlap(x[None])
     return float((x @ (matrix @ x)) / (x @ image[0]))

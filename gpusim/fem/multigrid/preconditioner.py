@@ -34,7 +34,7 @@ def smoothing_steps(level: Level) -> tuple[Relaxation, ...]:
     """Chebyshev steps before and after the coarser levels."""
     if level.smoother is not None:
         return level.smoother.steps(level.largest)
-    if level.lightly:
+    if level.single_step:
         return chebyshev(level.largest / _LIGHT_RANGE, level.largest, 1)
     return chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
 
@@ -114,7 +114,7 @@ class Multigrid:
 
     def _cycle(self, number: int, b: Float) -> Float:
         if number == len(self.hierarchy.levels):
-            return self.hierarchy.bottom.solve(b)
+            return self.hierarchy.coarsest.solve(b)
         x = self._up(number, b, self._down(number, b)[2])
         level = self.hierarchy.levels[number]
         if level.twice:

@@ -11,7 +11,7 @@ from scipy.sparse import bsr_matrix, kron
 import gpusim.fem.multigrid.hierarchy as hierarchy
 from gpusim import fem
 from gpusim.errors import NotConverged
-from gpusim.fem.multigrid.coarse_solver import Bottom, narrow_order
+from gpusim.fem.multigrid.coarse_solver import CoarseSolver, narrow_order
 from gpusim.mesh import Mesh, box
 
 
@@ -36,7 +36,7 @@ def test_it_solves_with_the_unknowns_that_exist(banded: bool) -> None:
     matrix, mask = chain(40)
     order = narrow_order(matrix, 30_000) if banded else None
     assert (order is not None) == banded
-    bottom = Bottom(matrix, mask, order)
+    bottom = CoarseSolver(matrix, mask, order)
     kept = mask.ravel()
     b = np.random.default_rng(5).normal(size=(2, kept.size))
     expected = np.zeros_like(b)
@@ -47,7 +47,7 @@ def test_it_solves_with_the_unknowns_that_exist(banded: bool) -> None:
     assert (bottom.inverse == bottom.inverse.T).all()
     # an entry off by a hundredth is seen
     matrix.data[len(matrix.data) // 2, 0, 0] *= 1.01
-    wrong = Bottom(matrix, mask, order).solve(b)
+    wrong = CoarseSolver(matrix, mask, order).solve(b)
     assert np.abs(wrong - expected).max() > 1e-6 * np.abs(expected).max()
 
 
@@ -72,7 +72,7 @@ def test_a_matrix_that_is_not_definite_is_told(banded: bool, how: str) -> None:
         matrix, _ = chain(40)
         matrix = bsr_matrix(matrix - 3.0 * bsr_matrix(np.eye(240)), blocksize=(6, 6))
     with pytest.raises(NotConverged, match="coarsest level: the stiffness isn't positive definite"):
-        Bottom(matrix, mask, order)
+        CoarseSolver(matrix, mask, order)
 
 
 def slender(kind: str) -> fem.Model:
@@ -103,7 +103,7 @@ def test_long_bodies_end_in_a_band_and_have_fewer_levels(
 
     def seen(*given: object) -> hierarchy.Hierarchy:
         result = build(*given)
-        sizes.append(result.bottom.unknowns)
+        sizes.append(result.coarsest.unknowns)
         levels.append(len(result.levels))
         return result
 

@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.krylov import outer_iteration as iteration
-from gpusim.fem.krylov.rounding_error import Blur
+from gpusim.fem.krylov.rounding_error import RoundingError
 
 
 def cube() -> Model:
@@ -23,7 +23,7 @@ def test_an_estimate_that_is_too_large_by_what_rounding_leaves_is_made_smaller(
 ) -> None:
     monkeypatch.setattr(iteration, "VISIBLE", 0.5)
     rounding = 0.0
-    monkeypatch.setattr(Blur, "__call__", lambda self, system, u: rounding)
+    monkeypatch.setattr(RoundingError, "__call__", lambda self, system, u: rounding)
     for tolerance in np.geomspace(1e-4, 1e-7, 16):
         alone = solve(cube(), backend="numpy", method="multigrid", tolerance=tolerance)
         if alone.error_estimate > 0.65 * tolerance:
