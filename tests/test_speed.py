@@ -102,7 +102,7 @@ def test_where_nothing_can_be_kept(
 
     monkeypatch.setattr(Path, "home", homeless)
     speed.save()
-    assert not Speed.read("gpu").kept(["drawing"])
+    assert not Speed.read("gpu").has_compiled(["drawing"])
     assert not cache.exists()
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gpusim.errors import InputError
 from gpusim.gpu.buffer import Buffer
+from gpusim.gpu.device import Device
 from gpusim.gpu.kernel import Bindings, Kernel
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
-    from gpusim.gpu.recording import Recording
+from gpusim.gpu.recording import Recording
 
 __all__ = ["Bound"]
 

@@ -6,16 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError, TwinMismatch
+from gpusim.gpu.device import Device
 from gpusim.gpu.wgsl import stages
-
-if TYPE_CHECKING:
-    from gpusim.gpu.device import Device
 
 __all__ = ["TOLERANCES", "Tolerance", "compare", "twin_check", "twin_checks"]
 
