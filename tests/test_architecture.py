@@ -76,7 +76,6 @@ WRONG_WAY: dict[str, set[str]] = {
     "ambient.hemisphere_mask": {"probes.shadows"},
     "ambient.silhouette_search": {"probes.shadows"},
     "edge_pixels.resolve": {"probes.paints"},
-    "paint.checker_lines": {"shading.setup"},
     "raster.triangle_records": {"probes.paints", "shading.setup"},
     "shading.forward_pass": {
         "edge_pixels.fragment_lists",
@@ -105,18 +104,6 @@ CIRCLES: list[set[str]] = [
     },
     {"measure.correlation.image_tiles", "measure.correlation.matching"},
     {"mesh.boundary", "mesh.mesh", "mesh.quality"},
-    {
-        "optics.paint.checker_lines",
-        "optics.probes.occluders",
-        "optics.raster.id_buffer",
-        "optics.raster.vertex_buffers",
-        "optics.shading.lighting",
-        "optics.shading.setup",
-        "optics.shadow.brute_force",
-        "optics.shadow.bvh_refit",
-        "optics.shadow.scene",
-    },
-    {"optics.shading.deferred_pass", "optics.shading.forward_pass"},
     {"optics.shading.scene_buffers", "optics.shadow.receiver_planes"},
     {
         "optics.shadow.lamp_visibility",

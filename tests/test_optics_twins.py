@@ -173,7 +173,7 @@ def test_bands_do_not_show(device: Device, monkeypatch: pytest.MonkeyPatch) -> N
     surfaces, camera, lights = scene()
     whole = gs.render(surfaces, camera, lights, device=device)
     assert len(whole.bands) == 1
-    monkeypatch.setattr(import_module("gpusim.optics.rendering.renderer"), "BAND_BYTES", 1)
+    monkeypatch.setattr(import_module("gpusim.optics.rendering.frame_plan"), "BAND_BYTES", 1)
     bands = gs.render(surfaces, camera, lights, device=device)
     # of 32 rows, as tiles under shadows are looked at together
     assert len(bands.bands) == 3

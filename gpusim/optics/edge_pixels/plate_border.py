@@ -7,19 +7,23 @@ up (`gpusim.optics.edge_pixels.resolve` does that for all other views).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import MARGIN, segment_hits
+from gpusim.optics.edge_pixels.scatter import write_pixels
+from gpusim.optics.frame import Band
 from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.geometry.view import RegionPaint, View
 from gpusim.optics.paint.area_integrals import half_plane_share
 from gpusim.surface.paint import Checker, Plain
 
-__all__ = ["Border"]
+__all__ = ["Border", "PlateBorderPass"]
 
 Array = npt.NDArray[np.float64]
 
@@ -71,6 +75,23 @@ class Border:
         ground = view.paints[view.paint[0]].paint.ground
         value = background + share * (ground - background)
         return Border(np.concatenate([pixel[alone], pixel[corner]]), value)
+
+
+class PlateBorderPass:
+    """Those pixels in a picture: in place of `gpusim.optics.edge_pixels.resolve.EdgePixelPass`."""
+
+    def __init__(self, device: Device, border: Border, width: int) -> None:
+        self._device, self._border, self._width = device, border, width
+
+    def begin(self) -> None:
+        """There is nothing for the device."""
+
+    fetch = resolve = begin
+
+    def write(self, bands: Sequence[Band]) -> None:
+        """Write the pixels into ``bands``."""
+        value = self._border.value.astype(np.float32)
+        write_pixels(self._device, bands, self._width, self._border.pixel, value)
 
 
 def _covered(view: View, at: Array) -> Array:

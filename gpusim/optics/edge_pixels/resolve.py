@@ -99,6 +99,7 @@ class EdgePixelPass:
             "lists": device.buffer(lists, "edges.lists"),
             "found": self._found,
             **self.buffers.shared(),
+            **self.buffers.vertex_buffers.outlines(),
         }
         if setup.lighting.shadows is not None:
             self._begin_pieces(setup.lighting.shadows, constants, shared)

@@ -18,14 +18,13 @@ from gpusim.optics.geometry.polygon_clipping import MOST, clip, half_planes
 from gpusim.optics.geometry.triangle_corners import POSITION, ST, corner_range
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.paint.checker_fields import MARGIN, lines_near
-from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker
 
 __all__ = ["BoardLines"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
-LEAST = 8.0
+MIN_FIELD = 8.0
 """Size of a field over half of the largest pixel on it, from which on it is worth it."""
 
 OVERLAP = 0.012
@@ -62,16 +61,18 @@ class BoardLines:
         return np.rint(self.screen * FIXED).astype(np.int32)
 
     @staticmethod
-    def of(setup: Setup) -> BoardLines | None:
-        """Those of a view; None where there are none, and behind lenses that bend lines."""
-        view = setup.view
-        if view.camera.lens is not None or setup.lighting.openness is not None:
+    def of(view: View, printed: npt.NDArray[np.bool_]) -> BoardLines | None:
+        """Those of a view; None where there are none, and behind lenses that bend lines.
+
+        ``printed`` (T,): `gpusim.optics.shading.setup.Setup.printed`.
+        """
+        if view.camera.lens is not None:
             return None
         member = np.zeros(view.count, bool)
         found = []
-        for paint, reach, rows in _boards(setup):
+        for paint, reach, rows in _boards(view, printed):
             rows = rows[_spread(view.corners_of(rows, ST))]
-            strips = _strips(setup, rows, paint, reach)
+            strips = _strips(view, rows, paint, reach)
             if strips is not None:
                 member[rows] = True
                 found.append(strips)
@@ -80,14 +81,13 @@ class BoardLines:
         return BoardLines(member, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
 
 
-def _boards(setup: Setup) -> Iterator[tuple[Checker, float, Long]]:
+def _boards(view: View, printed: npt.NDArray[np.bool_]) -> Iterator[tuple[Checker, float, Long]]:
     """The boards of a view with large fields, half of the largest pixel on each, and the numbers of
     their triangles near lines."""
-    view, near = setup.view, (setup.groups == 1) & ~setup.bumpy
     for number, region in enumerate(view.paints):
         paint = region.paint
-        if isinstance(paint, Checker) and paint.size > LEAST * region.reach:
-            yield paint, region.reach, np.flatnonzero(near & (view.paint == number))
+        if isinstance(paint, Checker) and paint.size > MIN_FIELD * region.reach:
+            yield paint, region.reach, np.flatnonzero(printed & (view.paint == number))
 
 
 def _spread(st: Array) -> npt.NDArray[np.bool_]:
@@ -101,11 +101,11 @@ def _spread(st: Array) -> npt.NDArray[np.bool_]:
 
 
 def _strips(
-    setup: Setup, rows: Long, paint: Checker, reach: float
+    view: View, rows: Long, paint: Checker, reach: float
 ) -> tuple[Long, Array, Array] | None:
     """Parents, screen positions and 1 / depth of the strips of one paint on triangles ``rows``;
     None if they are too many."""
-    st = setup.view.corners_of(rows, ST) - np.array(paint.origin)
+    st = view.corners_of(rows, ST) - np.array(paint.origin)
     inset = MARGIN * reach
     lowest, highest = corner_range(st)
     first, last = lines_near(paint, reach, lowest, highest)
@@ -131,8 +131,8 @@ def _strips(
         polygon, count = clip(polygon, count, planes[owner, k])
     which, corner = expand(np.maximum(count - 2, 0))
     places = np.stack([np.zeros_like(corner), corner + 1, corner + 2], axis=1)
-    screen, depth = _seen(setup, rows, st, owner[which], polygon[which[:, None], places])
-    in_front = IN_FRONT + ROUNDED * _steepness(setup.view, rows)
+    screen, depth = _seen(view, rows, st, owner[which], polygon[which[:, None], places])
+    in_front = IN_FRONT + ROUNDED * _steepness(view, rows)
     return rows[owner[which]], screen, (1.0 + in_front[owner[which], None]) / depth
 
 
@@ -146,12 +146,12 @@ def _steepness(view: View, rows: Long) -> Array:
     return np.asarray(np.minimum(change, twice) / np.maximum(twice, 1e-300))
 
 
-def _seen(setup: Setup, rows: Long, st: Array, owner: Long, places: Array) -> tuple[Array, Array]:
+def _seen(view: View, rows: Long, st: Array, owner: Long, places: Array) -> tuple[Array, Array]:
     """Screen positions (n, 3, 2) and depths (n, 3) of ``places`` (n, 3, 2) in paint coordinates.
 
     ``st`` (R, 3, 2): those of the corners of triangles ``rows``; ``owner`` (n,): which of them.
     """
-    corners = setup.view.corners_of(rows, POSITION)
+    corners = view.corners_of(rows, POSITION)
     (a, b), (c, d) = ((st[:, k] - st[:, 0]).T for k in (1, 2))
     twice = a * d - b * c
 
@@ -167,6 +167,6 @@ def _seen(setup: Setup, rows: Long, st: Array, owner: Long, places: Array) -> tu
         per_s, per_t = (d * u - b * v) / twice, (a * v - c * u) / twice
         at.append(of_owners(first) + s * of_owners(per_s) + t * of_owners(per_t))
     x, y, depth = at
-    K = setup.view.camera.K
+    K = view.camera.K
     image = (K[0, 0] * x + K[0, 1] * y) / depth + K[0, 2], K[1, 1] * y / depth + K[1, 2]
     return np.stack(image, axis=-1), depth

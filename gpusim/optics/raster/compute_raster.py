@@ -25,7 +25,7 @@ from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["LARGEST", "NONE", "VisibilityBuffer", "compute_raster_twin"]
+__all__ = ["LARGEST", "NONE", "VisibilityBuffer", "compute_raster_suits", "compute_raster_twin"]
 
 LARGEST = 64.0
 """px; triangles in a larger box are left to the rasteriser: their areas don't fit into 32 bits, and
@@ -38,6 +38,11 @@ STEPS = 256
 """Of a pixel, to which places are snapped."""
 
 
+def compute_raster_suits(device: Device, view: View) -> bool:
+    """Whether the compute program can find what pixels of a view see."""
+    return device.atomics64 and view.extent <= LARGEST
+
+
 class VisibilityBuffer:
     """The triangle that each pixel of a band sees.
 
@@ -47,7 +52,8 @@ class VisibilityBuffer:
     rasteriser leaves, or None.
     """
 
-    def __init__(self, device: Device, view: View, rows: int) -> None:
+    def __init__(self, device: Device, view: View, rows: int, compute: bool | None = None) -> None:
+        """Of bands of ``rows``; ``compute``: by the compute program, None where it suits."""
         self.device, self.view, self.rows = device, view, rows
         width = view.camera.width
         self.vertex_buffers = VertexBuffers(device, view, "shade")
@@ -55,7 +61,7 @@ class VisibilityBuffer:
         self.depth: Texture | None = None
         self._begun: tuple[int, int] | None = None
         self.nearest: Buffer | None = None
-        if device.atomics64 and view.extent <= LARGEST:
+        if compute_raster_suits(device, view) if compute is None else compute:
             self.nearest = device.kept.take(8 * width * rows, "sight.nearest")
         else:
             self.depth = device.target(width, rows, "depth32float", "shade.depth")

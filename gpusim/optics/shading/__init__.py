@@ -10,6 +10,7 @@ In the order in which data passes:
   device.
 - `tile_light`: Light on large flat matte faces, evaluated at the corners of tiles and
   interpolated between.
+- `programs`: The programs that shade a view: one for each kind of paint and light.
 - `deferred_pass`: Shading pixel by pixel: first which triangle each one sees, then its light.
 - `forward_pass`: Shading: the mean radiance over each pixel that lies inside one smooth, evenly
   painted patch.

@@ -15,7 +15,6 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.raster.compute_raster import VisibilityBuffer
 from gpusim.optics.raster.triangle_records import TriangleRecords
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
@@ -31,9 +30,14 @@ class SceneBuffers:
     """A setup on the device, shared by the interior and the edge pass."""
 
     def __init__(
-        self, device: Device, setup: Setup, visibility: VisibilityBuffer | None = None
+        self,
+        device: Device,
+        setup: Setup,
+        lines: BoardLines | None = None,
+        vertex_buffers: VertexBuffers | None = None,
     ) -> None:
-        """``visibility``: what is on the device already."""
+        """``lines``: strips that are drawn along the lines of boards; ``vertex_buffers``: of a
+        view without those whose triangles are small, where they are on the device already."""
         table, view = setup.table, setup.view
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
@@ -44,18 +48,11 @@ class SceneBuffers:
         self.planes = device.no_texels("rgba32uint")
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
-        # triangles that are shaded pixel by pixel take no parts
-        self.lines = BoardLines.of(setup) if visibility is None else None
-        records = (
-            None
-            if visibility is None
-            else TriangleRecords.of(device, setup, visibility.vertex_buffers)
-        )
-        self.vertex_buffers = (
-            VertexBuffers(device, view, "shade", self.lines)
-            if visibility is None
-            else visibility.vertex_buffers
-        )
+        self.lines = lines
+        self.vertex_buffers = vertex_buffers or VertexBuffers(device, view, "shade", lines)
+        records = None
+        if vertex_buffers is not None:
+            records = TriangleRecords.of(device, setup, vertex_buffers)
         if records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
@@ -92,7 +89,6 @@ class SceneBuffers:
         return {
             "paints": self.paints,
             "patterns": self.patterns,
-            **self.vertex_buffers.outlines(),
             **self.surface(),
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,

@@ -262,6 +262,12 @@ class Setup:
         """(T,) whether a triangle has a fine relief."""
         return np.zeros(self.view.count, bool) if self.bumps is None else self.bumps.member
 
+    @property
+    def printed(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether a triangle is near a feature of a print without a relief."""
+        result: npt.NDArray[np.bool_] = (self.groups == 1) & ~self.bumpy
+        return result
+
     @cached_property
     def shiny(self) -> npt.NDArray[np.bool_]:
         """(T,) whether a triangle's paint is glossy and lit."""
