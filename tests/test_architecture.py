@@ -76,7 +76,7 @@ WRONG_WAY: dict[str, set[str]] = {
     "ambient.hemisphere_mask": {"probes.shadows"},
     "ambient.silhouette_search": {"probes.shadows"},
     "edge_pixels.resolve": {"probes.paints"},
-    "raster.triangle_records": {"probes.paints", "shading.setup"},
+    "shading.triangle_records": {"probes.paints"},
     "shading.forward_pass": {
         "edge_pixels.fragment_lists",
         "probes.paints",
@@ -87,7 +87,7 @@ WRONG_WAY: dict[str, set[str]] = {
     "shadow.occluder_search": {"probes.occluders"},
     "shadow.penumbra_mask": {"probes.occluders"},
     "shadow.receiver_groups": {"probes.occluders"},
-    "shadow.receiver_planes": {"probes.paints", "shading.scene_buffers"},
+    "shading.receiver_planes": {"probes.paints"},
 }
 CIRCLES: list[set[str]] = [
     {
@@ -104,7 +104,6 @@ CIRCLES: list[set[str]] = [
     },
     {"measure.correlation.image_tiles", "measure.correlation.matching"},
     {"mesh.boundary", "mesh.mesh", "mesh.quality"},
-    {"optics.shading.scene_buffers", "optics.shadow.receiver_planes"},
     {
         "optics.shadow.lamp_visibility",
         "optics.shadow.occluder_refinement",

@@ -14,10 +14,10 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.pixel_rank import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.triangle_records import TriangleRecords, evaluated
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.deferred_pass import small_triangles
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.triangle_records import TriangleRecords, evaluated
 
 LIGHTS = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
 
@@ -104,10 +104,10 @@ def test_one_corrupted_vertex_is_seen(
             array = array.reshape(-1, 4)
         write(self, array, first)
 
-    twin_checks()["optics/raster/triangle_records"](device)
+    twin_checks()["optics/shading/triangle_records"](device)
     monkeypatch.setattr(Texels, "write", corrupted)
-    with pytest.raises(TwinMismatch, match="optics/raster/triangle_records"):
-        twin_checks()["optics/raster/triangle_records"](device)
+    with pytest.raises(TwinMismatch, match="optics/shading/triangle_records"):
+        twin_checks()["optics/shading/triangle_records"](device)
 
 
 def test_numbers_beyond_float32_are_left_to_the_host(device: Device) -> None:

@@ -12,9 +12,8 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.compute_raster import VisibilityBuffer
-from gpusim.optics.raster.tile_mask import under
-from gpusim.optics.shading.deferred_pass import LARGE_BOX, TILE, small_triangles
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
+from gpusim.optics.shading.deferred_pass import LARGE_BOX, TILE, small_triangles, tiles_under
 from gpusim.optics.shading.forward_pass import ShadingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
@@ -114,11 +113,11 @@ def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device
     want, _ = by_pixel(setup, device)
 
     def fewer(*given: Any) -> npt.NDArray[np.bool_]:
-        tiles = under(*given)
+        tiles = tiles_under(*given)
         tiles[tuple(np.argwhere(tiles)[np.count_nonzero(tiles) // 2])] = False
         return tiles
 
-    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.under", fewer)
+    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.tiles_under", fewer)
     image, _ = by_pixel(setup, device)
     assert 0 < np.count_nonzero(image != want) <= TILE * TILE
 

@@ -9,13 +9,9 @@ import pytest
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.compute_raster import (
-    LARGEST,
-    VisibilityBuffer,
-    compute_raster_twin,
-    probe_view,
-)
+from gpusim.optics.raster.compute_raster import compute_raster_twin, probe_view
 from gpusim.optics.raster.id_buffer import near_an_edge, visibility_twin
+from gpusim.optics.raster.visibility_buffer import LARGEST, VisibilityBuffer
 from gpusim.surface.surface import Surface
 
 

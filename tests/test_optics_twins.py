@@ -119,7 +119,7 @@ def test_a_moved_vertex_is_seen_by_visibility(
     buffer = Device.buffer
 
     def corrupted(self: Device, array: np.ndarray, label: str) -> Buffer:
-        if label == "visibility.screen":
+        if label == "shade.screen":
             array = array.copy()
             array[0] += 2 * 65536
         return buffer(self, array, label)

@@ -3,11 +3,12 @@
 A footprint that reaches over a line of a board costs several times one that lies within a field,
 and hardly one in twenty does. So the triangles of a board show plain fields, and strips along its
 lines, as wide as footprints reach, are drawn a hair in front of them. The picture is the same.
+Triangles of fine meshes that lie within one field are plain, like a wall.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,15 +16,24 @@ import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
 from gpusim.optics.geometry.polygon_clipping import MOST, clip, half_planes
-from gpusim.optics.geometry.triangle_corners import POSITION, ST, corner_range
-from gpusim.optics.geometry.view import FIXED, View
-from gpusim.optics.paint.checker_fields import MARGIN, lines_near
+from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, ST, corner_range
+from gpusim.optics.geometry.view import FIXED, RegionPaint, View
+from gpusim.optics.light.microfacet_material import Gloss
 from gpusim.surface.paint import Checker
 
-__all__ = ["BoardLines"]
+__all__ = ["MARGIN", "BoardLines", "field_of", "lines_near", "matte_boards", "within_fields"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
+MARGIN = 1.05
+"""Of half of the largest pixel, how far from a line its pixels may be."""
+
+CLOSE = -(1 << 62)
+"""In place of the number of a field: a line is near."""
+
+BESIDE = CLOSE + 1
+"""The first of four numbers of what is beside the board, one for each of its sides."""
+
 MIN_FIELD = 8.0
 """Size of a field over half of the largest pixel on it, from which on it is worth it."""
 
@@ -170,3 +180,88 @@ def _seen(view: View, rows: Long, st: Array, owner: Long, places: Array) -> tupl
     K = view.camera.K
     image = (K[0, 0] * x + K[0, 1] * y) / depth + K[0, 2], K[1, 1] * y / depth + K[1, 2]
     return np.stack(image, axis=-1), depth
+
+
+def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[Array, Array]:
+    """First and last line of a board across either axis, (n, 2) each, that pixels on pieces may
+    reach over; none where the last one is before the first.
+
+    ``low`` and ``high`` (n, 2): extent of each piece, from the board's origin; ``reach``: half of
+    the largest pixel there.
+    """
+    inset = MARGIN * reach
+    squares = np.array([np.inf if n is None else n for n in (paint.columns, paint.rows)])
+    first, last = np.ceil((low - inset) / paint.size), np.floor((high + inset) / paint.size)
+    first = np.where(np.isinf(squares), first, np.maximum(first, 0.0))
+    return first, np.minimum(last, squares)
+
+
+def field_of(
+    paint: Checker, reach: float, st: Array, corner: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+    """Whether pixels on triangles of a board may reach over a line, and the albedo of those that
+    can't, (n,) each.
+
+    ``st`` (V, 2): paint coordinates of vertices; ``corner`` (n, 3): those of the triangles;
+    ``reach``: half of the largest pixel there.
+    """
+    # the field of each vertex as one number, as what is looked up costs more than what is compared
+    number, shade = np.empty(len(st), np.int64), np.empty(len(st), np.float32)
+    shades = np.array([paint.dark, paint.light], np.float32)
+    for start in range(0, len(st), CHUNK):
+        part = slice(start, start + CHUNK)
+        close, beside = np.zeros(len(st[part]), bool), np.zeros(len(st[part]), np.int64)
+        number[part] = 0
+        index = np.zeros(len(close), np.int64)
+        for axis, many in enumerate((paint.columns, paint.rows)):
+            at = (st[part, axis] - paint.origin[axis]) / paint.size
+            line, before = np.rint(at), np.floor(at)
+            if many is not None:
+                line, before = np.clip(line, 0, many), np.clip(before, -1, many)
+            near = np.abs(at - line) * paint.size <= MARGIN * reach
+            if many is not None:
+                for k, end in enumerate((-1, many)):
+                    beside[(before == end) & ~near] = BESIDE + 2 * axis + k
+            close |= near
+            whole = before.astype(np.int64)
+            index += whole
+            number[part] <<= 32
+            number[part] += whole
+        number[part][close] = CLOSE
+        shade[part] = shades[index & 1]
+        if beside.any():
+            out = beside < 0
+            number[part][out], shade[part][out] = beside[out], paint.ground
+    near, albedo = np.empty(len(corner), bool), np.empty(len(corner), np.float32)
+    for start in range(0, len(corner), CHUNK):
+        part = slice(start, start + CHUNK)
+        own = [corner[part, k] for k in range(3)]
+        a, b, c = (np.take(number, vertices, mode="clip") for vertices in own)
+        near[part] = (a != b) | (a != c) | (a == CLOSE)
+        np.take(shade, own[0], out=albedo[part], mode="clip")
+    return near, albedo
+
+
+def matte_boards(paints: Sequence[RegionPaint], gloss: Gloss | None) -> list[int]:
+    """Numbers of the chessboards that don't shine: fields are matte prints on others' ground."""
+    return [
+        number
+        for number, region in enumerate(paints)
+        if isinstance(region.paint, Checker) and not (gloss and gloss.glossy[number])
+    ]
+
+
+def within_fields(
+    view: View, number: int, near: npt.NDArray[np.bool_], albedo: npt.NDArray[np.float32]
+) -> None:
+    """Correct ``near`` and ``albedo`` (T,) on the triangles of the board of paint ``number``."""
+    region = view.paints[number]
+    paint = region.paint
+    assert isinstance(paint, Checker)
+    own = near & (view.paint == number)
+    whole = bool(own.all())
+    corner = view.corner if whole else view.corner[own]
+    close, plain = field_of(paint, region.reach, view.vertices[:, ST], corner)
+    rows = slice(None) if whole else np.flatnonzero(own)
+    near[rows] = close
+    albedo[rows] = np.where(close, albedo[rows], plain)

@@ -15,7 +15,7 @@ from gpusim.optics.edge_pixels.plate_border import Border
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.compute_raster import LARGEST, compute_raster_suits
+from gpusim.optics.raster.visibility_buffer import LARGEST, compute_raster_suits
 from gpusim.optics.shading.deferred_pass import LARGE_BOX, small_triangles
 from gpusim.optics.shading.lighting import casts_shadows
 from gpusim.optics.shading.tile_light import MIN_PIXELS

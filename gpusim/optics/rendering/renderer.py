@@ -20,13 +20,14 @@ from gpusim.optics.geometry.face_winding import wound_inwards
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import Light, is_light
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.compute_raster import VisibilityBuffer
 from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.optics.rendering.background import BackgroundTasks
 from gpusim.optics.rendering.frame_plan import FramePlan, plan_frame
 from gpusim.optics.rendering.local_origin import local, seen_from_origin
 from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.lighting import find_shadows
+from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
@@ -141,7 +142,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
             _shade(device, shading, bands[0])
         if plan.shadowed:
             shadows = find_shadows(view, scene.lights or [], scene.surfaces, device)
-            buffers = buffers.with_shadows(shadows)
+            buffers = with_shadows(buffers, shadows)
         edge_pass: EdgePixelPass | PlateBorderPass
         if edges is None:
             border = Border.of(view, scene.background)

@@ -17,15 +17,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.summed_area import covered
 from gpusim.gpu import Buffer, Recording, Texture
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.view import View
-from gpusim.optics.raster.compute_raster import NONE, VisibilityBuffer
-from gpusim.optics.raster.tile_mask import under
+from gpusim.optics.raster.visibility_buffer import NONE, VisibilityBuffer
 from gpusim.optics.shading.programs import Program
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 
-__all__ = ["LARGE_BOX", "MAX_PIXELS", "MIN_TRIANGLES", "DeferredPass", "small_triangles"]
+__all__ = [
+    "LARGE_BOX",
+    "MAX_PIXELS",
+    "MIN_TRIANGLES",
+    "DeferredPass",
+    "small_triangles",
+    "tiles_under",
+]
 
 MAX_PIXELS = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
@@ -81,7 +88,7 @@ class DeferredPass:
             for program in large:
                 order = device.buffer(program.triangles, "shade.wide")
                 self._wide.append((program.constants, order, len(program.triangles)))
-            row, column = np.nonzero(under(view, np.flatnonzero(~wide), TILE))
+            row, column = np.nonzero(tiles_under(view, np.flatnonzero(~wide), TILE))
             self._count = len(row)
             tiles = (row << 16 | column).astype(np.uint32)
             self._tiles = device.buffer(tiles if self._count else NONE, "shade.tiles")
@@ -184,3 +191,17 @@ def _apart(programs: list[Program], own: npt.NDArray[np.bool_]) -> list[Program]
         for program in programs
     ]
     return [part for part in parts if len(part.triangles)]
+
+
+def tiles_under(view: View, triangles: npt.NDArray[np.int64], side: int) -> npt.NDArray[np.bool_]:
+    """(rows, columns): tiles, ``side`` px wide, within a pixel of the boxes of ``triangles``
+    (n,)."""
+    shape = (-(-view.camera.height // side), -(-view.camera.width // side))
+    first, last = (np.empty((2, len(triangles)), np.int64).T for _ in range(2))
+    for ends, own, more in ((first, view.box[0], -0.5), (last, view.box[1], 1.5 + side)):
+        for axis, limit in enumerate(shape[::-1]):
+            place = np.take(own[:, axis], triangles)
+            place += more
+            place /= side
+            ends[:, axis] = np.clip(np.floor(place), 0, limit)
+    return covered(first, last, shape)

@@ -22,8 +22,8 @@ from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.probes.paints import probe_setup
-from gpusim.optics.raster.compute_raster import NONE, VisibilityBuffer
 from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import NONE, VisibilityBuffer
 from gpusim.optics.shading.deferred_pass import DeferredPass
 from gpusim.optics.shading.programs import Program, shader_programs
 from gpusim.optics.shading.scene_buffers import SceneBuffers

@@ -22,6 +22,7 @@ from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.probes.shadows import shadow_scene
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.tile_light import LightTiles
@@ -266,7 +267,7 @@ def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
     out = device.empty(4 * shading.stride * camera.height, "relit.out")
     with device.recording("optics.shade") as recording:
         shading.record(recording, out, 0, camera.height)
-    relit = RelightingPass(buffers.with_shadows(shadows), shading, camera.height)
+    relit = RelightingPass(with_shadows(buffers, shadows), shading, camera.height)
     relit.record(out, 0, camera.height)
     relit.finish()
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]

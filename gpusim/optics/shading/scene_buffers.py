@@ -15,10 +15,9 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.raster.triangle_records import TriangleRecords
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
-from gpusim.optics.shadow.receiver_planes import planes_on_device
+from gpusim.optics.shading.triangle_records import TriangleRecords
 from gpusim.optics.shadow.scene import Shadows
 
 __all__ = ["SceneBuffers"]
@@ -73,15 +72,10 @@ class SceneBuffers:
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
-    def with_shadows(self, shadows: Shadows | None) -> SceneBuffers:
-        """The same view with shadows."""
+    def with_shadows(self, shadows: Shadows, planes: Texels) -> SceneBuffers:
+        """The same scene with shadows; ``planes``: `gpusim.optics.shading.receiver_planes`."""
         result = copy(self)
-        result.setup = self.setup.with_shadows(shadows)
-        if shadows is not None:
-            on = shadows.owners
-            if self.lines is not None:
-                on = np.append(on, on[self.lines.parent])
-            result.planes = planes_on_device(self, on)
+        result.setup, result.planes = self.setup.with_shadows(shadows), planes
         return result
 
     def shared(self) -> dict[str, Any]:

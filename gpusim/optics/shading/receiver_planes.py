@@ -6,8 +6,6 @@ place in both. The twin finds them from the corners, in float64.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
@@ -15,16 +13,15 @@ from gpusim.gpu import Device, Texels, compare, twin_check
 from gpusim.optics.geometry.triangle_corners import NORMAL
 from gpusim.optics.geometry.view import View
 from gpusim.optics.probes.paints import fields_setup, probe_setup
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shadow.receivers import NO_OWNER, PixelReceivers, plane_words
+from gpusim.optics.shadow.scene import Shadows
 
-if TYPE_CHECKING:
-    from gpusim.optics.shading.scene_buffers import SceneBuffers
-
-__all__ = ["planes_on_device", "planes_twin"]
+__all__ = ["planes_on_device", "planes_twin", "with_shadows"]
 
 Array = npt.NDArray[np.float64]
 
-NAME = "optics/shadow/receiver_planes"
+NAME = "optics/shading/receiver_planes"
 
 
 def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels:
@@ -44,6 +41,17 @@ def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels
     return texels
 
 
+def with_shadows(buffers: SceneBuffers, shadows: Shadows | None) -> SceneBuffers:
+    """The same scene with shadows, and the planes from which pixels ask for lamps."""
+    if shadows is None:
+        return buffers
+    on = shadows.owners
+    if buffers.lines is not None:
+        on = np.append(on, on[buffers.lines.parent])
+    planes = planes_on_device(buffers, on)
+    return buffers.with_shadows(shadows, planes)
+
+
 def planes_twin(view: View) -> tuple[Array, Array]:
     """(T, 3): n / d of the triangles of a view; (T,): how far normals for shading are from n."""
     planes = PixelReceivers.planes_of(view)
@@ -55,8 +63,6 @@ def planes_twin(view: View) -> tuple[Array, Array]:
 
 @twin_check(NAME)
 def _check(device: Device) -> None:
-    from gpusim.optics.shading.scene_buffers import SceneBuffers
-
     # records by the device and by the host, smooth shading through a lens, strips along lines
     for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
         count = setup.view.count
