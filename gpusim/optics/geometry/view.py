@@ -57,8 +57,8 @@ FIXED = 65536
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
 
-MANY = 2000
-"""Triangles from which on those that aren't cut are told from the others."""
+MIN_TRIANGLES_FOR_SHARING = 2000
+"""From which on triangles that aren't cut are told from the others, and share their vertices."""
 
 SAMPLED = 4096
 """Triangles that tell how large they are on average."""
@@ -343,7 +343,7 @@ def _seen_of(
     if untouched:
         return found
     left, parts = np.ones(len(kept), bool), []
-    if len(kept) >= MANY:
+    if len(kept) >= MIN_TRIANGLES_FOR_SHARING:
         whole, done = whole_triangles(found, screen, crossing)
         left, parts = ~done, [whole]
         if not left.any():
