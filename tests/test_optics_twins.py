@@ -188,7 +188,7 @@ def test_pixels_under_many_triangles_are_resolved_alike_on_host_and_device(
 ) -> None:
     surfaces, camera, lights = scene()
     on_device = gs.render(surfaces, camera, lights, device=device).radiance
-    monkeypatch.setattr(resolve, "DEEPEST", 1)
+    monkeypatch.setattr(resolve, "MAX_DEPTH", 1)
     on_host = gs.render(surfaces, camera, lights, device=device).radiance
     different = np.abs(on_device - on_host)
     assert (different > 0).sum() > 20 and different.max() < 2e-5 * on_device.max() + 2e-5

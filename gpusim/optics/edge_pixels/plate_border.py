@@ -28,10 +28,10 @@ __all__ = ["Border", "PlateBorderPass"]
 Array = npt.NDArray[np.float64]
 
 
-MOST_EDGES = 64
+MAX_EDGES = 64
 """Of a plate; where they are more, so are the pixels with two of them."""
 
-MOST_TRIANGLES = 4096
+MAX_TRIANGLES = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,9 @@ class Border:
     @staticmethod
     def suits(view: View) -> bool:
         """Whether an unlit view shows one flat plate, and its ground alone along the border."""
-        if view.camera.lens is not None or not 0 < len(view.edges) <= MOST_EDGES:
+        if view.camera.lens is not None or not 0 < len(view.edges) <= MAX_EDGES:
             return False
-        if view.count > MOST_TRIANGLES or not view.flat or np.ptp(view.paint):
+        if view.count > MAX_TRIANGLES or not view.flat or np.ptp(view.paint):
             return False
         return _even(view, view.paints[view.paint[0]])
 
@@ -86,7 +86,7 @@ class PlateBorderPass:
     def begin(self) -> None:
         """There is nothing for the device."""
 
-    fetch = resolve = begin
+    fetch = host_pass = begin
 
     def write(self, bands: Sequence[Band]) -> None:
         """Write the pixels into ``bands``."""

@@ -38,7 +38,7 @@ MIN_TRIANGLES_FOR_BOUNDS = 2000
 BLOCK = 1 << 15
 """Triangles at a time in float32: more than `CHUNK`, as a pass is short then."""
 
-LOOSE = 0.02
+MAX_SLACK = 0.02
 """By which the bound may be above it, twice."""
 
 ROUNDED = 1e-6
@@ -248,7 +248,7 @@ def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]]
         more *= length
         more += np.float32(4.0 * off) * widest
         less: Single = (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
-        sure = (more <= LOOSE * most) & (less <= LOOSE * area) & (area > 0.0)
+        sure = (more <= MAX_SLACK * most) & (less <= MAX_SLACK * area) & (area > 0.0)
         return sure, most, more, area, less
 
     return find

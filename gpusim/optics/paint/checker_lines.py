@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
-from gpusim.optics.geometry.polygon_clipping import MOST, clip, half_planes
+from gpusim.optics.geometry.polygon_clipping import MAX_CORNERS, clip, half_planes
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, ST, corner_range
 from gpusim.optics.geometry.view import FIXED, RegionPaint, View
 from gpusim.optics.light.microfacet_material import Gloss
@@ -44,7 +44,7 @@ leaves a gap between two of them. Beyond the surface's border lie edge pixels on
 FLATTEST = 1e-4
 """Height over length of triangles in paint coordinates that take strips."""
 
-MOST_STRIPS = 1 << 14
+MAX_STRIPS = 1 << 14
 IN_FRONT = 2e-6
 """Share of the depth; far more than a depth buffer's rounding, far less than any real distance."""
 
@@ -120,7 +120,7 @@ def _strips(
     lowest, highest = corner_range(st)
     first, last = lines_near(paint, reach, lowest, highest)
     many = np.maximum(last - first + 1.0, 0.0)
-    if not many.sum() <= MOST_STRIPS:
+    if not many.sum() <= MAX_STRIPS:
         return None
     owners, boxes = [], []
     for axis in range(2):
@@ -133,7 +133,7 @@ def _strips(
     owner, box = np.concatenate(owners), np.concatenate(boxes)
     (x0, y0), (x1, y1) = box[:, 0].T, box[:, 1].T
     square = np.stack([np.stack(c, 1) for c in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], axis=1)
-    polygon = np.concatenate([square, np.repeat(square[:, -1:], MOST - 4, axis=1)], axis=1)
+    polygon = np.concatenate([square, np.repeat(square[:, -1:], MAX_CORNERS - 4, axis=1)], axis=1)
     count = np.full(len(polygon), 4)
     planes = half_planes(st)
     planes[..., 2] += OVERLAP * reach * np.hypot(planes[..., 0], planes[..., 1])

@@ -17,9 +17,9 @@ from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.optics.geometry.view import View
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 
-__all__ = ["LARGEST", "NONE", "VisibilityBuffer", "compute_raster_suits"]
+__all__ = ["MAX_BOX", "NONE", "VisibilityBuffer", "compute_raster_suits"]
 
-LARGEST = 64.0
+MAX_BOX = 64.0
 """px; triangles in a larger box are left to the rasteriser: their areas don't fit into 32 bits, and
 invocations beside them wait for them."""
 
@@ -29,7 +29,7 @@ NONE = np.zeros(1, np.uint32)
 
 def compute_raster_suits(device: Device, view: View) -> bool:
     """Whether the compute program can find what pixels of a view see."""
-    return device.atomics64 and view.extent <= LARGEST
+    return device.atomics64 and view.extent <= MAX_BOX
 
 
 class VisibilityBuffer:

@@ -15,7 +15,7 @@ from gpusim.optics.edge_pixels.plate_border import Border
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.visibility_buffer import LARGEST, compute_raster_suits
+from gpusim.optics.raster.visibility_buffer import MAX_BOX, compute_raster_suits
 from gpusim.optics.shading.deferred_pass import LARGE_BOX, small_triangles
 from gpusim.optics.shading.lighting import casts_shadows
 from gpusim.optics.shading.tile_light import MIN_PIXELS
@@ -111,7 +111,7 @@ def plan_frame(
         ),
         "compute_raster": (
             deferred and compute_raster_suits(device, view),
-            f"boxes up to {view.extent:.0f} px; at most {LARGEST:.0f}, with 64-bit atomics",
+            f"boxes up to {view.extent:.0f} px; at most {MAX_BOX:.0f}, with 64-bit atomics",
         ),
         "whole_large": (deferred and view.extent > LARGE_BOX, "large boxes among small ones"),
         "checker_lines": (

@@ -164,7 +164,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
         if relighting is not None:
             relighting.record(band.buffer, band.row0, band.rows)
     # the host pass, while the device looks for what hides lamps from other pixels
-    edge_pass.resolve()
+    edge_pass.host_pass()
     if relighting is not None:
         relighting.finish()
     edge_pass.write(bands)

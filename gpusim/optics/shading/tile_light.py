@@ -46,10 +46,10 @@ MIN_SHARE = 0.1
 TOLERANCE = 5e-5
 """Of the light on a face turned to the lamp, that interpolation may be off by."""
 
-FLAT = 1e-9
+PLANE_TOLERANCE = 1e-9
 """Distance from a plane, by that from the eye, that counts as on it."""
 
-MOST_PLANES = 16
+MAX_PLANES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class LightTiles:
         owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
         member = np.zeros(view.count, bool)
         left = large[np.argsort(-area[large], kind="stable")]
-        for plane in range(MOST_PLANES):
+        for plane in range(MAX_PLANES):
             if not len(left):
                 break
             same = _in_plane(setup, left[0], left)
@@ -155,7 +155,7 @@ def _in_plane(setup: Setup, first: np.int64, triangles: Numbers) -> npt.NDArray[
     off = np.abs((corners[:, :, :3] - a) @ normal)
     far = np.linalg.norm(corners[:, :, :3], axis=2)
     alike = np.abs(corners[:, 0, NORMAL] - one[0, NORMAL]).max(axis=1)
-    return np.asarray((off <= FLAT * far).all(axis=1) & (alike <= 1e-9))
+    return np.asarray((off <= PLANE_TOLERANCE * far).all(axis=1) & (alike <= 1e-9))
 
 
 class TileLightPass:
