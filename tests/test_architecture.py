@@ -76,19 +76,14 @@ OPTICS = (
 # Imports of `optics` that still point the other way, and circles of modules.
 WRONG_WAY: dict[str, set[str]] = {
     "edge_pixels.resolve": {"probes.paints"},
-    "paint.checker_lines": {"shading.setup"},
-    "raster.triangle_records": {"probes.paints", "shading.setup"},
+    "shading.triangle_records": {"probes.paints"},
     "shading.forward_pass": {
         "edge_pixels.fragment_lists",
         "probes.paints",
     },
     "shading.relighting": {"edge_pixels.fragment_lists", "probes.shadows"},
-    "shadow.receiver_planes": {"shading.scene_buffers"},
 }
-CIRCLES: list[set[str]] = [
-    {"optics.shading.deferred_pass", "optics.shading.forward_pass"},
-    {"optics.shading.scene_buffers", "optics.shadow.receiver_planes"},
-]
+CIRCLES: list[set[str]] = []
 
 MOST_MODULES = 20
 """In one folder."""

@@ -33,6 +33,10 @@ def board(columns: int | None, rows: int | None) -> list[Surface]:
     ]
 
 
+def lines_of(setup: Setup) -> BoardLines | None:
+    return BoardLines.of(setup.view, setup.printed)
+
+
 def camera(**changes: object) -> gs.Camera:
     return gs.Camera.from_lens(
         (36.0, 24.0),
@@ -57,10 +61,10 @@ def test_a_board_is_the_same_with_and_without(
 ) -> None:
     surfaces = board(columns, rows)[: 1 if alone else 2]
     view = look(surfaces, camera(), lit=lights is not None)
-    lines = BoardLines.of(Setup.build(view, lights, 0.0, surfaces))
+    lines = lines_of(Setup.build(view, lights, 0.0, surfaces))
     assert lines is not None and len(lines.parent) > 40
     part = gs.render(surfaces, camera(), lights, device=device).radiance
-    monkeypatch.setattr(checker_lines, "LEAST", np.inf)
+    monkeypatch.setattr(checker_lines, "MIN_FIELD", np.inf)
     whole = gs.render(surfaces, camera(), lights, device=device).radiance
     twin = gs.render(surfaces, camera(), lights, backend="numpy").radiance
     scale = float(twin.max())
@@ -76,7 +80,7 @@ def test_strips_cover_what_reaches_over_a_line() -> None:
     surfaces = board(5, 4)
     view = look(surfaces, camera(), lit=False)
     setup = Setup.build(view, None, 0.0)
-    lines = BoardLines.of(setup)
+    lines = BoardLines.of(setup.view, setup.printed)
     assert lines is not None
     np.testing.assert_array_equal(lines.member, view.paint == 0)
     # strips are a small part of the board
@@ -117,7 +121,7 @@ def test_strips_lie_in_front_where_cards_round_vertices(eye: tuple[float, float,
     seen = gs.Camera.from_lens((36.0, 24.0), 50.0, (391, 262), eye, (0.0, 0.0, 0.01))
     surfaces = board(None, None)[:1]
     view = look(surfaces, seen, lit=False)
-    lines = BoardLines.of(Setup.build(view, None, 0.0, surfaces))
+    lines = lines_of(Setup.build(view, None, 0.0, surfaces))
     assert lines is not None and len(lines.parent) > 40
 
     def rounded(screen: np.ndarray, inverse_depth: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -141,14 +145,14 @@ def test_strips_lie_in_front_where_cards_round_vertices(eye: tuple[float, float,
 def test_boards_without_strips() -> None:
     surfaces = board(5, 4)
     bent = look(surfaces, camera(distortion=[-0.2, 0.05, 0.0, 0.0]), lit=False)
-    assert BoardLines.of(Setup.build(bent, None, 0.0)) is None
+    assert lines_of(Setup.build(bent, None, 0.0)) is None
     small = Setup.build(look([Surface(surfaces[0].points, surfaces[0].faces, paint=Checker(0.004))],
                              camera(), lit=False), None, 0.0)  # fmt: skip
-    assert BoardLines.of(small) is None
+    assert lines_of(small) is None
     # a side face on which the paint is one line
     side = np.array([[0.0, -0.1, 0.0], [0.1, 0.1, 0.0], [0.1, 0.1, 0.1], [0.0, -0.1, 0.1]])
     frame = gs.PaintFrame(np.zeros(3), np.array([1.0, 1.0, 0.0]), np.array([1.0, 1.0, 1e-9]))
     view = look([Surface(side, np.array([[0, 1, 2, 3]]), {"a": Checker(0.06)},
                          frames={"a": frame})], camera(), lit=False)  # fmt: skip
-    lines = BoardLines.of(Setup.build(view, None, 0.0))
+    lines = lines_of(Setup.build(view, None, 0.0))
     assert lines is None or not lines.member.any()

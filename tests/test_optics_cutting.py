@@ -84,7 +84,7 @@ def test_the_rule_for_an_edge_is_that_of_its_reverse() -> None:
 
 
 def test_cutting_without_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(clipping, "MOST_PIECES", 100)
+    monkeypatch.setattr(clipping, "MAX_PIECES", 100)
     with pytest.raises(gs.InputError, match=r"Camera 'camera' distortion; got \[-8.*straight"):
         look([half_plane(1.2, shift=22.0)], through(STRONG), lit=False)
 

@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.edge_pixels.resolve import DEEPEST, SURE
+from gpusim.optics.edge_pixels.resolve import MAX_DEPTH, MAX_ERROR
 from gpusim.optics.geometry.view import look
 
 CAMERA = gs.Camera(57, 33, np.array([[60.0, 0.0, 28.0], [0.0, 60.0, 16.0], [0.0, 0.0, 1.0]]))
@@ -46,11 +46,11 @@ def heaps(count: int, seed: int) -> list[gs.Surface]:
 def test_heaps_are_those_of_the_twin(count: int, lit: bool, device: Device) -> None:
     surfaces = heaps(count, 7 + count)
     depth = find_edge_pixels(look(surfaces, CAMERA, lit)).depth
-    assert np.count_nonzero((depth > 0.5 * count) & (depth <= DEEPEST)) > 20
+    assert np.count_nonzero((depth > 0.5 * count) & (depth <= MAX_DEPTH)) > 20
     lights = [gs.PointLight((0.5, -1.0, -2.0), 300.0, shadows=False)] if lit else None
     got = gs.render(surfaces, CAMERA, lights, device=device).radiance
     want = gs.render(surfaces, CAMERA, lights, backend="numpy").radiance
-    assert np.abs(got - want).max() <= SURE * float(want.max())
+    assert np.abs(got - want).max() <= MAX_ERROR * float(want.max())
 
 
 def test_what_is_behind_many_small_ones_is_looked_at(device: Device) -> None:
@@ -72,7 +72,7 @@ def test_what_is_behind_many_small_ones_is_looked_at(device: Device) -> None:
     faces = np.arange(3 * len(points)).reshape(-1, 3)
     surface = gs.Surface(corners.reshape(-1, 3), faces, paints, region=region)
     depth = find_edge_pixels(look([surface], CAMERA, False)).depth
-    assert np.count_nonzero((depth > 40) & (depth <= DEEPEST)) > 20
+    assert np.count_nonzero((depth > 40) & (depth <= MAX_DEPTH)) > 20
     got = gs.render([surface], CAMERA, device=device).radiance
     want = gs.render([surface], CAMERA, backend="numpy").radiance
-    assert np.abs(got - want).max() <= SURE * float(want.max())
+    assert np.abs(got - want).max() <= MAX_ERROR * float(want.max())

@@ -71,8 +71,8 @@ def test_an_image_in_parts_equals_the_whole(
     lights = [gs.PointLight((3.0, -2.0, 1.0), 4e4)]
     whole = gs.render([surface], camera, lights, background=0.2, device=device)
     module = import_module("gpusim.optics.rendering.renderer")
-    monkeypatch.setattr(module, "MOST_TRIANGLES", 900)
-    monkeypatch.setattr(module, "FEWEST_ROWS", 3)
+    monkeypatch.setattr(module, "MAX_TRIANGLES", 900)
+    monkeypatch.setattr(module, "MIN_PART_ROWS", 3)
     parts = gs.render([surface], camera, lights, background=0.2, device=device)
     assert len(parts.bands) > 2 and len(whole.bands) == 1
     assert np.abs(parts.radiance - whole.radiance).max() < 1e-6 * whole.radiance.max()

@@ -7,7 +7,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.optics.geometry.view import look
-from gpusim.optics.paint.checker_fields import field_of
+from gpusim.optics.paint.checker_lines import field_of
 from gpusim.optics.shading import setup as records
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker

@@ -143,7 +143,7 @@ def test_the_device_resolves_layers_of_fine_triangles(
     want = gs.render([shown], CAMERA, lamps, background=0.02, backend="numpy").radiance
     print(f"{left[0][0]} of {left[0][1]} pixels left to the host")
     assert left[0][0] < 0.25 * left[0][1]
-    assert np.abs(got - want).max() < 1.5 * resolve.SURE * float(want.max())
+    assert np.abs(got - want).max() < 1.5 * resolve.MAX_ERROR * float(want.max())
 
 
 def test_light_on_what_the_device_is_in_doubt_about(device: Device) -> None:
@@ -160,5 +160,5 @@ def test_light_on_what_the_device_is_in_doubt_about(device: Device) -> None:
     got = gs.render([shown], camera, lamps, background=0.02, device=device).radiance
     want = gs.render([shown], camera, lamps, background=0.02, backend="numpy").radiance
     off = np.abs(got - want) / float(want.max())
-    print(f"worst {off.max():.1e}, {np.count_nonzero(off > resolve.SURE)} pixels")
-    assert off.max() < 1e-3 and np.count_nonzero(off > resolve.SURE) < 10
+    print(f"worst {off.max():.1e}, {np.count_nonzero(off > resolve.MAX_ERROR)} pixels")
+    assert off.max() < 1e-3 and np.count_nonzero(off > resolve.MAX_ERROR) < 10

@@ -166,7 +166,7 @@ def test_tiles_and_bands_join_without_seams(
     lens = gs.Lens(psf=gs.psf.Gaussian(0.9))
     whole = gs.photograph([half_plane()], camera(), lens=lens, device=device).radiance
     module = sys.modules[photograph.__module__]
-    monkeypatch.setattr(module, "WIDEST", 170)
+    monkeypatch.setattr(module, "MAX_SIDE", 170)
     monkeypatch.setattr(module, "TILE_CELLS", 170 * 90)
     frame = gs.photograph([half_plane()], camera(), lens=lens, device=device)
     assert len(frame.bands) > 3

@@ -10,14 +10,13 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer_pool import BufferPool
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.pixel_rank import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.triangle_records import TriangleRecords, evaluated
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.deferred_pass import small_triangles
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.triangle_records import TriangleRecords, evaluated
 
 LIGHTS = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
 
@@ -104,10 +103,10 @@ def test_one_corrupted_vertex_is_seen(
             array = array.reshape(-1, 4)
         write(self, array, first)
 
-    twin_checks()["optics/raster/triangle_records"](device)
+    twin_checks()["optics/shading/triangle_records"](device)
     monkeypatch.setattr(Texels, "write", corrupted)
-    with pytest.raises(TwinMismatch, match="optics/raster/triangle_records"):
-        twin_checks()["optics/raster/triangle_records"](device)
+    with pytest.raises(TwinMismatch, match="optics/shading/triangle_records"):
+        twin_checks()["optics/shading/triangle_records"](device)
 
 
 def test_numbers_beyond_float32_are_left_to_the_host(device: Device) -> None:
@@ -146,18 +145,6 @@ def test_corners_that_differ_have_vertices_of_their_own() -> None:
     )  # fmt: skip
 
 
-def test_edge_pixels_know_the_same_triangles_however_they_are_looked_up(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    view = look([sheet(60, 40, gs.paint.Plain(0.4))], camera(), lit=True)
-    found = find_edge_pixels(view)
-    assert len(found.pixel) > 500
-    monkeypatch.setattr("gpusim.optics.edge_pixels.fragment_lists.FARTHEST", 0)
-    every = find_edge_pixels(view)
-    for name in ("pixel", "start", "triangle"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(every, name))
-
-
 @pytest.mark.parametrize("size", [1, 64, 65, 4096, 100_003])
 def test_ranks_are_those_of_a_search(size: int) -> None:
     rng = np.random.default_rng(size)
@@ -191,7 +178,7 @@ def test_triangles_that_are_not_cut_share_their_vertices(
     view = look([surface], viewer, lit=True)
     assert view.count > 3000 and len(view.place) < 2.5 * view.count
     got = gs.render([surface], viewer, LIGHTS, device=device)
-    monkeypatch.setattr("gpusim.optics.geometry.view.MANY", 10**9)
+    monkeypatch.setattr("gpusim.optics.geometry.view.MIN_TRIANGLES_FOR_SHARING", 10**9)
     want = gs.render([surface], viewer, LIGHTS, device=device)
     if lens is not None or inside:
         assert len(want.view.place) == 3 * want.view.count

@@ -12,8 +12,8 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.tile_mask import under
-from gpusim.optics.shading.deferred_pass import TILE, WIDE, small_triangles
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
+from gpusim.optics.shading.deferred_pass import LARGE_BOX, TILE, small_triangles, tiles_under
 from gpusim.optics.shading.forward_pass import ShadingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
@@ -41,6 +41,15 @@ PAINTS = {
 }
 
 
+def shading_of(
+    device: Device, setup: Setup, rows: int, deferred: bool, whole_large: bool = True
+) -> ShadingPass:
+    visibility = VisibilityBuffer(device, setup.view, rows) if deferred else None
+    marked = setup.lighting.shadows is not None
+    buffers = SceneBuffers(device, setup)
+    return ShadingPass(buffers, rows, visibility, marked=marked, whole_large=whole_large)
+
+
 @pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["one program", "several"])
 @pytest.mark.parametrize("lit", [False, True], ids=["unlit", "shadowed"])
 def test_both_ways_give_the_same_image(
@@ -56,9 +65,9 @@ def test_both_ways_give_the_same_image(
     assert small_triangles(view)
     setup = Setup.build(view, lights, 0.25, surfaces)
     assert (setup.lighting.shadows is not None) == lit
-    buffers, images, marks = SceneBuffers(device, setup), [], []
-    for by_pixel in (False, True):
-        shading = ShadingPass(buffers, 40, by_pixel)
+    images, marks = [], []
+    for deferred in (False, True):
+        shading = shading_of(device, setup, 40, deferred)
         image = []
         for row0, rows in ((0, 40), (40, 21)):
             out = device.empty(4 * shading.stride * rows, "test.out")
@@ -84,17 +93,15 @@ LARGER = gs.Camera.from_lens((36.0, 24.0), 30.0, (333, 221), (0.12, -1.0, 0.08),
 @pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["matte", "glossy"])
 @pytest.mark.parametrize("lit", [False, True], ids=["unlit", "shadowed"])
 def test_walls_behind_small_triangles_are_shaded_as_wholes(
-    paints: dict[str, object], lit: bool, monkeypatch: pytest.MonkeyPatch, device: Device
+    paints: dict[str, object], lit: bool, device: Device
 ) -> None:
     surfaces, lights = before_a_wall(paints), [LAMP] if lit else None
     view = look(surfaces, LARGER, lit)
-    assert small_triangles(view) and view.extent > WIDE
+    assert small_triangles(view) and view.extent > LARGE_BOX
     setup = Setup.build(view, lights, 0.25, surfaces)
     assert (setup.lighting.shadows is not None) == lit
-    buffers = SceneBuffers(device, setup)
-    image, marks = by_pixel(buffers, device)
-    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.WIDE", np.inf)
-    want, every = by_pixel(buffers, device)
+    image, marks = by_pixel(setup, device)
+    want, every = by_pixel(setup, device, whole_large=False)
     assert (want == 0.25).any() and len(np.unique(want)) > 100
     np.testing.assert_array_equal(marks, every)
     np.testing.assert_allclose(image, want, rtol=1e-6, atol=0.0)
@@ -102,24 +109,25 @@ def test_walls_behind_small_triangles_are_shaded_as_wholes(
 
 def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
     surfaces = before_a_wall(CHECKED)
-    buffers = SceneBuffers(device, Setup.build(look(surfaces, LARGER, False), None, 0.25, surfaces))
-    want, _ = by_pixel(buffers, device)
+    setup = Setup.build(look(surfaces, LARGER, False), None, 0.25, surfaces)
+    want, _ = by_pixel(setup, device)
 
     def fewer(*given: Any) -> npt.NDArray[np.bool_]:
-        tiles = under(*given)
+        tiles = tiles_under(*given)
         tiles[tuple(np.argwhere(tiles)[np.count_nonzero(tiles) // 2])] = False
         return tiles
 
-    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.under", fewer)
-    image, _ = by_pixel(buffers, device)
+    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.tiles_under", fewer)
+    image, _ = by_pixel(setup, device)
     assert 0 < np.count_nonzero(image != want) <= TILE * TILE
 
 
 def by_pixel(
-    buffers: SceneBuffers, device: Device
+    setup: Setup, device: Device, whole_large: bool = True
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
     """The picture and its marks, in two bands."""
-    shading, images, marks = ShadingPass(buffers, 140, True), [], []
+    shading = shading_of(device, setup, 140, True, whole_large)
+    images, marks = [], []
     for row0, rows in ((0, 140), (140, 81)):
         out = device.empty(4 * shading.stride * rows, "test.out")
         own = shading.marks

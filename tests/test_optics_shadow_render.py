@@ -132,7 +132,7 @@ def test_several_bands_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, devic
     want = shown(*scene, device)
     assert (shown(*scene, device) == want).all()
     monkeypatch.setattr(
-        import_module("gpusim.optics.rendering.renderer"), "BAND_BYTES", 4 * camera.width * 40
+        import_module("gpusim.optics.rendering.frame_plan"), "BAND_BYTES", 4 * camera.width * 40
     )
     assert (shown(*scene, device) == want).all()
 

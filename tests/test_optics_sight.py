@@ -9,13 +9,9 @@ import pytest
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.compute_raster import (
-    LARGEST,
-    VisibilityBuffer,
-    compute_raster_twin,
-    probe_view,
-)
+from gpusim.optics.raster.compute_raster import compute_raster_twin, probe_view
 from gpusim.optics.raster.id_buffer import near_an_edge, visibility_twin
+from gpusim.optics.raster.visibility_buffer import MAX_BOX, VisibilityBuffer
 from gpusim.surface.surface import Surface
 
 
@@ -38,7 +34,7 @@ def test_it_sees_what_the_exact_twin_sees(device: Device) -> None:
     view = probe_view()
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
-    assert view.extent <= LARGEST
+    assert view.extent <= MAX_BOX
     found, exact = seen(device, view, 14), visibility_twin(view)
     np.testing.assert_array_equal(found, compute_raster_twin(view, 0, view.camera.height))
     # off by less than half a step of 1/256 px in either direction

@@ -208,11 +208,11 @@ def test_only_what_may_be_seen_is_filed() -> None:
 def test_large_views_take_larger_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     low, high = np.array([3.0, 2.0]), np.array([121.0, 93.0])
     usual = speckle_table([(SOFT, low, high, 0.5, False)])
-    monkeypatch.setattr(tables, "MOST_TEXELS", 10_000)
+    monkeypatch.setattr(tables, "MAX_TEXELS", 10_000)
     spared = speckle_table([(SOFT, low, high, 0.501, False)])
     sizes = [len(table.start) + len(table.disc) for table in (usual, spared)]
     assert spared.grids[0].cell > usual.grids[0].cell and sizes[1] < 10_000 < sizes[0]
-    monkeypatch.setattr(tables, "MOST_TEXELS", 500)
+    monkeypatch.setattr(tables, "MAX_TEXELS", 500)
     with pytest.raises(InputError, match=r"Speckle diameter; got 5, which makes .* at most 500"):
         speckle_table([(SOFT, low, high, 0.9, False)])
 

@@ -60,8 +60,8 @@ def test_edges_that_bend_are_those_that_a_look_at_all_finds() -> None:
 
 def test_largest_pixels_are_the_same_by_a_look_at_few(monkeypatch: pytest.MonkeyPatch) -> None:
     reaches = []
-    for many in (pixel_footprint.MANY, 10**9):
-        monkeypatch.setattr(pixel_footprint, "MANY", many)
+    for many in (pixel_footprint.MIN_TRIANGLES_FOR_BOUNDS, 10**9):
+        monkeypatch.setattr(pixel_footprint, "MIN_TRIANGLES_FOR_BOUNDS", many)
         view = look([sheet(height=0.03)], CAMERA, lit=True)
         reaches.append(view.paints[0].reach)
     assert reaches[0] == reaches[1] > 0.0

@@ -119,7 +119,7 @@ def test_a_moved_vertex_is_seen_by_visibility(
     buffer = Device.buffer
 
     def corrupted(self: Device, array: np.ndarray, label: str) -> Buffer:
-        if label == "visibility.screen":
+        if label == "shade.screen":
             array = array.copy()
             array[0] += 2 * 65536
         return buffer(self, array, label)
@@ -173,7 +173,7 @@ def test_bands_do_not_show(device: Device, monkeypatch: pytest.MonkeyPatch) -> N
     surfaces, camera, lights = scene()
     whole = gs.render(surfaces, camera, lights, device=device)
     assert len(whole.bands) == 1
-    monkeypatch.setattr(import_module("gpusim.optics.rendering.renderer"), "BAND_BYTES", 1)
+    monkeypatch.setattr(import_module("gpusim.optics.rendering.frame_plan"), "BAND_BYTES", 1)
     bands = gs.render(surfaces, camera, lights, device=device)
     # of 32 rows, as tiles under shadows are looked at together
     assert len(bands.bands) == 3
@@ -188,7 +188,7 @@ def test_pixels_under_many_triangles_are_resolved_alike_on_host_and_device(
 ) -> None:
     surfaces, camera, lights = scene()
     on_device = gs.render(surfaces, camera, lights, device=device).radiance
-    monkeypatch.setattr(resolve, "DEEPEST", 1)
+    monkeypatch.setattr(resolve, "MAX_DEPTH", 1)
     on_host = gs.render(surfaces, camera, lights, device=device).radiance
     different = np.abs(on_device - on_host)
     assert (different > 0).sum() > 20 and different.max() < 2e-5 * on_device.max() + 2e-5

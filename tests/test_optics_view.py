@@ -13,7 +13,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels, segment_pixels
 from gpusim.optics.geometry.feature_edges import area_normals, creases, feature_edges
-from gpusim.optics.geometry.view import LONGEST_EDGE, look
+from gpusim.optics.geometry.view import MAX_EDGE, look
 from tests.optics_reference import Array, Plate, flat, pattern, reference
 
 QUAD = np.array([[0, 1, 2, 3]])
@@ -82,7 +82,7 @@ def test_long_edges_are_split_without_cracks(device: Device) -> None:
     view = camera(1531, 37)
     prepared = look([fan], view, lit=False)
     sides = np.roll(prepared.screen, -1, axis=1) - prepared.screen
-    assert np.linalg.norm(sides, axis=2).max() <= LONGEST_EDGE
+    assert np.linalg.norm(sides, axis=2).max() <= MAX_EDGE
     assert prepared.count > 10
     for backend in ("gpu", "numpy"):
         image = gs.render([fan], view, device=device, backend=backend).radiance

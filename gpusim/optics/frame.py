@@ -12,7 +12,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.geometry.view import View
-from gpusim.optics.raster.id_buffer import Visibility, visibility_twin
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.optics.truth import Truth, TruthMap, truth_of
 
 __all__ = ["Band", "Frame"]
@@ -106,7 +107,7 @@ class Frame:
                 self._ids = visibility_twin(self.view)
             else:
                 rows = max((band.rows for band in self.bands), default=min(self.height, 1024))
-                self._ids = Visibility(self.device, self.view, rows).read()
+                self._ids = VisibilityBuffer(self.device, self.view, rows, compute=False).read()
         return self._ids
 
     def truth(self, faces: tuple[int, int] | None = None) -> Truth:

@@ -11,6 +11,7 @@ from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points, probe_spaces
 from gpusim.optics.probes.paints import fields_setup, probe_setup
+from gpusim.optics.shading.receiver_planes import planes_on_device, planes_twin
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shadow.brute_force import (
     EdgeFunctions,
@@ -29,7 +30,6 @@ from gpusim.optics.shadow.receiver_groups import (
     record_cells,
     record_groups,
 )
-from gpusim.optics.shadow.receiver_planes import planes_on_device, planes_twin
 from gpusim.optics.shadow.receivers import NO_OWNER, on_device, plane_words
 
 Flags = npt.NDArray[np.bool_]
@@ -53,7 +53,7 @@ def _bvh_refit(device: Device) -> None:
         compare("optics/shadow/bvh_refit", got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)
 
 
-@twin_check("optics/shadow/receiver_planes")
+@twin_check("optics/shading/receiver_planes")
 def _receiver_planes(device: Device) -> None:
     # records by the device and by the host, smooth shading through a lens, strips along lines
     for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
@@ -63,11 +63,11 @@ def _receiver_planes(device: Device) -> None:
         planes, lean = planes_twin(setup.view)
         size = np.linalg.norm(planes, axis=1)[:, None]
         got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size
-        compare("optics/shadow/receiver_planes", got, planes / size, atol=1e-5, rtol=0.0)
+        compare("optics/shading/receiver_planes", got, planes / size, atol=1e-5, rtol=0.0)
         want = plane_words(on, lean)
-        compare("optics/shadow/receiver_planes", words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
+        compare("optics/shading/receiver_planes", words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
         # rounded up to whole steps
-        compare("optics/shadow/receiver_planes", words[:, 3] >> 24, want >> 24, atol=1.0, rtol=0.0)
+        compare("optics/shading/receiver_planes", words[:, 3] >> 24, want >> 24, atol=1.0, rtol=0.0)
 
 
 @twin_check("optics/shadow/receiver_groups")

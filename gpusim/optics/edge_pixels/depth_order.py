@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.optics.edge_pixels.visible_polygons import depth_planes
 from gpusim.optics.geometry.polygon_clipping import (
-    SMALLEST,
+    MIN_AREA,
     beyond,
     clip_square,
     half_planes,
@@ -25,7 +25,7 @@ __all__ = ["order_overlapping"]
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-MOST_THINGS = 32
+MAX_THINGS = 32
 """Triangles over a pixel; more of them keep the order of their depths."""
 
 EQUAL = 1e-9
@@ -47,11 +47,11 @@ def order_overlapping(
     count = np.bincount(own)
     # rows of the same pixel that come after each one
     after = (np.cumsum(count) - 1)[own] - np.arange(len(order))
-    after[(count > MOST_THINGS)[own]] = 0
+    after[(count > MAX_THINGS)[own]] = 0
     kind = paint[order]
     firsts, seconds = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     first = np.arange(len(order))
-    for gap in range(1, MOST_THINGS):
+    for gap in range(1, MAX_THINGS):
         first = first[after[first] >= gap]
         if not len(first):
             break
@@ -97,10 +97,10 @@ def _common(one: Array, two: Array) -> tuple[npt.NDArray[np.bool_], Array]:
     """Whether triangles (n, 3, 2) have a part of the pixel in common, and its middle (n, 2)."""
     own, other = half_planes(one), half_planes(two)
     # neighbours share a side: most pairs are told apart by one line
-    meet = np.flatnonzero(~beyond(own, two, SMALLEST))
-    meet = meet[~beyond(pick(other, meet), pick(one, meet), SMALLEST)]
+    meet = np.flatnonzero(~beyond(own, two, MIN_AREA))
+    meet = meet[~beyond(pick(other, meet), pick(one, meet), MIN_AREA)]
     polygon, size = clip_square(np.concatenate([pick(own, meet), pick(other, meet)], axis=1))
     area, centre = moments(polygon)
     both, middle = np.zeros(len(one), bool), np.zeros((len(one), 2))
-    both[meet], middle[meet] = (size > 2) & (area > SMALLEST), centre
+    both[meet], middle[meet] = (size > 2) & (area > MIN_AREA), centre
     return both, middle

@@ -30,9 +30,6 @@ __all__ = ["MARGIN", "EdgePixels", "find_edge_pixels", "segment_hits", "segment_
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
 
-FARTHEST = 8
-"""Tiles that triangles may reach over where one of their corners tells how near they are."""
-
 DEPTH = slice(POSITION.stop - 1, POSITION.stop)
 
 MARGIN = 2e-3
@@ -185,9 +182,9 @@ def _near_pixels(
     total = summed(held)
     none = np.zeros((0, 2), np.int64)
     parts = [(np.zeros(0, np.int64), np.zeros((2, 3, 0)).T, none, none)]
-    some = _near_tiles(total, view) if len(pixel) else np.zeros(0, np.int64)
-    for start in range(0, len(some), CHUNK):
-        chunk = some[start : start + CHUNK]
+    count = view.count if len(pixel) else 0
+    for start in range(0, count, CHUNK):
+        chunk = np.arange(start, min(start + CHUNK, count))
         place = view.screen_of(chunk)
         lowest, highest = corner_range(place)
         low = np.maximum(np.floor(lowest + 0.5), 0.0).astype(np.int64)
@@ -204,29 +201,6 @@ def _near_pixels(
     # corner by corner in memory
     place = np.concatenate([part[1].T for part in parts], axis=2).T
     return some, place, low, high
-
-
-def _near_tiles(total: npt.NDArray[np.int64], view: View) -> npt.NDArray[np.int64]:
-    """Numbers of the triangles so near to one of the tiles counted in ``total`` (rows + 1,
-    columns + 1) that their boxes may hold it: the tile of one corner tells."""
-    reach = int(view.extent // TILE) + 1
-    if not reach <= FARTHEST:
-        return np.arange(view.count)
-    most = total.shape[1] - 1, total.shape[0] - 1
-    row, column = np.indices((most[1], most[0]))
-    left, top = np.maximum(column - reach, 0), np.maximum(row - reach, 0)
-    right, bottom = np.minimum(column + reach + 1, most[0]), np.minimum(row + reach + 1, most[1])
-    near = in_boxes(total, left, top, right, bottom) > 0
-    flags = near.reshape(-1)
-    columns, rows = view.place.T
-    held = np.empty(len(columns), bool)
-    for first in range(0, len(held), CHUNK):
-        part = slice(first, first + CHUNK)
-        # beside the image, the tile at its border is as near or nearer
-        place = np.clip((rows[part] + 0.5) / TILE, 0, most[1] - 1).astype(np.int32) * most[0]
-        place += np.clip((columns[part] + 0.5) / TILE, 0, most[0] - 1).astype(np.int32)
-        np.take(flags, place, out=held[part], mode="clip")
-    return np.flatnonzero(np.take(held, view.corner[:, 0], mode="clip"))
 
 
 def _relative(

@@ -32,7 +32,7 @@ from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.setup import Setup, radiance_of
 
-__all__ = ["THIN", "corners_over", "resolved"]
+__all__ = ["THIN", "corners_over", "resolve_on_host"]
 
 Array = npt.NDArray[np.float64]
 THIN = 5e-4
@@ -56,7 +56,7 @@ def corners_over(
     return pixel, at, corners / view.camera.pixel_side
 
 
-def resolved(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Array:
+def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Array:
     """Radiance of the edge pixels; ``shares`` tells what is seen of lamps."""
     if not len(edges.pixel):
         return np.zeros(0)

@@ -7,27 +7,31 @@ up (`gpusim.optics.edge_pixels.resolve` does that for all other views).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import MARGIN, segment_hits
+from gpusim.optics.edge_pixels.scatter import write_pixels
+from gpusim.optics.frame import Band
 from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.geometry.view import RegionPaint, View
 from gpusim.optics.paint.area_integrals import half_plane_share
 from gpusim.surface.paint import Checker, Plain
 
-__all__ = ["Border"]
+__all__ = ["Border", "PlateBorderPass"]
 
 Array = npt.NDArray[np.float64]
 
 
-MOST_EDGES = 64
+MAX_EDGES = 64
 """Of a plate; where they are more, so are the pixels with two of them."""
 
-MOST_TRIANGLES = 4096
+MAX_TRIANGLES = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +44,9 @@ class Border:
     @staticmethod
     def suits(view: View) -> bool:
         """Whether an unlit view shows one flat plate, and its ground alone along the border."""
-        if view.camera.lens is not None or not 0 < len(view.edges) <= MOST_EDGES:
+        if view.camera.lens is not None or not 0 < len(view.edges) <= MAX_EDGES:
             return False
-        if view.count > MOST_TRIANGLES or not view.flat or np.ptp(view.paint):
+        if view.count > MAX_TRIANGLES or not view.flat or np.ptp(view.paint):
             return False
         return _even(view, view.paints[view.paint[0]])
 
@@ -71,6 +75,23 @@ class Border:
         ground = view.paints[view.paint[0]].paint.ground
         value = background + share * (ground - background)
         return Border(np.concatenate([pixel[alone], pixel[corner]]), value)
+
+
+class PlateBorderPass:
+    """Those pixels in a picture: in place of `gpusim.optics.edge_pixels.resolve.EdgePixelPass`."""
+
+    def __init__(self, device: Device, border: Border, width: int) -> None:
+        self._device, self._border, self._width = device, border, width
+
+    def begin(self) -> None:
+        """There is nothing for the device."""
+
+    fetch = host_pass = begin
+
+    def write(self, bands: Sequence[Band]) -> None:
+        """Write the pixels into ``bands``."""
+        value = self._border.value.astype(np.float32)
+        write_pixels(self._device, bands, self._width, self._border.pixel, value)
 
 
 def _covered(view: View, at: Array) -> Array:

@@ -2,8 +2,9 @@
 
 A triangle takes the area of its polygon inside the pixel less what those in front of it hide
 (`gpusim.optics.edge_pixels.visible_polygons`): the paint's mean over the pieces that are left, the
-light at their common centroid. What no triangle takes shows the background. The twin does the same
-in float64.
+light at their common centroid. What no triangle takes shows the background. The device resolves
+most pixels; the rest are left to a host pass (`gpusim.optics.edge_pixels.fragment_shading`), in the
+float64 form that is also the shader's twin.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from gpusim.arrays.interleave import WORKGROUP, dealt
 from gpusim.gpu import Buffer, Device, compare, twin_check
 from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, find_edge_pixels
-from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolved
+from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolve_on_host
 from gpusim.optics.edge_pixels.loop_budget import grazing_turns, speckle_turns
 from gpusim.optics.edge_pixels.scatter import write_pixels
 from gpusim.optics.frame import Band
@@ -37,7 +38,7 @@ from gpusim.optics.shadow.scene import Shadows
 __all__ = ["EdgePixelPass", "edges_twin"]
 
 Array = npt.NDArray[np.float64]
-DEEPEST = 64
+MAX_DEPTH = 64
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense. As many
 as the shader has bits for."""
 
@@ -45,10 +46,10 @@ BACKDROP = np.uint32(1 << 31)
 """Of where a pixel's triangles start in the device's list: see
 ``shaders/optics/edge_pixels/resolve.wgsl``."""
 
-MOST_PIECES = 1 << 20
+MAX_PIECES = 1 << 20
 """Of pixels that look at lamps at a time."""
 
-SURE = 2e-4
+MAX_ERROR = 2e-4
 """Share of the brightest radiance by which a pixel may be wrong: the host resolves others."""
 
 
@@ -67,7 +68,7 @@ class EdgePixelPass:
         turns += 3000 if BITMAP in self._present else 0
         each = turns + grazing_turns(buffers.setup, edges)
         groups = buffers.setup.groups[edges.triangle]
-        deep = edges.pierced | (edges.depth > np.minimum(DEEPEST, LOOP_TURNS // each))
+        deep = edges.pierced | (edges.depth > np.minimum(MAX_DEPTH, LOOP_TURNS // each))
         self.buffers = buffers
         order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
         self._deep, self.edges = edges.select(deep), edges.select(order)
@@ -99,6 +100,7 @@ class EdgePixelPass:
             "lists": device.buffer(lists, "edges.lists"),
             "found": self._found,
             **self.buffers.shared(),
+            **self.buffers.vertex_buffers.outlines(),
         }
         if setup.lighting.shadows is not None:
             self._begin_pieces(setup.lighting.shadows, constants, shared)
@@ -118,7 +120,7 @@ class EdgePixelPass:
         first = 0
         while first < count:
             self._finish_pieces()
-            stop = int(np.searchsorted(start, start[first] + MOST_PIECES, side="right")) - 1
+            stop = int(np.searchsorted(start, start[first] + MAX_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
             slots, starts = self._slots(first, stop)
             self._pieces = PieceShares(self.buffers, shadows, starts)
@@ -170,12 +172,12 @@ class EdgePixelPass:
 
     def write(self, bands: Sequence[Band]) -> None:
         """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
-        self.resolve()
+        self.host_pass()
         assert self._resolved is not None
         width = self.buffers.setup.view.camera.width
         write_pixels(self.buffers.device, bands, width, *self._resolved)
 
-    def resolve(self) -> None:
+    def host_pass(self) -> None:
         """Find what the device has left.
 
         The host resolves pixels under many triangles, pixels where bodies cut each other, and those
@@ -189,9 +191,9 @@ class EdgePixelPass:
         shares = None if shadows is None else ListedShares(shadows)
         value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
         if doubt.any():
-            value[doubt] = resolved(setup, self.edges.select(doubt), shares)
+            value[doubt] = resolve_on_host(setup, self.edges.select(doubt), shares)
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
-        deep = resolved(setup, self._deep, shares).astype(np.float32)
+        deep = resolve_on_host(setup, self._deep, shares).astype(np.float32)
         self._resolved = pixel, np.concatenate([value, deep])
 
 
@@ -199,7 +201,7 @@ def _range(first: int, stop: int) -> dict[str, Any]:
     """Edge pixels that a program finds."""
     return {
         "first": first, "count": stop, "sides": 3, "corners": 4, "hard_rows": EDGE_ROWS,
-        "thin": THIN, "sure": SURE, "slots": 0, "casting": 0,
+        "thin": THIN, "sure": MAX_ERROR, "slots": 0, "casting": 0,
     }  # fmt: skip
 
 
@@ -256,9 +258,9 @@ def _alike(
 def edges_twin(
     setup: Setup, edges: EdgePixels, radiance: npt.NDArray[np.float32]
 ) -> npt.NDArray[np.float32]:
-    """A copy of ``radiance`` (H, W) with the edge pixels resolved."""
+    """A copy of ``radiance`` (H, W) with the edge pixels resolve_on_host."""
     result = radiance.copy()
-    result.reshape(-1)[edges.pixel] = resolved(setup, edges)
+    result.reshape(-1)[edges.pixel] = resolve_on_host(setup, edges)
     return result
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import batches, expand
-from gpusim.optics.geometry.polygon_clipping import SMALLEST, beyond, clip, moments, pick
+from gpusim.optics.geometry.polygon_clipping import MIN_AREA, beyond, clip, moments, pick
 
 __all__ = ["SLIVER", "TOUCH", "Cutting", "depth_planes", "visible_polygons"]
 
@@ -83,9 +83,9 @@ def visible_polygons(
     without : (n,) rows that hide what is behind them, and whose own parts aren't asked for.
     """
     area, _ = moments(polygon)
-    vertex_buffers = area > SMALLEST
+    vertex_buffers = area > MIN_AREA
     # nothing shows behind a triangle that fills the pixel
-    filled = np.concatenate([[0], np.cumsum(area >= 1.0 - SMALLEST)])
+    filled = np.concatenate([[0], np.cumsum(area >= 1.0 - MIN_AREA)])
     row = np.arange(len(polygon))
     fronts = row - first
     ahead = filled[:-1] == filled[first]

@@ -16,21 +16,27 @@ import numpy.typing as npt
 from gpusim.surface.speckle import Speckle
 
 __all__ = [
-    "LONGEST_ROW", "MOST_PIECES", "MOST_SIDE", "Pieces", "grazing_reach", "may_graze", "pieces_of",
+    "MAX_PIECES",
+    "MAX_ROW_PIECES",
+    "MAX_SIDE_PIECES",
+    "Pieces",
+    "grazing_reach",
+    "may_graze",
+    "pieces_of",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
 
-MOST_PIECES, MOST_SIDE = 144, 12
+MAX_PIECES, MAX_SIDE_PIECES = 144, 12
 """Pieces of a footprint, and on its shorter side; a longer one gets the paint's mean."""
 
-LONGEST_ROW = (4, 8)
+MAX_ROW_PIECES = (4, 8)
 """Pieces of a row of a clipped pixel, of soft and of hard speckle; longer rows are sampled."""
 
 SAFETY = 4.0 / 3.0
 """How far a clipped pixel's corner may lie from its centroid, in half pixels."""
 
-MOST_CUTS = 8
+MAX_CUTS = 8
 """Cuts of a pixel a side that the usual tables stand for."""
 
 
@@ -79,7 +85,7 @@ def grazing_reach(
     seen = np.repeat(np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * share, 3)
     usual = _median(half.reshape(-1), seen)
     across = _median(0.5 * _lesser_axis(sides).reshape(-1), seen)
-    if paint.softness == 0.0 and not across <= MOST_CUTS * paint.smallest / np.sqrt(4.5):
+    if paint.softness == 0.0 and not across <= MAX_CUTS * paint.smallest / np.sqrt(4.5):
         return None  # pixels too large from any direction: refused where the table is made
     stretched = widest > paint.diameter and widest > 2.0 * across
     if not (widest > 2.0 * usual or stretched):
@@ -88,7 +94,7 @@ def grazing_reach(
     if paint.softness == 0.0:
         # the widest footprint for a number of cuts
         step = 0.95 * paint.smallest / np.sqrt(4.5)
-        result = step * float(np.clip(np.round(result / step), 1.0, MOST_CUTS))
+        result = step * float(np.clip(np.round(result / step), 1.0, MAX_CUTS))
     return result if widest > result else None
 
 

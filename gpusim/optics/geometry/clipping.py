@@ -20,7 +20,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 
 __all__ = [
-    "LONGEST_EDGE", "SHORT_EDGE", "ClippedTriangles", "ImagePlane", "clip", "extent", "joined",
+    "MAX_EDGE", "SURELY_SHORT", "ClippedTriangles", "ImagePlane", "clip", "extent", "joined",
     "split",
     "without_area",
     "wound",
@@ -29,13 +29,13 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-LONGEST_EDGE = 512.0
+MAX_EDGE = 512.0
 """px; longer edges are split so that float32 offsets from the anchor stay exact enough."""
 
-SHORT_EDGE = 0.7 * LONGEST_EDGE
+SURELY_SHORT = 0.7 * MAX_EDGE
 """px; no edge of a triangle within a box of this side is longer."""
 
-LONGEST_BENT = 256.0
+MAX_BENT_EDGE = 256.0
 """px; the same with a bent lens, so that the tests of an edge see all of its bends."""
 
 CHORD, CHORD_INSIDE, CHORD_BESIDE = 0.0004, 0.02, 0.5
@@ -51,7 +51,7 @@ out there would be split in vain.
 Clipping is where vertices lie beyond: an edge between two others is left to both its neighbours.
 """
 
-MOST_ROUNDS, MOST_PIECES = 96, 4_000_000
+MAX_ROUNDS, MAX_PIECES = 96, 4_000_000
 """Halvings of one triangle, and triangles made by splitting, that no usable camera needs."""
 
 
@@ -199,15 +199,15 @@ def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangle
     """
     done: list[ClippedTriangles] = []
     places: list[Array] = []
-    most = len(pieces.source) + MOST_PIECES
-    for _ in range(MOST_ROUNDS):
+    most = len(pieces.source) + MAX_PIECES
+    for _ in range(MAX_ROUNDS):
         ideal = screen.ideal(pieces.corners[:, :, :3])
         keep = screen.inside(ideal) & ~without_area(*_columns(ideal))
         if not keep.all():
             pieces, ideal = pieces[keep], ideal[keep]
         if screen.camera.lens is None:
             place, good = ideal, np.ones(len(ideal), bool)
-            if extent(ideal) <= SHORT_EDGE:
+            if extent(ideal) <= SURELY_SHORT:
                 return ClippedTriangles.joined([*done, pieces]), joined([*places, place])
         else:
             place = screen.bent(ideal)
@@ -239,11 +239,11 @@ def edge_excess(ideal: Array, place: Array, shows: Flags, screen: ImagePlane) ->
     side = place[:, [1, 2, 0]] - place
     length = np.sqrt(side[..., 0] ** 2 + side[..., 1] ** 2)
     if screen.camera.lens is None:
-        return length / LONGEST_EDGE
+        return length / MAX_EDGE
     limit = np.where(shows, CHORD, CHORD_INSIDE)
     limit[screen.beside(ideal, place)] = CHORD_BESIDE
     # the longest first, before any that is merely bent: nothing else keeps needles from forming
-    long = length > LONGEST_BENT
+    long = length > MAX_BENT_EDGE
     excess = np.where(long, 1e6 * length, 0.0)
     # shorter ones are straight enough for certain
     rows, k = np.nonzero((length > np.sqrt(limit) * screen.straight) & ~long)

@@ -22,7 +22,7 @@ __all__ = ["pierced", "piercings"]
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
-FLAT = 1e-9
+PLANE_TOLERANCE = 1e-9
 """Distance from a plane that counts as none, over the size of what is looked at."""
 
 FINEST = 64
@@ -98,7 +98,9 @@ def _sections(own: Array, other: Array) -> tuple[Long, Array]:
     length = np.linalg.norm(normal, axis=1)
     normal = normal / np.where(length > 0.0, length, 1.0)[:, None]
     height = np.einsum("nvd,nd->nv", other - own[:, :1], normal)
-    flat = FLAT * np.abs(np.concatenate([own, other], axis=1)).max(axis=(1, 2), initial=0.0)
+    flat = PLANE_TOLERANCE * np.abs(np.concatenate([own, other], axis=1)).max(
+        axis=(1, 2), initial=0.0
+    )
     cuts = (height.min(axis=1) < -flat) & (height.max(axis=1) > flat) & (length > 0.0)
     own, other, normal, height = own[cuts], other[cuts], normal[cuts], height[cuts]
     # the corner alone on its side, then the ways from it to the other two

@@ -33,7 +33,7 @@ SEAM = 1e-6
 STEEP = 0.7
 """Cosine between normal and line of sight from which on no bend is looked for."""
 
-SURE = 1e-9
+ROUNDING = 1e-9
 """Of a cosine, by which a quick look may be off."""
 
 
@@ -114,7 +114,7 @@ def _turned_away(points: Array, triangles: Numbers, rows: Numbers) -> Flags:
         size *= sight[0] ** 2 + sight[1] ** 2 + sight[2] ** 2
         along *= along
         # those without a direction are looked at closely
-        result[part] = ~(along > (STEEP + SURE) ** 2 * size)
+        result[part] = ~(along > (STEEP + ROUNDING) ** 2 * size)
     return result
 
 

@@ -25,8 +25,6 @@ from gpusim.surface.surface import Surface
 
 __all__ = [
     "RegionPaint",
-    "footprint_columns",
-    "footprint_sizes",
     "regions_of",
     "with_reach",
 ]
@@ -34,13 +32,13 @@ __all__ = [
 Array = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]
 
-MANY = 2000
-"""Triangles of a region from which on a bound will do for the largest pixel."""
+MIN_TRIANGLES_FOR_BOUNDS = 2000
+"""Triangles of a region from which on bounds tell which may have the largest pixel."""
 
 BLOCK = 1 << 15
 """Triangles at a time in float32: more than `CHUNK`, as a pass is short then."""
 
-LOOSE = 0.02
+MAX_SLACK = 0.02
 """By which the bound may be above it, twice."""
 
 ROUNDED = 1e-6
@@ -90,7 +88,7 @@ def with_reach(
     bends = distortion_map(camera)
     stretch = 1.0 if bends is None else bends.stretch
     result, widest = [], np.zeros(len(paint))
-    columns = footprint_columns(vertices, ideal)
+    columns = _footprint_columns(vertices, ideal)
     for number, region in enumerate(regions):
         extent = float((region.high - region.low).max())
         own = paint == number
@@ -104,7 +102,7 @@ def with_reach(
             st = [np.take(column, used) for column in columns[4:]]
             seen = np.array([[at.min() for at in st], [at.max() for at in st]])
             some = own_corner
-            if count >= MANY:
+            if count >= MIN_TRIANGLES_FOR_BOUNDS:
                 some = own_corner[_maybe_largest(columns, own_corner)]
             half, slope = _at_corners_of(vertices, some, camera, stretch)
             limit = None
@@ -117,11 +115,10 @@ def with_reach(
             reach = min(float(half.max()), extent) if limit is None else limit
             region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
         elif count:
-            size = BLOCK if count >= MANY else CHUNK
-            starts = range(0, count, size)
-            parts = [slice(k, k + size) if whole else rows[k : k + size] for k in starts]
-            find = _bound_in_float32(columns) if count >= MANY else _largest_footprint
-            reach = stretch * max(find(columns, corner[part]) for part in parts)
+            starts = range(0, count, CHUNK)
+            parts = [slice(k, k + CHUNK) if whole else rows[k : k + CHUNK] for k in starts]
+            sizes = (_footprint_sizes(columns, corner[part]) for part in parts)
+            reach = stretch * max(float(size.max()) for size in sizes)
             region = replace(region, reach=min(reach, extent), seen=None, grazing=False)
         result.append(region)
     return tuple(result), widest
@@ -138,7 +135,7 @@ def _at_corners_of(
 
 
 def _maybe_largest(columns: list[Array], corner: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    """Those (m,) of triangles (n, 3) that the largest of `footprint_sizes` may be of."""
+    """Those (m,) of triangles (n, 3) that the largest of `_footprint_sizes` may be of."""
     bounds = _bounds_in_float32(columns)
     low, high = np.zeros(len(corner), np.float32), np.full(len(corner), np.inf, np.float32)
     for first in range(0, len(corner), BLOCK):
@@ -167,22 +164,17 @@ def _footprints(corners: Array, planes: Array) -> Array:
     return result
 
 
-def footprint_columns(vertices: Array, ideal: Array) -> list[Array]:
+def _footprint_columns(vertices: Array, ideal: Array) -> list[Array]:
     """Of vertices (V, 11) at ``ideal`` (V, 2), (V,) each: x, y (px of the ideal image), depth, its
     inverse, s and t."""
     z = vertices[:, POSITION.stop - 1]
     return [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
 
 
-def _largest_footprint(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
-    """The largest of `footprint_sizes`."""
-    return float(footprint_sizes(columns, corner).max())
-
-
-def footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+def _footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Array:
     """Half the largest pixel in paint coordinates (n,) at the corners of each triangle (n, 3).
 
-    ``columns``: of the vertices, as `footprint_columns` says.
+    ``columns``: of the vertices, as `_footprint_columns` says.
     """
     x, y, depth, inverse, *paint = (
         [np.take(column, corner[:, k], mode="clip") for k in range(3)] for column in columns
@@ -210,30 +202,6 @@ def footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Arra
 
 
 Bounds = tuple[npt.NDArray[np.bool_], Single, Single, Single, Single]
-
-
-def _bound_in_float32(
-    columns: list[Array],
-) -> Callable[[list[Array], npt.NDArray[np.int64]], float]:
-    """A function like `_largest_footprint` that takes half the time, and may say a little more.
-
-    Triangles for which `_bounds_in_float32` says much more are looked at one by one.
-    """
-    bounds = _bounds_in_float32(columns)
-
-    def find(columns: list[Array], corner: npt.NDArray[np.int64]) -> float:
-        sure, most, more, area, less = bounds(corner)
-        most += more
-        area -= less
-        if sure.all():
-            return 0.5 * float((most / area).max())
-        found = _largest_footprint(columns, corner[~sure])
-        if sure.any():
-            bound = most[sure] / area[sure]
-            found = max(found, 0.5 * float(bound.max()))
-        return found
-
-    return find
 
 
 def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]], Bounds]:
@@ -280,7 +248,7 @@ def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]]
         more *= length
         more += np.float32(4.0 * off) * widest
         less: Single = (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
-        sure = (more <= LOOSE * most) & (less <= LOOSE * area) & (area > 0.0)
+        sure = (more <= MAX_SLACK * most) & (less <= MAX_SLACK * area) & (area > 0.0)
         return sure, most, more, area, less
 
     return find

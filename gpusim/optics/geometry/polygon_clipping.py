@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 __all__ = [
-    "MOST",
-    "SMALLEST",
+    "MAX_CORNERS",
+    "MIN_AREA",
     "beyond",
     "clip",
     "clip_square",
@@ -32,16 +32,16 @@ Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 T = TypeVar("T", bound=np.generic)
 
-MOST = 8
+MAX_CORNERS = 8
 """Corners that a polygon may have."""
 
-SMALLEST = 1e-9
+MIN_AREA = 1e-9
 """px^2; what is smaller isn't drawn."""
 
 ON, ROUNDING = 1e-12, 1e-15
 """px, and share of a plane's offset, by which corners lie on the plane."""
 
-_PLACE = np.arange(MOST)[:, None]
+_PLACE = np.arange(MAX_CORNERS)[:, None]
 
 
 def pick(array: npt.NDArray[T], index: Long | npt.NDArray[np.bool_]) -> npt.NDArray[T]:
@@ -93,7 +93,7 @@ def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
     out = (height < 0.0).view(np.uint8).sum(axis=0, dtype=np.uint8)
     within = out == 0
     clipped, size = corners * within, count * within
-    some = np.flatnonzero((out > 0) & (out < MOST) & (count > 0))
+    some = np.flatnonzero((out > 0) & (out < MAX_CORNERS) & (count > 0))
     if len(some):
         part, number = _crossed(corners[:, :, some], count[some], height[:, some])
         clipped[:, :, some], size[some] = part, number
@@ -134,14 +134,14 @@ def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
     clipped = np.take_along_axis(corners, place[None], axis=1)
     np.copyto(clipped, enters[:, None], where=step == 0)
     np.copyto(clipped, leaves[:, None], where=step > kept)
-    return clipped, np.minimum(size, MOST)
+    return clipped, np.minimum(size, MAX_CORNERS)
 
 
 def clip_square(planes: Array) -> tuple[Array, Long]:
     """The pixel's square cut by half planes (n, K, 3), and its corners (n,)."""
     square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     n = len(planes)
-    corners = np.concatenate([square, np.repeat(square[-1:], MOST - 4, axis=0)])
+    corners = np.concatenate([square, np.repeat(square[-1:], MAX_CORNERS - 4, axis=0)])
     polygon: Array = np.repeat(corners.T[:, :, None], n, axis=2).T
     count = np.full(n, 4)
     for k in range(planes.shape[1]):

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from gpusim.optics.geometry.clipping import (  # fmt: skip
     CHORD,
     CHORD_INSIDE,
-    LONGEST_BENT,
-    SHORT_EDGE,
+    MAX_BENT_EDGE,
+    SURELY_SHORT,
     ImagePlane,
     without_area,
 )
@@ -40,13 +40,13 @@ def whole_triangles(
     # vertices behind the camera are those of triangles that are clipped
     ideal = place = np.where(np.isfinite(found.place), found.place, 0.0)
     bent = screen.camera.lens is not None
-    limits = [SHORT_EDGE, SHORT_EDGE]
+    limits = [SURELY_SHORT, SURELY_SHORT]
     if bent:
         place = np.empty((2, len(ideal))).T
         for first in range(0, len(ideal), CHUNK):
             place[first : first + CHUNK] = screen.bent(ideal[first : first + CHUNK])
         limits = [
-            SHORT * min(np.sqrt(chord) * screen.straight, LONGEST_BENT)
+            SHORT * min(np.sqrt(chord) * screen.straight, MAX_BENT_EDGE)
             for chord in (CHORD_INSIDE, CHORD)
         ]
     count = len(found.source)

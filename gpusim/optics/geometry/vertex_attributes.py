@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-FEW = 4
+MAX_VERTICES_PER_TRIANGLE = 4
 """Vertices per triangle from which on those of other triangles are left out."""
 
 
@@ -59,7 +59,7 @@ class VertexTable:
         rest = surface.rest
         self.origin: Numbers = np.arange(len(points))
         self.corner = corner
-        if only or len(points) > FEW * corner.shape[1]:
+        if only or len(points) > MAX_VERTICES_PER_TRIANGLE * corner.shape[1]:
             self.origin = used_vertices(corner, len(points))
             self._renumber(self.origin, len(points))
             points, rest = points[self.origin], rest[self.origin]

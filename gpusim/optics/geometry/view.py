@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import (
-    LONGEST_EDGE,
-    SHORT_EDGE,
+    MAX_EDGE,
+    SURELY_SHORT,
     ClippedTriangles,
     ImagePlane,
     clip,
@@ -47,7 +47,7 @@ from gpusim.surface.plane import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["FIXED", "LONGEST_EDGE", "RegionPaint", "View", "look"]
+__all__ = ["FIXED", "MAX_EDGE", "RegionPaint", "View", "look"]
 
 Array = npt.NDArray[np.float64]
 
@@ -57,8 +57,8 @@ FIXED = 65536
 NEAR = 1e-4
 """Near plane, as a share of the farthest depth in view."""
 
-MANY = 2000
-"""Triangles from which on those that aren't cut are told from the others."""
+MIN_TRIANGLES_FOR_SHARING = 2000
+"""From which on triangles that aren't cut are told from the others, and share their vertices."""
 
 SAMPLED = 4096
 """Triangles that tell how large they are on average."""
@@ -69,7 +69,7 @@ ALL = slice(None)
 Rows = slice | npt.NDArray[np.int64]
 Short = npt.NDArray[np.int32]
 
-FLAT = 1e-9
+PLANE_TOLERANCE = 1e-9
 """Share of the depth by which corners may lie off a plane."""
 
 
@@ -178,7 +178,7 @@ class View:
         normal = normals[:, np.argmax(products(normals, normals))]
         away = [np.abs(products((corners[:, k] - corners[0, 0]).T, normal)).max() for k in range(3)]
         # far less than the depth of a triangle in front of another could be told by
-        return bool(max(away) <= FLAT * np.linalg.norm(normal) * corners[:, :, 2].min())
+        return bool(max(away) <= PLANE_TOLERANCE * np.linalg.norm(normal) * corners[:, :, 2].min())
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
@@ -318,7 +318,7 @@ def _seen_of(
         crossing = out[corner[0]] | out[corner[1]] | out[corner[2]]
     # then `split` would find nothing that hasn't been seen to already
     straight = not crossing.any() and ahead.all() and screen.camera.lens is None
-    untouched = straight and culled.extent <= SHORT_EDGE
+    untouched = straight and culled.extent <= SURELY_SHORT
     table = VertexTable(surface, points, corner, bool(out.any()))
     place = np.take(ideal.T, table.origin, axis=1).T
     shows = feature_edges(
@@ -343,7 +343,7 @@ def _seen_of(
     if untouched:
         return found
     left, parts = np.ones(len(kept), bool), []
-    if len(kept) >= MANY:
+    if len(kept) >= MIN_TRIANGLES_FOR_SHARING:
         whole, done = whole_triangles(found, screen, crossing)
         left, parts = ~done, [whole]
         if not left.any():

@@ -26,8 +26,9 @@ from gpusim.optics.lens.rolling_shutter import rolled
 from gpusim.optics.lens.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
 from gpusim.optics.lens.thin_lens import Lens, focus_of, seen_through
 from gpusim.optics.light.lights import Light
+from gpusim.optics.rendering.frame_plan import BAND_BYTES
 from gpusim.optics.rendering.local_origin import local_view
-from gpusim.optics.rendering.renderer import BAND_BYTES, FINEST_ERROR, WIDEST, render
+from gpusim.optics.rendering.renderer import MAX_SIDE, MIN_ERROR, render
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
@@ -70,7 +71,7 @@ def photograph(
     lens: Lens | None = None,
     shutter: Shutter | None = None,
     time: float = 0.0,
-    error: float = FINEST_ERROR,
+    error: float = MIN_ERROR,
     background: float = 0.0,
     device: Device | None = None,
     backend: str = "auto",
@@ -276,13 +277,13 @@ class _Tile:
 def _tiles(camera: Camera, kernel: SampledKernel) -> tuple[int, int]:
     """Columns and rows of the largest tile whose cells can be rendered at once."""
     n, halo = kernel.n, kernel.halo
-    across = -(-(n * camera.width + 2 * halo) // WIDEST)
+    across = -(-(n * camera.width + 2 * halo) // MAX_SIDE)
     columns = -(-camera.width // across)
-    if not (WIDEST - 2 * halo) // n >= 1:
+    if not (MAX_SIDE - 2 * halo) // n >= 1:
         raise InputError(f"photograph: the lens blurs over {2 * halo // n} px; expected less")
-    columns = min(columns, (WIDEST - 2 * halo) // n)
+    columns = min(columns, (MAX_SIDE - 2 * halo) // n)
     wide = n * columns + 2 * halo
-    most = min(TILE_CELLS // wide, WIDEST)
+    most = min(TILE_CELLS // wide, MAX_SIDE)
     rows = max(1, (most - 2 * halo) // n)
     return columns, min(rows, camera.height, max(16, BAND_BYTES // (4 * camera.width)))
 

@@ -40,8 +40,8 @@ Array = npt.NDArray[np.float64]
 SIGMAS = 5.0
 AIRY_LOST = 0.04  # energy outside the sampled part of an Airy pattern, spread evenly over it
 TERM_TOLERANCE = 5e-4  # of the transfer function, by terms left out
-LEAST_GAIN = 0.8
-MOST_CELLS = 401  # along a side of a sampled kernel
+MIN_GAIN = 0.8
+MAX_CELLS = 401  # along a side of a sampled kernel
 FACTORS = (2, 3, 4, 5, 6, 8)
 
 
@@ -267,9 +267,9 @@ def _positive(what: str, value: float, unit: str) -> None:
 def _grid(radius: float, n: int, what: str) -> Array:
     """Cell positions in px from -m / n to m / n, m / n >= radius."""
     m = int(np.ceil(radius * n - 1e-9))
-    if not 2 * m + 1 <= MOST_CELLS:
+    if not 2 * m + 1 <= MAX_CELLS:
         raise InputError(
-            f"{what}: its radius; got {radius:.4g} px; expected at most {MOST_CELLS // 2 / n:.4g} "
+            f"{what}: its radius; got {radius:.4g} px; expected at most {MAX_CELLS // 2 / n:.4g} "
             f"px at {n} cells a pixel"
         )
     return np.arange(-m, m + 1) / n
@@ -331,7 +331,7 @@ def sample(
         if kernel.edge_error <= tolerance:
             break
         finer = _sampled(psf, side, factor)
-        if finer.edge_error > LEAST_GAIN * kernel.edge_error:
+        if finer.edge_error > MIN_GAIN * kernel.edge_error:
             break  # what remains isn't the cells' doing (the even tail of an Airy pattern)
         kernel = finer
     return kernel

@@ -25,9 +25,9 @@ Array = npt.NDArray[np.float64]
 NODES = (5, 9, 17, 33)
 TOLERANCE = 0.002
 """px; for the interpolation in time, for the fixed point, and inside faces."""
-MOST_TURNS = 200
+MAX_TURNS = 200
 FASTEST = 0.9
-MOST_DIVISIONS = 5
+MAX_DIVISIONS = 5
 
 
 def rolled(
@@ -69,9 +69,9 @@ def rolled(
             return camera(time).to_camera(points)
 
         path = _Path.through(seen, times, middle, where)
-        for division in range(MOST_DIVISIONS + 1):
+        for division in range(MAX_DIVISIONS + 1):
             moved = path.rolled(start, line_time)
-            if division == MOST_DIVISIONS:
+            if division == MAX_DIVISIONS:
                 break
             finer, mean = divided(surface)
             inner = path.over(mean)
@@ -161,7 +161,7 @@ class _Path:
             )
         middle = 0.5 * (self.nodes.min() + self.nodes.max())
         positions = self.at(np.full(self.positions.shape[1], middle))
-        for _ in range(MOST_TURNS):
+        for _ in range(MAX_TURNS):
             last = positions
             positions = self.turn(last, start, line_time)
             if self.gap(positions, last) <= 1e-6:

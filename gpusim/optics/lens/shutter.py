@@ -22,7 +22,7 @@ CameraAt = Callable[[float], Camera]
 STILL = 0.02
 """px; a motion below this during the exposure is left out."""
 POINTS_PER_PX = 3.2
-MOST_MOMENTS = 256
+MAX_MOMENTS = 256
 
 
 @checked
@@ -86,9 +86,9 @@ def moments(shutter: Shutter, travel: float) -> tuple[Array, Array]:
 
     Gauss-Legendre points, which integrate a motion's transfer function to 1e-6 up to the Nyquist
     frequency, and enough of them (`moments_for`) that edges show no steps; no more than
-    MOST_MOMENTS unless the shutter's ``samples`` say so.
+    MAX_MOMENTS unless the shutter's ``samples`` say so.
     """
-    count = shutter.samples or min(moments_for(travel), MOST_MOMENTS)
+    count = shutter.samples or min(moments_for(travel), MAX_MOMENTS)
     if shutter.exposure_time == 0.0:
         count = 1
     nodes, weights = np.polynomial.legendre.leggauss(count)

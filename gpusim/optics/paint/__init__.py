@@ -10,8 +10,6 @@ In the order in which data passes:
   `gpusim.optics.paint.footprint_mean` evaluates them.
 - `bitmap`: The mean of a bitmap's spline surface over what a pixel sees of it.
 - `footprint_mean`: The exact mean albedo of a pattern over what a pixel sees of it.
-- `checker_fields`: Triangles that lie within one field of a chessboard: they are plain, like a
-  wall.
 - `checker_lines`: The lines of large chessboards, drawn by themselves: only their pixels need the
   closed form.
 - `relief_normals`: Fine relief on the triangles of a view: how it turns the normal over a pixel.

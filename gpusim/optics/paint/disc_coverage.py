@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.geometry.anisotropic_footprint import LONGEST_ROW, MOST_PIECES, MOST_SIDE
+from gpusim.optics.geometry.anisotropic_footprint import MAX_PIECES, MAX_ROW_PIECES, MAX_SIDE_PIECES
 from gpusim.optics.paint import area_integrals
 from gpusim.optics.paint.disc_grid import DiscGrid, SpeckleGrid
 from gpusim.surface.speckle import edge_opacity
@@ -66,8 +66,8 @@ def grazing_cover(
     assert grid.pieces is not None
     sides = np.stack([np.linalg.norm(ex, axis=1), np.linalg.norm(ey, axis=1)], axis=1)
     wanted = np.maximum(np.ceil(np.minimum(sides / grid.pieces.usual, 1e6) - 1e-4), 1.0)
-    short = np.minimum(wanted.min(axis=1), MOST_SIDE)
-    long = np.minimum(wanted.max(axis=1), np.floor(MOST_PIECES / short))
+    short = np.minimum(wanted.min(axis=1), MAX_SIDE_PIECES)
+    long = np.minimum(wanted.max(axis=1), np.floor(MAX_PIECES / short))
     count = np.stack([long, short], axis=1)
     count[wanted[:, 0] < wanted[:, 1]] = count[wanted[:, 0] < wanted[:, 1]][:, ::-1]
     mean = (sides / count).max(axis=1) > grid.pieces.longest
@@ -292,7 +292,7 @@ def _count(grid: SpeckleGrid, length: Array) -> Long:
     """Pieces of rows of a length (n,)."""
     assert grid.pieces is not None
     side = grid.pieces.usual * (1.0 if grid.soft else 2.0)
-    most = LONGEST_ROW[0 if grid.soft else 1]
+    most = MAX_ROW_PIECES[0 if grid.soft else 1]
     wanted = np.ceil(np.minimum(length / side, 1e6) - 1e-4)
     return np.clip(wanted, 1, most).astype(np.int64)
 

@@ -18,12 +18,12 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.geometry.anisotropic_footprint import MOST_CUTS, SAFETY, Pieces, pieces_of
+from gpusim.optics.geometry.anisotropic_footprint import MAX_CUTS, SAFETY, Pieces, pieces_of
 from gpusim.surface.speckle import EDGE, Speckle, outer_radius
 
 __all__ = [
-    "MOST_CUTS",
-    "MOST_TEXELS",
+    "MAX_CUTS",
+    "MAX_TEXELS",
     "DiscGrid",
     "SpeckleGrid",
     "speckle_table",
@@ -35,7 +35,7 @@ Long = npt.NDArray[np.int64]
 CELL = 0.42
 """Side of a cell over a disc's outer radius, before it is rounded to a power of two."""
 
-MOST_TEXELS = 1 << 24
+MAX_TEXELS = 1 << 24
 """Positions in the table are stored as float32, which counts exactly up to here."""
 
 SOFTEST = 0.4
@@ -142,10 +142,10 @@ def _table(requests: tuple[Request, ...]) -> DiscGrid:
         discs.append(disc)
         cells += len(start) - 1
         entries += len(disc)
-        if cells + entries > MOST_TEXELS:
+        if cells + entries > MAX_TEXELS:
             raise InputError(
                 f"Speckle diameter; got {paint.diameter:g}, which makes {entries} entries in "
-                f"{cells} cells; expected at most {MOST_TEXELS}: larger speckles, or a view that "
+                f"{cells} cells; expected at most {MAX_TEXELS}: larger speckles, or a view that "
                 "is less grazing"
             )
     return DiscGrid(tuple(grids), np.concatenate(starts), np.concatenate(discs))
@@ -160,14 +160,14 @@ def _region(
     typical = outer_radius(0.5 * paint.diameter, paint.softness) + SAFETY * reach
     cell = float(2.0 ** np.round(np.log2(CELL * typical)))
     # fewer, larger cells where the table would outgrow its share
-    while _texels(paint, high - low, typical, cell) > MOST_TEXELS / 2 and cell < typical:
+    while _texels(paint, high - low, typical, cell) > MAX_TEXELS / 2 and cell < typical:
         cell *= 2.0
     lowest = np.floor(low / cell).astype(int) - 1
     columns, rows = (np.floor(high / cell).astype(int) + 2 - lowest).tolist()
-    if columns * rows > MOST_TEXELS:
+    if columns * rows > MAX_TEXELS:
         raise InputError(
             f"Speckle diameter; got {paint.diameter:g}, which makes {columns} x {rows} cells; "
-            f"expected at most {MOST_TEXELS}"
+            f"expected at most {MAX_TEXELS}"
         )
     grid = SpeckleGrid(
         cell, (int(lowest[0]), int(lowest[1])), (columns, rows), first, _cuts(paint, reach),
@@ -224,10 +224,10 @@ def _cuts(paint: Speckle, reach: float) -> int:
     """Pieces a side that a footprint of half width ``reach`` is cut into."""
     if paint.softness > 0.0:
         wanted = 2.0 * reach * max(SOFTEST / paint.softness, 2.0 / paint.diameter)
-        return int(np.clip(np.ceil(wanted - 1e-9), 1, MOST_CUTS))
+        return int(np.clip(np.ceil(wanted - 1e-9), 1, MAX_CUTS))
     # the circle's series holds while a piece's half diagonal is below 2/3 of the radius
     wanted = np.ceil(1.5 * np.sqrt(2.0) * reach / paint.smallest - 1e-9)
-    if not wanted <= MOST_CUTS:
+    if not wanted <= MAX_CUTS:
         raise InputError(
             f"Speckle diameter; got discs down to {2.0 * paint.smallest:g} with hard edges under "
             f"pixels up to {2.0 * reach:g} wide; expected at least a quarter of a pixel: larger "

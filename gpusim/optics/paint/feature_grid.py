@@ -22,7 +22,7 @@ from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import CHUNK, ST, corner_range
 from gpusim.optics.geometry.view import RegionPaint, View
-from gpusim.optics.paint.disc_grid import MOST_TEXELS, DiscGrid, speckle_table
+from gpusim.optics.paint.disc_grid import MAX_TEXELS, DiscGrid, speckle_table
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
@@ -39,8 +39,8 @@ PAINT = np.dtype(
 """``featured``: 0 one albedo, 1 features that keep apart, 2 soft and 3 hard speckle,
 4 a bitmap."""
 
-MOST_CELLS = 1 << 22
-MOST_BOARD_CELLS = 1 << 12
+MAX_CELLS = 1 << 22
+MAX_BOARD_CELLS = 1 << 12
 LOOP_TURNS = 50_000
 """Turns that all loops of one shader invocation may take together.
 
@@ -136,10 +136,10 @@ class FeatureGrid:
         """
         cells = len(self.cell_start) - 1
         count = cells + 4 * len(self.features)
-        if count > MOST_TEXELS:
+        if count > MAX_TEXELS:
             raise InputError(
                 f"render: paint patterns; got {cells} cells with {len(self.features)} features; "
-                f"expected at most {MOST_TEXELS} cells and quarter features: take a coarser pattern"
+                f"expected at most {MAX_TEXELS} cells and quarter features: take a coarser pattern"
             )
         data = np.zeros((max(count, 1), 4), np.float32)
         data[:cells, 0] = cells + 4 * self.cell_start[:-1].astype(np.int64)
@@ -295,11 +295,11 @@ def _cell_size(features: Features, region: RegionPaint, longest: float) -> float
     """
     extent = region.high - region.low
     fields = np.where(features.kind == 0, features.size.max(axis=1), np.inf)
-    finest = max(longest, float(np.sqrt(extent.prod() / MOST_BOARD_CELLS)))
+    finest = max(longest, float(np.sqrt(extent.prod() / MAX_BOARD_CELLS)))
     own = np.minimum(features.extent, np.maximum(fields, finest)[:, None])
     size = float(np.median(own)) * 2.0
     size = min(size, float(extent.max()))
-    size = max(size, 2.0 * region.reach, float(np.sqrt(extent.prod() / MOST_CELLS)), 1e-300)
+    size = max(size, 2.0 * region.reach, float(np.sqrt(extent.prod() / MAX_CELLS)), 1e-300)
     # a power of two: cell corners are then exact in float32
     return float(2.0 ** np.ceil(np.log2(size)))
 

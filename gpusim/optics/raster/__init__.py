@@ -5,9 +5,7 @@ In the order in which data passes:
 - `coefficients`: What the pixels of a triangle share: affine functions of the offset from its
   anchor pixel.
 - `vertex_buffers`: A view's triangles on the device, as rasterisers and the edge pass read them.
-- `triangle_records`: The triangles' records, made on the device from the vertices that triangles
-  share.
-- `tile_mask`: Tiles of a picture under some of its triangles.
+- `visibility_buffer`: The triangle that each pixel's centre sees, a band of rows at a time.
 - `id_buffer`: Visibility: which triangle the centre of each pixel sees.
 - `compute_raster`: The triangle that each pixel sees, where triangles are small.
 """

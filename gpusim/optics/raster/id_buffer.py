@@ -13,61 +13,15 @@ import numpy.typing as npt
 
 from gpusim.arrays.ragged import batches, expand
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Device, Recording, Texture, twin_check
+from gpusim.gpu import Device, twin_check
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.vertex_buffers import VertexBuffers
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.surface.surface import Surface
 
-__all__ = ["Visibility", "visibility_twin"]
+__all__ = ["visibility_twin"]
 
 CHUNK = 4_000_000
-
-
-class Visibility:
-    """Draws the triangles of one view, band by band, into a texture of ids."""
-
-    def __init__(self, device: Device, view: View, rows: int) -> None:
-        self.device, self.view = device, view
-        width = view.camera.width
-        self.ids = device.texture(width, rows, "r32uint", "visibility.ids")
-        self.depth = device.texture(width, rows, "depth32float", "visibility.depth")
-        self._raster = device.raster("optics/raster/id_buffer", ("r32uint",))
-        self._drawn = VertexBuffers(device, view, "visibility")
-
-    def record(self, recording: Recording, row0: int, rows: int) -> Texture:
-        """Draw rows ``row0 … row0 + rows - 1`` into the top of the id texture."""
-        width = self.view.camera.width
-        bindings = self._raster.bind(
-            params={"width": width, "rows": rows, "row0": row0, "near": self._drawn.near},
-            **self._drawn.bindings(),
-        )
-        recording.draw(
-            self._raster,
-            bindings,
-            colors=(self.ids,),
-            depth=self.depth,
-            vertices=3 * self.view.count,
-            size=(width, rows),
-        )
-        return self.ids
-
-    def read(self) -> npt.NDArray[np.uint32]:
-        """Ids of the whole image, (H, W) uint32."""
-        camera = self.view.camera
-        band = self.ids.height
-        kernel = self.device.kernel("optics/raster/id_buffer", "read_ids")
-        out = self.device.empty(4 * camera.width * band, "visibility.read")
-        result = np.empty((camera.height, camera.width), np.uint32)
-        for row0 in range(0, camera.height, band):
-            rows = min(band, camera.height - row0)
-            with self.device.recording("optics.visibility") as recording:
-                self.record(recording, row0, rows)
-                size = {"width": camera.width, "rows": rows}
-                bindings = kernel.bind(copy=size, ids=self.ids, result=out)
-                recording.dispatch(kernel, bindings, threads=(camera.width, rows))
-            result[row0 : row0 + rows] = out.read(np.uint32, (rows, camera.width))
-        return result
 
 
 def visibility_twin(view: View) -> npt.NDArray[np.uint32]:
@@ -148,7 +102,7 @@ def probe_view() -> View:
 @twin_check("optics/raster/id_buffer")
 def _check(device: Device) -> None:
     view = probe_view()
-    got, want = Visibility(device, view, rows=20).read(), visibility_twin(view)
+    got, want = VisibilityBuffer(device, view, 20, compute=False).read(), visibility_twin(view)
     wrong = got != want
     # the hardware snaps to 1/256 px: a pixel centre that close to an edge may fall either way
     wrong &= ~near_an_edge(view, 1.0 / 128.0)

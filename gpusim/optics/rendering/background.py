@@ -7,21 +7,18 @@ from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import ParamSpec, TypeVar
 
-__all__ = ["FEWEST", "BackgroundTasks"]
-
-FEWEST = 2000
-"""Triangles of a view from which on threads gain: NumPy lets go of the interpreter in passes over
-long arrays only, and threads that wait for it get it 5 ms later."""
+__all__ = ["BackgroundTasks"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 class BackgroundTasks:
-    """A thread for a view of ``count`` triangles, or none; a context manager that ends it."""
+    """A ``thread`` beside this one, or none; a context manager that ends it."""
 
-    def __init__(self, count: int) -> None:
-        self._pool = ThreadPoolExecutor(1) if count >= FEWEST else None
+    def __init__(self, thread: bool) -> None:
+        # one: more would wait for the interpreter
+        self._pool = ThreadPoolExecutor(1) if thread else None
 
     def __enter__(self) -> BackgroundTasks:
         return self

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from types import UnionType
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, working_device
+from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.edge_pixels.plate_border import Border
+from gpusim.optics.edge_pixels.plate_border import Border, PlateBorderPass
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
-from gpusim.optics.edge_pixels.scatter import write_pixels
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.face_winding import wound_inwards
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import Light, is_light
-from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.compute_raster import VisibilityBuffer
+from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.optics.rendering.background import BackgroundTasks
+from gpusim.optics.rendering.frame_plan import FramePlan, plan_frame
 from gpusim.optics.rendering.local_origin import local, seen_from_origin
-from gpusim.optics.shading.deferred_pass import small_triangles
 from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
-from gpusim.optics.shading.lighting import casts_shadows, find_shadows
+from gpusim.optics.shading.lighting import find_shadows
+from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
@@ -36,15 +39,17 @@ from gpusim.validation import checked
 
 __all__ = ["render"]
 
-BAND_BYTES = 1 << 25
-WIDEST = 8192
-MOST_TRIANGLES = 4_000_000
+MAX_SIDE = 8192
+"""px, of an image."""
+
+MAX_TRIANGLES = 4_000_000
 """Triangles set up at once: their records fill most of a portable texture (2^25 texels)."""
 
-FEWEST_ROWS = 16
-WHOLE_ROWS = 32
-FEWEST_LAMPS = 4
-FINEST_ERROR = 0.25
+MIN_PART_ROWS = 16
+"""Of an image, below which rows aren't parted further."""
+
+MIN_ERROR = 0.25
+"""Grey levels of 8 bit (RMS) that closed forms reach."""
 
 
 @checked
@@ -54,10 +59,11 @@ def render(
     camera: Camera,
     lights: Sequence[Light] | None = None,
     *,
-    error: float = FINEST_ERROR,
+    error: float = MIN_ERROR,
     background: float = 0.0,
     device: Device | None = None,
     backend: str = "auto",
+    shortcuts: bool = True,
 ) -> Frame:
     """Render ``surfaces`` as ``camera`` sees them.
 
@@ -71,6 +77,8 @@ def render(
     backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
         warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
     device : the device to take; None: the process-wide one.
+    shortcuts : False goes without all that is there for speed alone (`rendering.frame_plan`): the
+        same picture but for rounding, slower.
 
     Returns
     -------
@@ -90,6 +98,146 @@ def render(
     >>> float(gs.render([wall], camera).radiance.max())
     0.5
     """
+    _check(surfaces, camera, lights, error, background)
+    device = working_device("render", backend, device)
+    moved, camera_there, lights, origin = local(surfaces, camera, lights)
+    if lights is not None and shortcuts:
+        lights = without_shadows(moved, lights, camera_there.eye)
+    scene = _Scene(moved, lights, background)
+    view = look(moved, camera_there, scene.lights is not None)
+    shown = seen_from_origin(view, origin)
+    if device is None:
+        frame = Frame(shown, None, radiance=_frame_twin(view, scene))
+    else:
+        bands: list[Band] = []
+        for rows, part in _parts(view, range(camera.height)):
+            plan = plan_frame(part, lights, device, len(rows))
+            plan = plan if shortcuts else plan.without_shortcuts()
+            bands += _draw(device, part, scene, plan, rows)
+        frame = Frame(shown, device, tuple(bands))
+    frame.warnings = wound_inwards(moved, camera_there)
+    return frame
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What a view is of: all surfaces, lights (None: albedo), and the radiance behind them."""
+
+    surfaces: Sequence[Surface]
+    lights: Sequence[Light] | None
+    background: float
+
+
+def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: range) -> list[Band]:
+    """Some ``rows`` of a view, in bands; the device begins with what is ready, while the host works
+    on what comes next."""
+    visibility = None
+    if plan.deferred:
+        visibility = VisibilityBuffer(device, view, plan.rows, plan.compute_raster)
+        visibility.begin(rows.start, plan.rows)
+    with BackgroundTasks(plan.thread) as tasks:
+        edges = None if plan.plate_border else tasks.begin(find_edge_pixels, view)
+        setup = Setup.build(
+            view, scene.lights, scene.background, scene.surfaces, device, shadows=False
+        )
+        buffers, shading = _upload(device, setup, plan, visibility)
+        bands = [
+            _band(device, row0, min(plan.rows, rows.stop - row0), shading.stride)
+            for row0 in rows[:: plan.rows]
+        ]
+        if plan.shade_first:
+            _shade(device, shading, bands[0])
+        if plan.shadowed:
+            shadows = find_shadows(view, scene.lights or [], scene.surfaces, device)
+            buffers = with_shadows(buffers, shadows)
+        edge_pass: EdgePixelPass | PlateBorderPass
+        if edges is None:
+            border = Border.of(view, scene.background)
+            edge_pass = PlateBorderPass(device, border, view.camera.width)
+        else:
+            edge_pass = EdgePixelPass(buffers, edges())
+    edge_pass.begin()
+    relighting = RelightingPass(buffers, shading, plan.rows) if plan.shadowed else None
+    for band in bands:
+        if relighting is not None:
+            relighting.finish()
+        if band is not bands[0]:
+            _shade(device, shading, band)
+        elif plan.shade_first:
+            edge_pass.fetch()
+        else:
+            # before that is submitted, which it would wait for as well
+            _shade(device, shading, band, edge_pass.fetch)
+        if relighting is not None:
+            relighting.record(band.buffer, band.row0, band.rows)
+    # the host pass, while the device looks for what hides lamps from other pixels
+    edge_pass.host_pass()
+    if relighting is not None:
+        relighting.finish()
+    edge_pass.write(bands)
+    if visibility is not None:
+        visibility.release()
+    return bands
+
+
+def _upload(
+    device: Device, setup: Setup, plan: FramePlan, visibility: VisibilityBuffer | None
+) -> tuple[SceneBuffers, ShadingPass]:
+    """A setup on the device, and what shades it there."""
+    lines = None
+    if plan.checker_lines and setup.lighting.openness is None:
+        lines = BoardLines.of(setup.view, setup.printed)
+    vertex_buffers = None if visibility is None else visibility.vertex_buffers
+    buffers = SceneBuffers(device, setup, lines, vertex_buffers)
+    shading = ShadingPass(
+        buffers, plan.rows, visibility,
+        tiles=LightTiles.of(setup) if plan.tile_light else None, marked=plan.shadowed,
+        whole_large=plan.whole_large, painter=plan.painter,
+    )  # fmt: skip
+    return buffers, shading
+
+
+def _band(device: Device, row0: int, rows: int, stride: int) -> Band:
+    return Band(row0, rows, stride, device.pool.take(4 * rows * stride, f"radiance[{row0}]"))
+
+
+def _shade(
+    device: Device, shading: ShadingPass, band: Band, then: Callable[[], None] | None = None
+) -> None:
+    """Shade a band; ``then``: what is done before it is submitted."""
+    with device.recording("optics.shade") as recording:
+        shading.record(recording, band.buffer, band.row0, band.rows)
+        if then is not None:
+            then()
+
+
+def _frame_twin(view: View, scene: _Scene) -> npt.NDArray[np.float32]:
+    """Radiance (H, W) in NumPy."""
+    setup = Setup.build(view, scene.lights, scene.background, scene.surfaces)
+    interior = shade_twin(setup, visibility_twin(view))
+    return edges_twin(setup, find_edge_pixels(view), interior)
+
+
+def _parts(view: View, rows: range) -> Iterator[tuple[range, View]]:
+    """Rows of the image with no more triangles over them than one binding holds."""
+    whole = len(rows) == view.camera.height
+    part = view if whole else view.over_rows(rows.start, rows.stop)
+    if part.count <= MAX_TRIANGLES or len(rows) <= MIN_PART_ROWS:
+        yield rows, part
+        return
+    middle = (rows.start + rows.stop) // 2
+    yield from _parts(view, range(rows.start, middle))
+    yield from _parts(view, range(middle, rows.stop))
+
+
+def _check(
+    surfaces: Sequence[Surface],
+    camera: Camera,
+    lights: Sequence[Light] | None,
+    error: float,
+    background: float,
+) -> None:
+    """Refuse what isn't to be rendered."""
     if not _all_are(Surface, surfaces) or not surfaces:
         raise InputError(f"render surfaces; got {surfaces!r}; expected a list of Surface")
     if not isinstance(camera, Camera):
@@ -98,152 +246,13 @@ def render(
         isinstance(lights, Sequence) and all(is_light(light) for light in lights)
     ):
         raise InputError(f"render lights; got {lights!r}; expected a list of lights, or None")
-    if not (np.isfinite(error) and error >= FINEST_ERROR):
-        raise InputError(f"render error; got {error}; expected at least {FINEST_ERROR} grey levels")
+    if not (np.isfinite(error) and error >= MIN_ERROR):
+        raise InputError(f"render error; got {error}; expected at least {MIN_ERROR} grey levels")
     if not (np.isfinite(background) and background >= 0.0):
         raise InputError(f"render background; got {background}; expected a radiance from 0 up")
     for name, size in (("width", camera.width), ("height", camera.height)):
-        if size > WIDEST:
-            raise InputError(f"render: image {name}; got {size}; expected at most {WIDEST} px")
-    device = working_device("render", backend, device)
-    surfaces, camera, lights, origin = local(surfaces, camera, lights)
-    lights = None if lights is None else without_shadows(surfaces, lights, camera.eye)
-    if device is None:
-        view = look(surfaces, camera, lit=lights is not None)
-        setup = Setup.build(view, lights, background, surfaces)
-        interior = shade_twin(setup, visibility_twin(view))
-        radiance = edges_twin(setup, find_edge_pixels(view), interior)
-        frame = Frame(seen_from_origin(view, origin), None, radiance=radiance)
-    else:
-        view, bands = _seen(device, surfaces, camera, lights, background)
-        frame = Frame(seen_from_origin(view, origin), device, tuple(bands))
-    frame.warnings = wound_inwards(surfaces, camera)
-    return frame
-
-
-def _seen(
-    device: Device,
-    surfaces: Sequence[Surface],
-    camera: Camera,
-    lights: Sequence[Light] | None,
-    background: float,
-) -> tuple[View, list[Band]]:
-    """What a camera sees, and the device's picture of it."""
-    view = look(surfaces, camera, lights is not None)
-    bands: list[Band] = []
-    for first, stop, part in _parts(view, 0, camera.height):
-        bands += _draw(device, part, lights, background, surfaces, first, stop)
-    return view, bands
-
-
-def _parts(view: View, first: int, stop: int) -> Iterator[tuple[int, int, View]]:
-    """Rows of the image with no more triangles over them than one binding holds."""
-    part = view if stop - first == view.camera.height else view.over_rows(first, stop)
-    if part.count <= MOST_TRIANGLES or stop - first <= FEWEST_ROWS:
-        yield first, stop, part
-        return
-    middle = (first + stop) // 2
-    yield from _parts(view, first, middle)
-    yield from _parts(view, middle, stop)
-
-
-def _band_rows(camera: Camera, first: int, stop: int, lights: Sequence[Light] | None = None) -> int:
-    """Rows at a time of ``first`` … ``stop - 1``, lit by ``lights``."""
-    rows = max(16, BAND_BYTES // (4 * camera.width))
-    if casts_shadows(lights or []):
-        # shares of all lamps are in one binding, and tiles are looked at together
-        lamps = max(len(lamps_of(lights or [])), FEWEST_LAMPS)
-        rows = max(rows * FEWEST_LAMPS // lamps // WHOLE_ROWS, 1) * WHOLE_ROWS
-    return min(stop - first, rows)
-
-
-def _draw(
-    device: Device,
-    view: View,
-    lights: Sequence[Light] | None,
-    background: float,
-    surfaces: Sequence[Surface],
-    first: int,
-    stop: int,
-) -> list[Band]:
-    """Rows ``first`` … ``stop - 1`` in bands of what a texture may hold.
-
-    The device begins with what is ready, while the host works on what comes next.
-    """
-    rows = _band_rows(view.camera, first, stop, lights)
-    shadowed = casts_shadows(lights or [])
-    visibility: VisibilityBuffer | None = None
-    if small_triangles(view):
-        visibility = VisibilityBuffer(device, view, rows)
-        visibility.begin(first, rows)
-    shade_pass: ShadingPass | None = None
-    begun: Buffer | None = None
-    # one thread beside this one: more would wait for the interpreter
-    with BackgroundTasks(view.count) as aside:
-        simple = lights is None and Border.suits(view)
-        found = None if simple else aside.begin(find_edge_pixels, view)
-        setup = Setup.build(view, lights, background, surfaces, device, False)
-        buffers = SceneBuffers(device, setup, visibility)
-        # what hides lamps is looked for once the device knows which pixels ask; and the first of
-        # several bands needn't wait for the edges either
-        if shadowed or rows < stop - first:
-            shade_pass = ShadingPass(buffers, rows, visibility is not None, visibility, shadowed)
-            begun = device.pool.take(4 * rows * shade_pass.stride, f"radiance[{first}]")
-            with device.recording("optics.shade") as recording:
-                shade_pass.record(recording, begun, first, rows)
-        if shadowed:
-            buffers = buffers.with_shadows(find_shadows(view, lights or [], surfaces, device))
-        edge_pass = None if found is None else EdgePixelPass(buffers, found())
-    if edge_pass is not None:
-        edge_pass.begin()
-    shade_pass = shade_pass or ShadingPass(buffers, rows, visibility is not None, visibility)
-    bands = _bands(buffers, shade_pass, edge_pass, range(first, stop, rows), stop, begun)
-    if visibility is not None:
-        visibility.release()
-    return bands
-
-
-def _bands(
-    buffers: SceneBuffers,
-    shade_pass: ShadingPass,
-    edge_pass: EdgePixelPass | None,
-    starts: range,
-    stop: int,
-    begun: Buffer | None,
-) -> list[Band]:
-    """Bands of rows from ``starts`` on, up to ``stop``, edges and shadows and all; ``begun``: the
-    first band, where it has been shaded."""
-    device, setup, stride = buffers.device, buffers.setup, shade_pass.stride
-    relit = None
-    if setup.lighting.shadows is not None:
-        relit = RelightingPass(buffers, shade_pass, min(starts.step, stop - starts.start))
-    bands: list[Band] = []
-    for row0 in starts:
-        count = min(starts.step, stop - row0)
-        if relit is not None:
-            relit.finish()
-        radiance = begun or device.pool.take(4 * count * stride, f"radiance[{row0}]")
-        with device.recording("optics.shade") as recording:
-            if begun is None:
-                shade_pass.record(recording, radiance, row0, count)
-            begun = None
-            if not bands and edge_pass is not None:
-                # before anything else is submitted that one would wait for as well
-                edge_pass.fetch()
-        if relit is not None:
-            relit.record(radiance, row0, count)
-        bands.append(Band(row0, count, stride, radiance))
-    if edge_pass is None:
-        border = Border.of(setup.view, setup.background)
-        value = border.value.astype(np.float32)
-        write_pixels(device, bands, setup.view.camera.width, border.pixel, value)
-        return bands
-    # while the device looks for what hides lamps from other pixels
-    edge_pass.resolve()
-    if relit is not None:
-        relit.finish()
-    edge_pass.write(bands)
-    return bands
+        if size > MAX_SIDE:
+            raise InputError(f"render: image {name}; got {size}; expected at most {MAX_SIDE} px")
 
 
 def _all_are(kind: type | UnionType, values: object) -> bool:

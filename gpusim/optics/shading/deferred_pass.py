@@ -12,30 +12,35 @@ their numbers are; programs then pass over the tiles with small ones alone.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.summed_area import covered
 from gpusim.gpu import Buffer, Recording, Texture
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.view import View
-from gpusim.optics.raster.compute_raster import NONE, VisibilityBuffer
-from gpusim.optics.raster.tile_mask import under
+from gpusim.optics.raster.visibility_buffer import NONE, VisibilityBuffer
+from gpusim.optics.shading.programs import Program
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 
-if TYPE_CHECKING:
-    from gpusim.optics.shading.forward_pass import Program
-    from gpusim.optics.shading.scene_buffers import SceneBuffers
+__all__ = [
+    "LARGE_BOX",
+    "MAX_PIXELS",
+    "MIN_TRIANGLES",
+    "DeferredPass",
+    "small_triangles",
+    "tiles_under",
+]
 
-__all__ = ["FEWEST", "SMALL", "DeferredPass", "small_triangles"]
-
-SMALL = 200.0
+MAX_PIXELS = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
 
 Several programs pass over all of the image once more.
 """
 
-FEWEST = 2000
+MIN_TRIANGLES = 2000
 """Triangles of a view that is worth it."""
 
 LEVELS = 64
@@ -43,8 +48,9 @@ LEVELS = 64
 
 PER_TEXEL = 16
 
-WIDE = 64.0
-"""px; triangles in a larger box are shaded by themselves, if they aren't more than `FEWEST`."""
+LARGE_BOX = 64.0
+"""px; triangles in a larger box are shaded by themselves, unless they are more than
+`MIN_TRIANGLES`."""
 
 TILE = 32
 """px, side of the tiles that programs pass over; as in the shader."""
@@ -52,12 +58,12 @@ TILE = 32
 
 def small_triangles(view: View) -> bool:
     """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
-    if view.count < FEWEST:
+    if view.count < MIN_TRIANGLES:
         return False
     pixels = view.mean_pixels
     if len(view.regions) > 1:
         pixels += view.camera.width * view.camera.height / view.count
-    return pixels <= SMALL
+    return pixels <= MAX_PIXELS
 
 
 class DeferredPass:
@@ -69,10 +75,12 @@ class DeferredPass:
         rows: int,
         programs: list[Program],
         visibility: VisibilityBuffer,
+        whole_large: bool,
     ) -> None:
+        """``whole_large``: large triangles are shaded by themselves."""
         device, view = buffers.device, buffers.setup.view
         self.buffers, self.visibility = buffers, visibility
-        wide = _wide(view)
+        wide = _large(view) if whole_large else np.zeros(view.count, bool)
         self._wide: list[tuple[dict[str, float], Buffer, int]] = []
         self._tiles: Buffer | None = None
         if wide.any():
@@ -80,7 +88,7 @@ class DeferredPass:
             for program in large:
                 order = device.buffer(program.triangles, "shade.wide")
                 self._wide.append((program.constants, order, len(program.triangles)))
-            row, column = np.nonzero(under(view, np.flatnonzero(~wide), TILE))
+            row, column = np.nonzero(tiles_under(view, np.flatnonzero(~wide), TILE))
             self._count = len(row)
             tiles = (row << 16 | column).astype(np.uint32)
             self._tiles = device.buffer(tiles if self._count else NONE, "shade.tiles")
@@ -166,14 +174,14 @@ class DeferredPass:
             clear = None
 
 
-def _wide(view: View) -> npt.NDArray[np.bool_]:
+def _large(view: View) -> npt.NDArray[np.bool_]:
     """(T,): large triangles that are worth to be shaded by themselves."""
     none = np.zeros(view.count, bool)
-    if view.extent <= WIDE:
+    if view.extent <= LARGE_BOX:
         return none
     low, high = view.box
-    wide = np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > WIDE
-    return wide if 0 < np.count_nonzero(wide) <= FEWEST and not wide.all() else none
+    wide = np.maximum(high[:, 0] - low[:, 0], high[:, 1] - low[:, 1]) > LARGE_BOX
+    return wide if 0 < np.count_nonzero(wide) <= MIN_TRIANGLES and not wide.all() else none
 
 
 def _apart(programs: list[Program], own: npt.NDArray[np.bool_]) -> list[Program]:
@@ -183,3 +191,17 @@ def _apart(programs: list[Program], own: npt.NDArray[np.bool_]) -> list[Program]
         for program in programs
     ]
     return [part for part in parts if len(part.triangles)]
+
+
+def tiles_under(view: View, triangles: npt.NDArray[np.int64], side: int) -> npt.NDArray[np.bool_]:
+    """(rows, columns): tiles, ``side`` px wide, within a pixel of the boxes of ``triangles``
+    (n,)."""
+    shape = (-(-view.camera.height // side), -(-view.camera.width // side))
+    first, last = (np.empty((2, len(triangles)), np.int64).T for _ in range(2))
+    for ends, own, more in ((first, view.box[0], -0.5), (last, view.box[1], 1.5 + side)):
+        for axis, limit in enumerate(shape[::-1]):
+            place = np.take(own[:, axis], triangles)
+            place += more
+            place /= side
+            ends[:, axis] = np.clip(np.floor(place), 0, limit)
+    return covered(first, last, shape)

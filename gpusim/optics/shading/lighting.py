@@ -26,7 +26,7 @@ from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.surface import Surface
 
 __all__ = [
-    "MOST_EMITTERS",
+    "MAX_EMITTERS",
     "Lighting",
     "SharesOf",
     "ambient",
@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 Array = npt.NDArray[np.float64]
-MOST_EMITTERS = 256
+MAX_EMITTERS = 256
 
 SharesOf = Callable[[Array, Array, Array, Array, Array, Array, npt.NDArray[np.int64]], Array]
 """As `Shadows.shares`."""
@@ -109,10 +109,10 @@ class Lighting:
         """
         lights = lights or []
         rows = emitting_points(view, lights)
-        if len(rows) > MOST_EMITTERS:
+        if len(rows) > MAX_EMITTERS:
             raise InputError(
                 f"render lights; got {len(rows)} emitting points; expected at most "
-                f"{MOST_EMITTERS}: use fewer lamps, or smaller ones farther away"
+                f"{MAX_EMITTERS}: use fewer lamps, or smaller ones farther away"
             )
         rows[:, :3] -= rows[:, 8:9] * view.camera.eye
         if not np.abs(rows).max(initial=0.0) <= F32_MAX:
@@ -140,7 +140,7 @@ class Lighting:
 
     def uniform(self) -> dict[str, Array]:
         """The emitters as the shaders' uniform ``lamps``."""
-        rows = np.zeros((MOST_EMITTERS, 12))
+        rows = np.zeros((MAX_EMITTERS, 12))
         rows[: len(self.emitters)] = self.emitters
         linear, square, axes = np.zeros(4), np.zeros((3, 3)), np.zeros((3, 4))
         if self.environment is not None:

@@ -18,11 +18,14 @@ from gpusim.gpu import Bound, Buffer, Device, Texture, compare, twin_check
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.probes.shadows import shadow_scene
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.lamp_visibility import CAPACITY, VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.receivers import (
@@ -259,12 +262,12 @@ def _check(device: Device) -> None:
 
 def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
     camera = setup.view.camera
-    buffers = SceneBuffers(device, setup)
-    shading = ShadingPass(buffers, camera.height, marked=True)
+    buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.printed))
+    shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
     out = device.empty(4 * shading.stride * camera.height, "relit.out")
     with device.recording("optics.shade") as recording:
         shading.record(recording, out, 0, camera.height)
-    relit = RelightingPass(buffers.with_shadows(shadows), shading, camera.height)
+    relit = RelightingPass(with_shadows(buffers, shadows), shading, camera.height)
     relit.record(out, 0, camera.height)
     relit.finish()
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]

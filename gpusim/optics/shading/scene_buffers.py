@@ -15,11 +15,9 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.raster.compute_raster import VisibilityBuffer
-from gpusim.optics.raster.triangle_records import TriangleRecords
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
-from gpusim.optics.shadow.receiver_planes import planes_on_device
+from gpusim.optics.shading.triangle_records import TriangleRecords
 from gpusim.optics.shadow.scene import Shadows
 
 __all__ = ["SceneBuffers"]
@@ -31,9 +29,14 @@ class SceneBuffers:
     """A setup on the device, shared by the interior and the edge pass."""
 
     def __init__(
-        self, device: Device, setup: Setup, visibility: VisibilityBuffer | None = None
+        self,
+        device: Device,
+        setup: Setup,
+        lines: BoardLines | None = None,
+        vertex_buffers: VertexBuffers | None = None,
     ) -> None:
-        """``visibility``: what is on the device already."""
+        """``lines``: strips that are drawn along the lines of boards; ``vertex_buffers``: of a
+        view without those whose triangles are small, where they are on the device already."""
         table, view = setup.table, setup.view
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
@@ -44,18 +47,11 @@ class SceneBuffers:
         self.planes = device.no_texels("rgba32uint")
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
-        # triangles that are shaded pixel by pixel take no parts
-        self.lines = BoardLines.of(setup) if visibility is None else None
-        records = (
-            None
-            if visibility is None
-            else TriangleRecords.of(device, setup, visibility.vertex_buffers)
-        )
-        self.vertex_buffers = (
-            VertexBuffers(device, view, "shade", self.lines)
-            if visibility is None
-            else visibility.vertex_buffers
-        )
+        self.lines = lines
+        self.vertex_buffers = vertex_buffers or VertexBuffers(device, view, "shade", lines)
+        records = None
+        if vertex_buffers is not None:
+            records = TriangleRecords.of(device, setup, vertex_buffers)
         if records is None:
             self.triangles = _triangles(device, setup, self.lines)
         else:
@@ -76,15 +72,10 @@ class SceneBuffers:
             self.bitmap_texels.write(texels)
         self.speckles = table.speckle.texels(device)
 
-    def with_shadows(self, shadows: Shadows | None) -> SceneBuffers:
-        """The same view with shadows."""
+    def with_shadows(self, shadows: Shadows, planes: Texels) -> SceneBuffers:
+        """The same scene with shadows; ``planes``: `gpusim.optics.shading.receiver_planes`."""
         result = copy(self)
-        result.setup = self.setup.with_shadows(shadows)
-        if shadows is not None:
-            on = shadows.owners
-            if self.lines is not None:
-                on = np.append(on, on[self.lines.parent])
-            result.planes = planes_on_device(self, on)
+        result.setup, result.planes = self.setup.with_shadows(shadows), planes
         return result
 
     def shared(self) -> dict[str, Any]:
@@ -92,7 +83,6 @@ class SceneBuffers:
         return {
             "paints": self.paints,
             "patterns": self.patterns,
-            **self.vertex_buffers.outlines(),
             **self.surface(),
             "bitmap_texels": self.bitmap_texels,
             "speckles": self.speckles,

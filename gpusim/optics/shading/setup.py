@@ -19,7 +19,7 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_needed
-from gpusim.optics.paint.checker_fields import matte_boards, within_fields
+from gpusim.optics.paint.checker_lines import matte_boards, within_fields
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
 from gpusim.optics.raster.coefficients import BLOCK, Coefficients, Found, PerTriangle, coefficients
@@ -261,6 +261,12 @@ class Setup:
     def bumpy(self) -> npt.NDArray[np.bool_]:
         """(T,) whether a triangle has a fine relief."""
         return np.zeros(self.view.count, bool) if self.bumps is None else self.bumps.member
+
+    @property
+    def printed(self) -> npt.NDArray[np.bool_]:
+        """(T,) whether a triangle is near a feature of a print without a relief."""
+        result: npt.NDArray[np.bool_] = (self.groups == 1) & ~self.bumpy
+        return result
 
     @cached_property
     def shiny(self) -> npt.NDArray[np.bool_]:

@@ -10,7 +10,6 @@ cosines leaves an error below `TOLERANCE` of it. Spots, whose beams have borders
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -23,14 +22,12 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import NORMAL, corner_range
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup, radiance_of
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 
-if TYPE_CHECKING:
-    from gpusim.optics.shading.scene_buffers import SceneBuffers
-
-__all__ = ["LightTiles", "LightTilesPass", "light_tiles_twin"]
+__all__ = ["LightTiles", "TileLightPass", "light_tiles_twin"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -40,19 +37,19 @@ TILE = 8
 SQUARE = 128
 """px, side of the squares that belong to one plane."""
 
-SMALLEST = 64.0
+MIN_PIXELS = 64.0
 """px; smaller triangles are no part of it."""
 
-LEAST_SHARE = 0.1
+MIN_SHARE = 0.1
 """Of the picture that triangles with tiles cover; less isn't worth it."""
 
 TOLERANCE = 5e-5
 """Of the light on a face turned to the lamp, that interpolation may be off by."""
 
-FLAT = 1e-9
+PLANE_TOLERANCE = 1e-9
 """Distance from a plane, by that from the eye, that counts as on it."""
 
-MOST_PLANES = 16
+MAX_PLANES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +73,14 @@ class LightTiles:
         high = np.minimum(high, np.array([camera.width, camera.height]) - 0.5)
         wide, tall = np.maximum(high - low, 0.0).T
         area = np.where(setup.shiny | setup.bumpy, 0.0, 0.5 * (wide * tall))
-        large = np.flatnonzero(area >= SMALLEST)
+        large = np.flatnonzero(area >= MIN_PIXELS)
         large = large[_flat(setup, large)]
         large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]
         shape = (-(-camera.height // SQUARE), -(-camera.width // SQUARE))
         owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
         member = np.zeros(view.count, bool)
         left = large[np.argsort(-area[large], kind="stable")]
-        for plane in range(MOST_PLANES):
+        for plane in range(MAX_PLANES):
             if not len(left):
                 break
             same = _in_plane(setup, left[0], left)
@@ -94,7 +91,7 @@ class LightTiles:
             square = square[free[number]]
             owner[square], plane_of[square] = own[0] + 1, plane
             member[own[free]] = True
-        if not area[member].sum() >= LEAST_SHARE * camera.width * camera.height:
+        if not area[member].sum() >= MIN_SHARE * camera.width * camera.height:
             return None
         return LightTiles(member, owner.reshape(shape))
 
@@ -158,10 +155,10 @@ def _in_plane(setup: Setup, first: np.int64, triangles: Numbers) -> npt.NDArray[
     off = np.abs((corners[:, :, :3] - a) @ normal)
     far = np.linalg.norm(corners[:, :, :3], axis=2)
     alike = np.abs(corners[:, 0, NORMAL] - one[0, NORMAL]).max(axis=1)
-    return np.asarray((off <= FLAT * far).all(axis=1) & (alike <= 1e-9))
+    return np.asarray((off <= PLANE_TOLERANCE * far).all(axis=1) & (alike <= 1e-9))
 
 
-class LightTilesPass:
+class TileLightPass:
     """The tiles of one view on the device."""
 
     def __init__(self, buffers: SceneBuffers, tiles: LightTiles) -> None:
@@ -172,6 +169,14 @@ class LightTilesPass:
             buffers.device, self.shape[0] * self.shape[1], "rgba32float", "light_tiles.light"
         )
         self._owners = buffers.device.buffer(tiles.owner, "light_tiles.owners")
+        self._found = False
+
+    def found(self, recording: Recording) -> Texels:
+        """The light of all tiles, found with the first band."""
+        if not self._found:
+            self.record(recording)
+            self._found = True
+        return self.texels
 
     def record(self, recording: Recording) -> None:
         """Find the light of all tiles."""
@@ -213,12 +218,10 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
 
 @twin_check("optics/shading/tile_light")
 def _check(device: Device) -> None:
-    from gpusim.optics.shading.scene_buffers import SceneBuffers
-
     setup = _probe()
     tiles = LightTiles.of(setup, tolerance=np.inf)
     assert tiles is not None
-    work = LightTilesPass(SceneBuffers(device, setup), tiles)
+    work = TileLightPass(SceneBuffers(device, setup), tiles)
     with device.recording("optics.light_tiles") as recording:
         work.record(recording)
     got = work.texels.read().reshape(*work.shape, 4)

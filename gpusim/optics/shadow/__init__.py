@@ -12,7 +12,6 @@ In the order in which data passes:
   spaces.
 - `single_layer`: What hides nothing of itself: what a lamp lights of it is a single layer, from
   all of the lamp.
-- `receiver_planes`: Planes of the triangles of a view, from which their pixels ask for lamps.
 - `receivers`: Receivers: what asks how much of each lamp it sees.
 - `receiver_groups`: What the receivers of each entry have in common.
 - `occluder_search`: The search for what may hide a lamp from each entry of receivers.

@@ -11,7 +11,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import PointLight, SpotLight
 from gpusim.optics.light.quadrature import MOST_ACROSS
-from gpusim.optics.shading.lighting import MOST_EMITTERS, emitting_points
+from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
 from gpusim.pipeline.build.build import build_lights
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -29,12 +29,12 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
     """
     lights = build_lights(scene) or []
     small = sum(isinstance(light, PointLight | SpotLight) for light in lights)
-    if small + MOST_ACROSS**2 * (len(lights) - small) <= MOST_EMITTERS:
+    if small + MOST_ACROSS**2 * (len(lights) - small) <= MAX_EMITTERS:
         return
     names = [one.name for one in scene.lights if not isinstance(one, m.Ambient | m.Environment)]
     for camera in cameras:
         rows = emitting_points(look(surfaces, camera, lit=False), lights)
-        if len(rows) <= MOST_EMITTERS:
+        if len(rows) <= MAX_EMITTERS:
             continue
         counts = np.bincount(rows[:, 11].astype(int), minlength=len(names))
         several = [
@@ -44,6 +44,6 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
         large = f" (large lamps count as several points: {', '.join(several)})" if several else ""
         raise InputError(
             f"light: got {len(names)} lamps, which are {len(rows)} emitting points for camera "
-            f"{camera.name!r}{large}; expected at most {MOST_EMITTERS}: use fewer lamps, or "
+            f"{camera.name!r}{large}; expected at most {MAX_EMITTERS}: use fewer lamps, or "
             "smaller ones farther away"
         )

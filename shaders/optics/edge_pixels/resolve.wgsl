@@ -152,7 +152,7 @@ fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
     );
 }
 
-// One of the 64 triangles over a pixel (`DEEPEST` in resolve.py).
+// One of the 64 triangles over a pixel (`MAX_DEPTH` in resolve.py).
 fn bit_of(k: u32) -> vec2u {
     let bit = 1u << (k & 31u);
     return select(vec2u(0u, bit), vec2u(bit, 0u), k < 32u);

@@ -6,24 +6,21 @@ place in both. The twin finds them from the corners, in float64.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Texels
 from gpusim.optics.geometry.triangle_corners import NORMAL
 from gpusim.optics.geometry.view import View
+from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shadow.receivers import PixelReceivers
+from gpusim.optics.shadow.scene import Shadows
 
-if TYPE_CHECKING:
-    from gpusim.optics.shading.scene_buffers import SceneBuffers
-
-__all__ = ["planes_on_device", "planes_twin"]
+__all__ = ["planes_on_device", "planes_twin", "with_shadows"]
 
 Array = npt.NDArray[np.float64]
 
-NAME = "optics/shadow/receiver_planes"
+NAME = "optics/shading/receiver_planes"
 
 
 def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels:
@@ -41,6 +38,17 @@ def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels
     with device.recording("optics.shadow") as recording:
         recording.dispatch(kernel, bindings, threads=(len(on),))
     return texels
+
+
+def with_shadows(buffers: SceneBuffers, shadows: Shadows | None) -> SceneBuffers:
+    """The same scene with shadows, and the planes from which pixels ask for lamps."""
+    if shadows is None:
+        return buffers
+    on = shadows.owners
+    if buffers.lines is not None:
+        on = np.append(on, on[buffers.lines.parent])
+    planes = planes_on_device(buffers, on)
+    return buffers.with_shadows(shadows, planes)
 
 
 def planes_twin(view: View) -> tuple[Array, Array]:

@@ -77,7 +77,7 @@ class TriangleRecords:
 
     def make(self, recording: Recording) -> None:
         """Make those of all triangles."""
-        kernel = self.device.kernel("optics/raster/triangle_records")
+        kernel = self.device.kernel("optics/shading/triangle_records")
         params = {"count": self.count, "inverse_depth": self.inverse_depth}
         bindings = kernel.bind(params=params, **self._bound)
         recording.dispatch(kernel, bindings, threads=(self.count,))
@@ -144,12 +144,12 @@ def _sides(setup: Setup) -> Array:
     return side
 
 
-@twin_check("optics/raster/triangle_records")
+@twin_check("optics/shading/triangle_records")
 def _check(device: Device) -> None:
     setup = probe_setup(fine=False)
     found = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
     if found is None:
-        raise TwinMismatch("optics/raster/triangle_records: nothing to compare")
+        raise TwinMismatch("optics/shading/triangle_records: nothing to compare")
     count, per = setup.view.count, TRIANGLE.itemsize // 16
     with device.recording("optics.records") as recording:
         found.make(recording)
@@ -157,7 +157,7 @@ def _check(device: Device) -> None:
     for name, one, other in zip(
         ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
     ):
-        compare(f"optics/raster/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
+        compare(f"optics/shading/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
 
 
 def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:

@@ -1,0 +1,143 @@
+"""What one frame is made by: every choice, made once before any work, with its reason.
+
+A plan can be printed, and overridden: ``plan.replace(deferred=False)``. None of its shortcuts
+changes a picture by more than rounding; `FramePlan.without_shortcuts` goes without all of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from gpusim.gpu import Device
+from gpusim.optics.edge_pixels.plate_border import Border
+from gpusim.optics.geometry.view import View
+from gpusim.optics.light.lights import Light
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.raster.visibility_buffer import MAX_BOX, compute_raster_suits
+from gpusim.optics.shading.deferred_pass import LARGE_BOX, small_triangles
+from gpusim.optics.shading.lighting import casts_shadows
+from gpusim.optics.shading.tile_light import MIN_PIXELS
+
+__all__ = ["BAND_BYTES", "FramePlan", "plan_frame"]
+
+BAND_BYTES = 1 << 25
+"""Of radiance that is worked on at a time."""
+
+MIN_ROWS = 16
+"""Of a band."""
+
+MIN_ROWS_SHADOWED = 32
+"""Rows of a band under shadows come by as many, as whole tiles of receivers."""
+
+LAMPS_AT_ONCE = 4
+"""Lamps whose shares of all of a band fit into one binding; with more of them bands are lower."""
+
+MIN_TRIANGLES_FOR_THREAD = 2000
+"""Of a view from which on a thread gains: NumPy lets go of the interpreter in passes over long
+arrays only, and threads that wait for it get it 5 ms later."""
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """The choices of a frame, or of a part of its rows.
+
+    ``rows``: of a band. ``lit``, ``shadowed``: whether there are lights, and lamps whose light
+    something may hide. The others are shortcuts: ``deferred``: pixels are shaded once it is known
+    which triangle each one sees, which ``compute_raster`` finds in place of the rasteriser;
+    ``whole_large``: large triangles among small ones are shaded as wholes; ``checker_lines``:
+    boards are plain but for strips along their lines; ``tile_light``: light on large planes is
+    interpolated; ``painter``: triangles of one plane are drawn without a depth buffer;
+    ``plate_border``: edge pixels of a flat plate in closed form; ``shade_first``: the device shades
+    the first band before edges and shadows are known; ``thread``: edge pixels are looked for beside
+    the rest. ``reasons``: why, by name.
+    """
+
+    rows: int
+    lit: bool
+    shadowed: bool
+    deferred: bool
+    compute_raster: bool
+    whole_large: bool
+    checker_lines: bool
+    tile_light: bool
+    painter: bool
+    plate_border: bool
+    shade_first: bool
+    thread: bool
+    reasons: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+
+    def replace(self, **choices: bool | int) -> FramePlan:
+        """The same plan with other choices."""
+        reasons = {**self.reasons, **dict.fromkeys(choices, "asked for")}
+        return dataclasses.replace(self, reasons=reasons, **choices)  # type: ignore[arg-type]
+
+    def without_shortcuts(self) -> FramePlan:
+        """The same plan without anything that is there for speed alone."""
+        return self.replace(**dict.fromkeys(SHORTCUTS, False))
+
+    def __str__(self) -> str:
+        """A table: choice, value, reason."""
+        values = {name: getattr(self, name) for name in self.reasons}
+        shown = {n: ("yes" if v else "no") if isinstance(v, bool) else v for n, v in values.items()}
+        return "\n".join(f"{n:15} {v!s:6} {self.reasons[n]}" for n, v in shown.items())
+
+
+SHORTCUTS = (
+    "deferred", "compute_raster", "whole_large", "checker_lines", "tile_light", "painter",
+    "plate_border", "shade_first", "thread",
+)  # fmt: skip
+
+
+def plan_frame(
+    view: View, lights: Sequence[Light] | None, device: Device, height: int | None = None
+) -> FramePlan:
+    """The plan of a view, of which ``height`` rows are drawn (None: all)."""
+    camera, height = view.camera, height or view.camera.height
+    lit, shadowed = lights is not None, casts_shadows(lights or [])
+    rows = _band_rows(camera.width, height, lights or [] if shadowed else None)
+    straight = camera.lens is None
+    deferred = small_triangles(view)
+    painter = not deferred and view.flat
+    # a box that is too small holds no triangle that is large enough
+    large = 0.5 * view.extent**2 >= MIN_PIXELS
+    choices: dict[str, tuple[bool | int, str]] = {
+        "rows": (rows, f"{height} rows in all"),
+        "lit": (lit, "lights" if lit else "no lights: the paints' albedo"),
+        "shadowed": (shadowed, "lamps that cast shadows" if shadowed else "no lamp casts shadows"),
+        "deferred": (
+            deferred, f"{view.count} triangles of {view.mean_pixels:.0f} px in the mean"
+        ),
+        "compute_raster": (
+            deferred and compute_raster_suits(device, view),
+            f"boxes up to {view.extent:.0f} px; at most {MAX_BOX:.0f}, with 64-bit atomics",
+        ),
+        "whole_large": (deferred and view.extent > LARGE_BOX, "large boxes among small ones"),
+        "checker_lines": (
+            not deferred and straight, "small triangles or a lens bend lines" if deferred or
+            not straight else "triangles larger than fields' lines are wide",
+        ),
+        "tile_light": (lit and large, f"boxes of at least {MIN_PIXELS:.0f} px, lit"),
+        "painter": (painter, "one plane" if painter else "triangles may hide each other"),
+        "plate_border": (not lit and Border.suits(view), "one unlit plate, its ground all round"),
+        "shade_first": (
+            shadowed or rows < height, "shadows or further bands are worked on meanwhile"
+        ),
+        "thread": (view.count >= MIN_TRIANGLES_FOR_THREAD, f"{view.count} triangles"),
+    }  # fmt: skip
+    return FramePlan(
+        **{name: value for name, (value, _) in choices.items()},  # type: ignore[arg-type]
+        reasons={name: reason for name, (_, reason) in choices.items()},
+    )
+
+
+def _band_rows(width: int, height: int, lights: Sequence[Light] | None) -> int:
+    """Rows at a time of ``height``; ``lights``: those of a view with shadows."""
+    rows = max(MIN_ROWS, BAND_BYTES // (4 * width))
+    if lights is not None:
+        # shares of all lamps are in one binding, and tiles are looked at together
+        lamps = max(len(lamps_of(lights)), LAMPS_AT_ONCE)
+        whole = rows * LAMPS_AT_ONCE // lamps // MIN_ROWS_SHADOWED
+        rows = max(whole, 1) * MIN_ROWS_SHADOWED
+    return min(height, rows)
