@@ -144,6 +144,13 @@ def test_without_any_shortcut_the_picture_is_the_same(
     assert off.max() <= 5.1e-4 * scale and np.sqrt((off**2).mean()) <= 2e-5 * scale
 
 
+def test_photographs_go_without_shortcuts_too(device: Device) -> None:
+    surfaces, whence, lights = plate()
+    options: dict[str, Any] = {"background": 0.25, "device": device, "shortcuts": False}
+    got = gs.optics.photograph(surfaces, whence, lights, **options).radiance
+    np.testing.assert_array_equal(got, gs.render(surfaces, whence, lights, **options).radiance)
+
+
 def test_a_plan_says_what_it_chose_and_why(device: Device) -> None:
     surfaces, whence, lights = fine_shadows()
     plan = plan_frame(look(surfaces, whence, True), lights, device)

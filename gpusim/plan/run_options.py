@@ -13,9 +13,9 @@ class RunOptions:
     """``backend`` "gpu" or "numpy". ``fresh`` ignores the results of earlier runs.
 
     ``skip=False`` switches every shortcut off: nothing is reused, what the loads make trivial is
-    computed all the same, frames that show the same are rendered again, and whole images are, not
-    the parts alone that aren't background. What is passed on of it stands here: `for_solver`,
-    `for_renderer`.
+    computed all the same, frames that show the same are rendered again, whole images are, not the
+    parts alone that aren't background, and the renderer goes without its shortcuts. What is passed
+    on of it stands here: `for_solver`, `for_renderer`.
     """
 
     backend: str
@@ -34,4 +34,4 @@ class RunOptions:
 
     def for_renderer(self) -> dict[str, Any]:
         """Keyword arguments of `gpusim.optics.lens.exposure.photograph`."""
-        return {"backend": self.backend}
+        return {"backend": self.backend, "shortcuts": self.skip}

@@ -75,6 +75,7 @@ def photograph(
     background: float = 0.0,
     device: Device | None = None,
     backend: str = "auto",
+    shortcuts: bool = True,
 ) -> Frame:
     """Photograph ``surfaces`` with a real lens and shutter.
 
@@ -86,7 +87,7 @@ def photograph(
     time : when row 0 begins to collect light.
     error : RMS error in grey levels of 8 bit, of a picture half of whose pixels see full-contrast
         edges: it decides the cells per pixel and the lens positions.
-    lights, background, device, backend : as for `render`.
+    lights, background, device, backend, shortcuts : as for `render`.
 
     Returns
     -------
@@ -125,7 +126,7 @@ def photograph(
     def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
         return render(
             what, whence, lights, error=error, background=background, device=device,
-            backend=backend,
+            backend=backend, shortcuts=shortcuts,
         )  # fmt: skip
 
     if exposure.plain:

@@ -36,7 +36,7 @@ def run(
     backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
         warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the twins.
     fresh : reuse nothing of an earlier run.
-    skip : False switches every shortcut off, those of the solver and the renderer too
+    skip : False switches every shortcut off, those of the renderer too
         (`gpusim.plan.run_options.RunOptions`).
     progress : called with (stage, done 0..1, text).
 
