@@ -6,8 +6,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from gpusim.printable import printable
 
 __all__ = ["field_summary"]
@@ -34,13 +32,18 @@ def field_summary(self: Any) -> str:
 
 
 def _is_default(value: Any, default: Any) -> bool:
-    if isinstance(value, np.ndarray) or isinstance(default, np.ndarray):
+    if _is_array(value) or _is_array(default):
         return False
     return value is default or bool(type(value) is type(default) and value == default)
 
 
+def _is_array(value: Any) -> bool:
+    # NumPy isn't imported for this: the command line starts without
+    return hasattr(value, "dtype") and hasattr(value, "shape")
+
+
 def _value_summary(value: Any) -> str:
-    if isinstance(value, np.ndarray):
+    if _is_array(value):
         return f"{value.dtype} {value.shape}"
     if isinstance(value, float):
         return f"{value:.6g}"

@@ -71,18 +71,9 @@ OPTICS = (
     "rendering",
     "lens",
     "sensor",
-    "probes",
 )
 # Imports of `optics` that still point the other way, and circles of modules.
-WRONG_WAY: dict[str, set[str]] = {
-    "edge_pixels.resolve": {"probes.paints"},
-    "shading.triangle_records": {"probes.paints"},
-    "shading.forward_pass": {
-        "edge_pixels.fragment_lists",
-        "probes.paints",
-    },
-    "shading.relighting": {"edge_pixels.fragment_lists", "probes.shadows"},
-}
+WRONG_WAY: dict[str, set[str]] = {}
 CIRCLES: list[set[str]] = []
 
 MOST_MODULES = 20

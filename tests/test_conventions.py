@@ -14,7 +14,7 @@ from gpusim.measure import DicResult, StereoResult, StrainResult
 from gpusim.optics.calibration.formats import UNITS
 from gpusim.pipeline.measurements import damage
 from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.stereo_result import CameraFound
+from gpusim.pipeline.measurements.stereo_result import CalibratedCamera
 from gpusim.pipeline.measurements.stereo_result import StereoResult as StereoMarkers
 
 
@@ -61,7 +61,7 @@ def test_columns_of_measures(rows: dict[str, list[str]]) -> None:
     values |= {"true": values["found"], "sigma": values["found"], "name": "left"}
     markers = empty(
         StereoMarkers, position_mm=vector, found_mm=vector, measured_mm=vector, true_mm=vector,
-        sigma_mm=vector, epipolar_px=flat, cameras=(empty(CameraFound, **values),),
+        sigma_mm=vector, epipolar_px=flat, cameras=(empty(CalibratedCamera, **values),),
     )  # fmt: skip
     assert markers._csv().split() == [rows["`measure/<stereo>.csv`"][0].replace(", ", ",")]
     head, *own = markers._cameras_csv().split()

@@ -34,7 +34,7 @@ def planned(
 @pytest.mark.parametrize(
     ("model", "options", "attempts", "word"),
     [
-        (held((2, 2, 2)), {}, ("direct",), "estimated"),
+        (held((2, 2, 2)), {}, ("direct",), "of multigrid's time"),
         (held((2, 2, 2)), {"method": "direct"}, ("direct",), "asked for"),
         (held((2, 2, 2)), {"method": "multigrid"}, ("multigrid",), "asked for"),
         (held((2, 2, 2), load=0.0), {"method": "direct"}, ("none",), "no load"),

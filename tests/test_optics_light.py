@@ -224,3 +224,10 @@ def test_too_many_emitting_points_are_refused() -> None:
     lamps = [gs.AreaLight((0.5, -0.2 - 0.01 * k, 0.5), (0, 0, 0), (1, 1), 1.0) for k in range(5)]
     with pytest.raises(InputError, match=r"emitting points.*at most 256"):
         gs.render([surface], view, lamps, backend="numpy")
+
+
+def test_what_isnt_a_truth_value_is_refused() -> None:
+    with pytest.raises(InputError, match="occlusion"):
+        gs.AmbientLight(0.3, occlusion="yes")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="occlusion"):
+        gs.EnvironmentLight(0.3, 0.1, occlusion=2)  # type: ignore[arg-type]

@@ -11,9 +11,9 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight
-from gpusim.optics.probes.shadows import shadow_scene
 from gpusim.optics.rendering.local_origin import origin_near
 from gpusim.optics.truth import seen_in
+from gpusim.twin_checks.shadow_scene import shadow_scene
 
 Array = npt.NDArray[np.float64]
 

@@ -7,7 +7,6 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
 from gpusim.optics.ambient.hemisphere_mask import (
@@ -23,10 +22,10 @@ from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
-from gpusim.optics.probes.shadows import block
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.surface import Surface
+from gpusim.twin_checks.shadow_scene import block
 
 Array = npt.NDArray[np.float64]
 UP = np.array([[0.0, 0.0, 1.0]])
@@ -38,14 +37,10 @@ EVEN: list[Light] = [gs.AmbientLight(1.0 / np.pi, occlusion=True)]
 
 def share(corners: Array, at: Array, normal: Array = UP) -> Array:
     """What single faces (F, 4, 3), hiding on both sides, leave of the light of points (N, 3)."""
-    count = len(at)
-    points = SamplePoints(
-        at, np.broadcast_to(normal, at.shape), np.full(count, 1e-9), np.full(count, 1e-3)
-    )
-    both = np.ones(len(corners), bool)
-    return hemisphere_masks_twin(
-        points, SilhouetteLists.everywhere(EdgeAdjacency.apart(corners, both), count)
-    ).open_share
+    sizes = np.full((2, len(at)), [[1e-9], [1e-3]])
+    points = SamplePoints(at, np.broadcast_to(normal, at.shape), *sizes)
+    edges = EdgeAdjacency.apart(corners, np.ones(len(corners), bool))
+    return hemisphere_masks_twin(points, SilhouetteLists.everywhere(edges, len(at))).open_share
 
 
 def turned(points: Array, angle: float) -> Array:
@@ -401,10 +396,3 @@ def test_it_is_absent_unless_asked_for_and_changes_nothing_in_the_open() -> None
     alone = surfaces[:1]
     one, two = (gs.render(alone, camera(64), lights).radiance for lights in (off, on))
     np.testing.assert_allclose(one, two, rtol=1e-6, atol=1e-8)
-
-
-def test_what_isnt_a_truth_value_is_refused() -> None:
-    with pytest.raises(InputError, match="occlusion"):
-        gs.AmbientLight(0.3, occlusion="yes")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="occlusion"):
-        gs.EnvironmentLight(0.3, 0.1, occlusion=2)  # type: ignore[arg-type]

@@ -16,7 +16,8 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.deferred_pass import small_triangles
 from gpusim.optics.shading.setup import Setup
-from gpusim.optics.shading.triangle_records import TriangleRecords, evaluated
+from gpusim.optics.shading.triangle_records import TriangleRecords
+from gpusim.twin_checks.images import evaluated
 
 LIGHTS = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]
 

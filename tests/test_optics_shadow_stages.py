@@ -11,17 +11,16 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SunLight
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shadow.brute_force import shares_twin
 from gpusim.optics.shadow.lamp_visibility import VisibleShares, visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receivers
+from gpusim.twin_checks.occluder_scene import probe_pieces, probe_pixels, probe_points
 from tests.shadow_rays import box, found, on_plane, sheet
 
 STAGES = (
-    "receiver_planes",
     "bvh_refit",
     "receiver_groups",
     "occluder_search",
@@ -31,7 +30,8 @@ STAGES = (
 
 
 def test_every_stage_has_a_check() -> None:
-    assert {f"optics/shadow/{stage}" for stage in STAGES} <= set(twin_checks())
+    stages = {f"optics/shadow/{stage}" for stage in STAGES} | {"optics/shading/receiver_planes"}
+    assert stages <= set(twin_checks())
 
 
 @pytest.mark.parametrize(

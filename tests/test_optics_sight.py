@@ -9,10 +9,12 @@ import pytest
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.compute_raster import compute_raster_twin, probe_view
-from gpusim.optics.raster.id_buffer import near_an_edge, visibility_twin
+from gpusim.optics.raster.compute_raster import compute_raster_twin
+from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.raster.visibility_buffer import MAX_BOX, VisibilityBuffer
 from gpusim.surface.surface import Surface
+from gpusim.twin_checks.images import near_an_edge
+from gpusim.twin_checks.paint_scene import crumpled_view
 
 
 def seen(device: Device, view: View, rows: int) -> npt.NDArray[np.uint32]:
@@ -31,7 +33,7 @@ def seen(device: Device, view: View, rows: int) -> npt.NDArray[np.uint32]:
 
 
 def test_it_sees_what_the_exact_twin_sees(device: Device) -> None:
-    view = probe_view()
+    view = crumpled_view()
     if not device.atomics64:
         pytest.skip("no 64-bit atomics")
     assert view.extent <= MAX_BOX
@@ -47,7 +49,7 @@ def test_it_sees_what_the_exact_twin_sees(device: Device) -> None:
 def test_devices_without_64_bit_atomics_take_the_rasteriser(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    view = probe_view()
+    view = crumpled_view()
     found = seen(device, view, 20)
     monkeypatch.setattr(Device, "atomics64", False)
     assert VisibilityBuffer(device, view, 20).depth is not None

@@ -15,11 +15,11 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
 from gpusim.optics.edge_pixels import resolve
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.probes.paints import probe_setup
 from gpusim.optics.raster import id_buffer
 from gpusim.optics.sensor import sensor
 from gpusim.optics.shading import setup
 from gpusim.optics.shading.setup import TRIANGLE
+from gpusim.twin_checks.paint_scene import probe_setup
 
 STAGES = [
     "optics/edge_pixels/resolve",

@@ -131,12 +131,12 @@ def test_parts_of_a_projection_error_add_up() -> None:
     plane = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     scale = gs.measure.scale_coefficient(camera.project(place), 1e3 * place @ plane.T)
     every = np.ones(4, bool)
-    right = projection_error(camera, place, moved, plane, scale, every)
+    right = projection_error(camera, place, moved, plane, scale=scale, used=every)
     assert np.abs(right.scale).max() <= 1e-12
     # 2 % wrong and turned by 0.01: all of what that changes is the scale's part, nothing else's
     wrong = 1.02 * np.array([[1.0, -0.01], [0.01, 1.0]]) @ scale.rotation
     scale = dataclasses.replace(scale, rotation=wrong)
-    found = projection_error(camera, place, moved, plane, scale, every)
+    found = projection_error(camera, place, moved, plane, scale=scale, used=every)
     for part in ("axis", "plane", "lens"):
         assert np.array_equal(getattr(found, part), getattr(right, part))
     whole = scale.vectors(camera.project(place + moved) - camera.project(place))

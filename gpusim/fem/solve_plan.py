@@ -138,18 +138,21 @@ def _cheaper(
     if system.contrast > UNEVEN_STIFFNESS:
         # multigrid takes many times as long there, and its error is harder to tell
         patience = max(_UNEVEN_PATIENCE * patience, _UNEVEN_SECONDS)
-    allowed = f"multigrid: {patience:.2g} s allowed, a direct solver takes"
     least = least_seconds(assembled, system.free)
     if least > patience:
-        return ("multigrid", "direct"), f"{allowed} {least:.2g} s at least"
+        return ("multigrid", "direct"), _slower(least / patience, "at least ")
     found = direct()
     if found is None:
         return ("multigrid", "direct"), "multigrid: no direct solver is to be thought of"
     if found.seconds <= patience and found.fits:
-        why = f"direct: {found.seconds:.2g} s estimated, {patience:.2g} s allowed"
-        return ("direct",), f"{why}; {found.description}"
-    why = f"{allowed} {found.seconds:.2g} s and {found.nbytes / 1e9:.2g} GB"
+        share = found.seconds / patience
+        return ("direct",), f"direct: {share:.2g} of multigrid's time; {found.description}"
+    why = f"{_slower(found.seconds / patience)} and {found.nbytes / 1e9:.2g} GB"
     return ("multigrid", "direct"), why
+
+
+def _slower(times: float, least: str = "") -> str:
+    return f"multigrid: a direct solver takes {least}{times:.2g} times as long"
 
 
 def _fitting(direct: Direct | None) -> Direct:

@@ -20,7 +20,6 @@ In the order in which data passes:
 - `rendering`: One frame, from view to radiance.
 - `lens`: Point spread, depth of field, vignetting, exposure.
 - `sensor`: Grey values from radiance.
-- `probes`: Small scenes for twin checks.
 """
 
 from gpusim.optics.camera.pinhole import Camera

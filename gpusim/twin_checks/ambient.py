@@ -17,7 +17,7 @@ from gpusim.optics.ambient.sample_points import SamplePoints
 from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
 from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
 from gpusim.optics.ambient.silhouette_search import silhouettes_near
-from gpusim.optics.probes.shadows import block
+from gpusim.twin_checks.shadow_scene import block
 
 
 @twin_check("optics/ambient/hemisphere_mask")

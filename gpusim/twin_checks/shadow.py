@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.light.quadrature import Lamp
-from gpusim.optics.probes.occluders import probe_pieces, probe_pixels, probe_points, probe_spaces
-from gpusim.optics.probes.paints import fields_setup, probe_setup
 from gpusim.optics.shading.receiver_planes import planes_on_device, planes_twin
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shadow.brute_force import (
@@ -31,6 +29,8 @@ from gpusim.optics.shadow.receiver_groups import (
     record_groups,
 )
 from gpusim.optics.shadow.receivers import NO_OWNER, on_device, plane_words
+from gpusim.twin_checks.occluder_scene import probe_pieces, probe_pixels, probe_points, probe_spaces
+from gpusim.twin_checks.paint_scene import fields_setup, probe_setup
 
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_matrix, random_array
+from scipy.sparse import csr_matrix
 
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import node_texels, read_nodes, row_threads, vector_texels
-from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+from gpusim.fem.device.node_texels import row_threads
+from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["DeviceWeights", "apply_weights"]
@@ -68,22 +68,3 @@ class DeviceWeights:
                 **more,
             )
         recording.dispatch(kernel, self._bound[key], threads=(row_threads(self.rows, self.cases),))
-
-
-@twin_check("fem/device/interpolation")
-def _check(device: Device) -> None:
-    rng = np.random.default_rng(10)
-    weights = csr_matrix(random_array((70, 33), density=0.1, rng=rng))
-    free = rng.random((70, 3)) < 0.8
-    v, x = rng.normal(size=(2, 33, 3)), rng.normal(size=(2, 70, 3))
-    spread = DeviceWeights(device, weights, free, 2, "fem.check")
-    source = vector_texels(device, 2, 33, "fem.check.v")
-    base, plain, added = (vector_texels(device, 2, 70, "fem.check.x") for _ in range(3))
-    source.write(node_texels(v))
-    base.write(node_texels(x))
-    with device.recording("fem.check") as recording:
-        spread.record(recording, source, plain)
-        spread.record(recording, source, added, base)
-    wanted = apply_weights(weights, free, v)
-    compare("fem/device/interpolation.apply", read_nodes(plain, 2), wanted)
-    compare("fem/device/interpolation.add", read_nodes(added, 2), x + wanted)

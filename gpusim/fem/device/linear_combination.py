@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import Pair, pair
-from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+from gpusim.fem.device.node_texels import Pair
+from gpusim.gpu import Bindings, Recording
 
 __all__ = ["DeviceSum", "weighted_sum"]
 
@@ -44,19 +44,3 @@ class DeviceSum:
             params = {"count": self.texels, **factors}
             self._bound[key] = self._kernel.bind(**vectors, params=params)
         recording.dispatch(self._kernel, self._bound[key], threads=(self.texels,))
-
-
-@twin_check("fem/device/linear_combination")
-def _check(device: Device) -> None:
-    rng = np.random.default_rng(11)
-    values = {name: rng.normal(size=(2, 70, 3)) for name in _NAMES}
-    factors = dict(zip(_NAMES, (1.5, -0.3, 0.7, -1.0), strict=True))
-    adder = DeviceSum(device, 70, 2)
-    vectors = {name: pair(device, 2, 70, "fem.check") for name in _NAMES}
-    out = pair(device, 2, 70, "fem.check")
-    for name, vector in vectors.items():
-        vector.write(values[name])
-    with device.recording("fem.check") as recording:
-        adder.record(recording, out, **{name: (factors[name], vectors[name]) for name in _NAMES})
-    wanted = weighted_sum({name: (factors[name], values[name]) for name in _NAMES})
-    compare("fem/device/linear_combination", out.read(2), wanted, atol=1e-13, rtol=1e-13)

@@ -8,7 +8,6 @@ vector.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +16,11 @@ from scipy.sparse import bsr_matrix
 from gpusim.fem.device.arena import Allocator
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.linear_combination import DeviceSum
-from gpusim.fem.device.node_texels import Pair, node_texels, read_nodes, row_threads, vector_texels
-from gpusim.fem.device.stiffness import apply_stiffness
-from gpusim.fem.device.tet_forces import apply_tets, check_elements
+from gpusim.fem.device.node_texels import Pair, row_threads, vector_texels
 from gpusim.fem.device.tet_forces_single import SingleForces
 from gpusim.fem.device.tet_texels import TetTexels
 from gpusim.fem.multigrid.smoothers import Relaxation
-from gpusim.gpu import Bindings, Device, Recording, compare, twin_check
+from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
@@ -252,60 +249,3 @@ def relaxation(
     if isinstance(texels, TetTexels):
         return TetRelaxation(device, texels, inverse, cases, label)
     return DeviceRelaxation(device, texels, inverse, cases, label)
-
-
-@twin_check("fem/device/relaxation")
-def _check(device: Device) -> None:
-    from gpusim.fem.assembly.assembly import assemble
-    from gpusim.fem.assembly.diagonal_blocks import invert_blocks
-    from gpusim.fem.model.formulation import resolve_formulation
-    from gpusim.fem.model.material import Isotropic
-    from gpusim.fem.model.model import Model
-    from gpusim.mesh import box
-
-    rng = np.random.default_rng(9)
-    regular = box((1.0, 0.4, 0.7), (9, 6, 5))
-    # moved nodes: every row is different
-    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
-    for mesh in (regular, irregular):
-        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
-        rows = assemble(model, resolve_formulation(model, None)).rows
-        free = mesh.points > mesh.points.min(axis=0)
-        inverse = invert_blocks(rows.diagonal[rows.row_class], free)
-        texels = BlockTexels(device, rows, 1.0, "fem.check", exact=False)
-        _compare(device, texels, partial(apply_stiffness, rows), inverse, free)
-    elements, nodes = check_elements()
-    free = rng.random((nodes, 3)) < 0.9
-    blocks = np.eye(3) + 0.1 * rng.normal(size=(nodes, 3, 3))
-    inverse = blocks * free[:, :, None] * free[:, None]
-    of_elements = TetTexels(device, elements, nodes, 1.0, "fem.check")
-    _compare(device, of_elements, partial(apply_tets, elements), inverse, free)
-
-
-def _compare(
-    device: Device,
-    texels: BlockTexels | TetTexels,
-    apply: Callable[[Float], Float],
-    inverse: Float,
-    free: npt.NDArray[np.bool_],
-) -> None:
-    x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
-    step = Relaxation(0.3, 0.7, 1.0)
-    smoother = relaxation(device, texels, inverse, 2, "fem.check")
-    x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
-    for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
-        texture.write(node_texels(values))
-    with device.recording("fem.check") as recording:
-        smoother.relax(recording, x_in, before_in, b_in, step, out[0])
-        smoother.relax(recording, x_in, None, b_in, step, out[1])
-        smoother.residual(recording, x_in, b_in, out[2])
-        smoother.begin(recording, b_in, out[3], 0.7)
-    wanted = (
-        relax_nodes(apply, inverse, x, before, b, step),
-        relax_nodes(apply, inverse, x, None, b, step),
-        np.where(free, b - apply(x), 0.0),
-        0.7 * np.matmul(inverse, b[..., None])[..., 0],
-    )
-    for texture, value in zip(out, wanted, strict=True):
-        # float32 sums of about eighty products of numbers of order one
-        compare("fem/device/relaxation", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)

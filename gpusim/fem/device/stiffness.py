@@ -18,10 +18,9 @@ from scipy.sparse import bsr_matrix
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_product import DeviceProduct, RowsOnDevice
+from gpusim.fem.device.block_product import RowsOnDevice
 from gpusim.fem.device.block_texels import BlockTexels
 from gpusim.fem.device.node_texels import Pair, pair
-from gpusim.gpu import Device, compare, twin_check
 
 __all__ = ["DeviceStiffness", "apply_stiffness"]
 
@@ -108,40 +107,3 @@ class DeviceStiffness(RowsOnDevice):
         result = pair(self.device, len(u), self.nodes, "fem.stiffness.u", rounded=rounded)
         result.write(u)
         return result
-
-
-@twin_check("fem/device/stiffness")
-def _check(device: Device) -> None:
-    from gpusim.fem.assembly.assembly import assemble
-    from gpusim.fem.model.formulation import resolve_formulation
-    from gpusim.fem.model.material import Isotropic
-    from gpusim.fem.model.model import Model
-    from gpusim.mesh import box
-
-    rng = np.random.default_rng(5)
-    regular = box((1.0, 0.4, 0.7), (7, 6, 5))
-    # moved nodes: every row is different
-    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
-    for mesh in (regular, irregular):
-        shape = mesh.points.shape
-        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(shape, dtype=bool))
-        rows = assemble(model, resolve_formulation(model, None)).rows
-        u = rng.normal(size=(2, *shape))
-        operator = DeviceStiffness(device, rows, 1.0, 2)
-        result = operator.vector(np.zeros_like(u))
-        for rounded in (False, True):
-            source = operator.vector(u, rounded=rounded)
-            with device.recording("fem.check") as recording:
-                operator.record(recording, source, result)
-            wanted = apply_stiffness(rows, source.read(2))
-            compare("fem/device/stiffness.apply", result.read(2), wanted, atol=1e-11, rtol=1e-11)
-    # the kernel's plain form, as coarse levels use it: any matrix, not square
-    dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
-    x = rng.normal(size=(2, 8, 3))
-    product = DeviceProduct(device, bsr_matrix(dense, blocksize=(3, 3)), 2, "fem.check")
-    source, image = pair(device, 2, 8, "fem.check.x"), product.vector()
-    source.write(x)
-    with device.recording("fem.check") as recording:
-        product.record(recording, source, image)
-    wanted = (x.reshape(2, 24) @ dense.T).reshape(2, 12, 3)
-    compare("fem/device/stiffness.plain", image.read(2), wanted, atol=1e-12, rtol=1e-12)

@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from gpusim.fem.device.arena import Allocator
 from gpusim.fem.device.node_texels import Pair, pair
-from gpusim.fem.device.tet_elements import TetElements, tet_elements
+from gpusim.fem.device.tet_elements import TetElements
 from gpusim.fem.device.tet_texels import TetTexels
 from gpusim.fem.elements.element import ELEMENTS
-from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
+from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = ["DeviceTets", "apply_tets", "check_elements", "element_forces"]
+__all__ = ["DeviceTets", "apply_tets", "element_forces"]
 
 Float = npt.NDArray[np.float64]
 
@@ -95,41 +95,3 @@ class DeviceTets:
             k_low=result.second, params={"first": 0, "count": self.nodes, "base": base},
         )  # fmt: skip
         return [*steps, (kernel, bindings, self.nodes)]
-
-
-def check_elements() -> tuple[TetElements, int]:
-    """Straight and curved elements of two materials for a check, and how many nodes they have."""
-    from gpusim.fem.assembly.element_batches import model_groups
-    from gpusim.fem.model.formulation import resolve_formulation
-    from gpusim.fem.model.material import Isotropic
-    from gpusim.fem.model.model import Model
-    from gpusim.mesh import box, quadratic, split
-
-    rng = np.random.default_rng(4)
-    corners = split(box((1.0, 0.4, 0.7), (4, 3, 3)))
-    mesh = quadratic(corners.moved(0.02 * rng.random(corners.points.shape)))
-    middle = (np.arange(mesh.node_count) >= corners.node_count) & (mesh.points[:, 0] > 0.6)
-    mesh = mesh.moved(np.where(middle[:, None], 0.01 * rng.random(mesh.points.shape), 0.0))
-    model = Model(
-        mesh,
-        [Isotropic(1.0, 0.3), Isotropic(2.0, -0.1)],
-        fixed=np.zeros(mesh.points.shape, dtype=bool),
-        material_of_cell=(np.arange(mesh.cell_count) % 2).astype(np.int32),
-    )
-    elements = tet_elements(model_groups(model, resolve_formulation(model, None)))
-    assert elements is not None and len(elements.straight) and len(elements.curved)
-    return elements, mesh.node_count
-
-
-@twin_check("fem/device/tet_forces")
-def _check(device: Device) -> None:
-    elements, nodes = check_elements()
-    u = np.random.default_rng(6).normal(size=(2, nodes, 3))
-    operator = DeviceTets(device, elements, nodes, 1.0, 2)
-    result = operator.vector(np.zeros_like(u))
-    for rounded in (False, True):
-        source = operator.vector(u, rounded=rounded)
-        with device.recording("fem.check") as recording:
-            operator.record(recording, source, result)
-        wanted = apply_tets(elements, source.read(2))
-        compare("fem/device/tet_forces", result.read(2), wanted, atol=1e-11, rtol=1e-11)

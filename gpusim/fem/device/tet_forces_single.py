@@ -3,13 +3,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import node_texels, vector_texels
-from gpusim.fem.device.tet_forces import check_elements, element_forces
 from gpusim.fem.device.tet_texels import TetTexels
-from gpusim.gpu import Bindings, Device, Kernel, Recording, compare, twin_check
+from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["SingleForces"]
@@ -40,19 +36,3 @@ class SingleForces:
             params={"first": first, "count": count, "base": case * (own.nodes + 1)},
         )  # fmt: skip
         return kernel, bindings, count
-
-
-@twin_check("fem/device/tet_forces_single")
-def _check(device: Device) -> None:
-    elements, nodes = check_elements()
-    x = np.random.default_rng(7).normal(size=(2, nodes, 3))
-    texels = TetTexels(device, elements, nodes, 1.0, "fem.check")
-    vector = vector_texels(device, 2, nodes, "fem.check.x")
-    vector.write(node_texels(x))
-    forces = SingleForces(device, texels)
-    with device.recording("fem.check") as recording:
-        forces.record(recording, vector, 1)
-    found = texels.forces.read()[:-2].reshape(-1, 5, 3, 4)[:, :, :2, :3]
-    wanted = element_forces(elements, x[1])
-    # float32 sums of about a hundred products of numbers of order one
-    compare("fem/device/tet_forces_single", found.reshape(-1, 10, 3), wanted, atol=2e-5, rtol=1e-5)

@@ -72,8 +72,8 @@ class DeviceMultigrid:
         finest: BlockTexels | TetTexels,
         cases: int,
     ) -> None:
-        below: _NodeLevel | _BlockLevel | _Bottom
-        below = _Bottom(device, hierarchy, cases)
+        below: _NodeLevel | _BlockLevel | _CoarsestSolve
+        below = _CoarsestSolve(device, hierarchy, cases)
         for number in reversed(range(len(hierarchy.levels))):
             level, label = hierarchy.levels[number], f"fem.multigrid.{number}"
             if level.inverse.shape[1] != 3:
@@ -135,7 +135,7 @@ def _diagonal(level: Level) -> bsr_matrix:
     return bsr_matrix((level.inverse, np.arange(count), np.arange(count + 1)), shape=shape)
 
 
-class _Bottom:
+class _CoarsestSolve:
     """The dense inverse."""
 
     def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
@@ -154,7 +154,7 @@ class _BlockLevel:
         device: Allocator,
         level: Level,
         steps: Steps,
-        below: _BlockLevel | _Bottom,
+        below: _BlockLevel | _CoarsestSolve,
         cases: int,
         label: str,
     ) -> None:
@@ -226,7 +226,7 @@ class _NodeLevel:
         level: Level,
         steps: Steps,
         texels: BlockTexels | TetTexels,
-        below: _NodeLevel | _BlockLevel | _Bottom,
+        below: _NodeLevel | _BlockLevel | _CoarsestSolve,
         cases: int,
         label: str,
     ) -> None:
@@ -282,7 +282,7 @@ class _ByWeights:
         self,
         device: Allocator,
         transfer: NodeTransfer,
-        below: _NodeLevel | _Bottom,
+        below: _NodeLevel | _CoarsestSolve,
         cases: int,
         label: str,
     ) -> None:
@@ -299,7 +299,7 @@ class _ByWeights:
     def record(self, recording: Recording, r: Texels, x: Texels, out: Texels) -> None:
         """Record out = x + P (below) P^T r."""
         self._restriction.record(recording, r, self._b.high)
-        if isinstance(self._level, _Bottom):
+        if isinstance(self._level, _CoarsestSolve):
             # low halves are zero going down, and below float32 coming up
             self._level.record(recording, self._b, self._x)
         else:
@@ -314,7 +314,7 @@ class _ByMatrix:
         self,
         device: Allocator,
         transfer: MatrixTransfer,
-        below: _BlockLevel | _Bottom,
+        below: _BlockLevel | _CoarsestSolve,
         cases: int,
         label: str,
     ) -> None:

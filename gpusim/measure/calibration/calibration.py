@@ -194,11 +194,8 @@ def _checked(
 ) -> dict[str, list[Sighting]]:
     if lens not in LENSES:
         raise InputError(f"calibrate: lens; got {lens!r}; expected one of {', '.join(LENSES)}")
-    seen = (
-        {name: list(views) for name, views in sightings.items()}
-        if isinstance(sightings, Mapping)
-        else {"camera": list(sightings)}
-    )
+    named = sightings if isinstance(sightings, Mapping) else {"camera": sightings}
+    seen = {name: list(views) for name, views in named.items()}
     counts = {name: len(views) for name, views in seen.items()}
     if not seen or len(set(counts.values())) != 1:
         raise InputError(f"calibrate: got views {counts}; expected as many for every camera")

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-__all__ = ["NearBorder", "box_by_turn", "near_border", "profile_and_slopes", "slope_by_turn"]
+__all__ = ["EdgeSamples", "box_by_turn", "near_border", "profile_and_slopes", "slope_by_turn"]
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -22,7 +22,7 @@ MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
 
 
 @dataclass(frozen=True)
-class NearBorder:
+class EdgeSamples:
     """Profiles where they aren't flat: N of the pixels around B borders.
 
     ``pixel`` (N,) places among all (B, P), one after the other; ``border`` (N,); ``value`` (N,)
@@ -38,7 +38,7 @@ class NearBorder:
     by_narrow: FloatArray
 
 
-def near_border(distance: FloatArray, normal: FloatArray, variance: FloatArray) -> NearBorder:
+def near_border(distance: FloatArray, normal: FloatArray, variance: FloatArray) -> EdgeSamples:
     """`profile_and_slopes` at those of the pixels (B, P) that are near their border."""
     sides = np.maximum(np.abs(normal), MIN_BOX)
     sigma = np.sqrt(variance)
@@ -63,7 +63,7 @@ def near_border(distance: FloatArray, normal: FloatArray, variance: FloatArray) 
     inner, outer = once[1] + once[2], once[0] + once[3]
     across, along = once[0] - once[3], once[1] - once[2]
     total = 0.5 * (twice[0] - twice[1] - twice[2] + twice[3])
-    return NearBorder(
+    return EdgeSamples(
         pixel=near,
         border=border,
         value=2.0 * total / area - 1.0,

@@ -48,7 +48,7 @@ def widening(
     left = left / np.where(scale > 0, scale, 1.0)[:, None, None]
     own = np.where(used[:, None], influence, 0.0)
     some = np.unique(np.linspace(0, len(used) - 1, min(SAMPLED_FITS, len(used))).astype(np.int64))
-    taken = _Taken(np.where(used[some, None], slopes[some], 0.0))
+    taken = _FittedShare(np.where(used[some, None], slopes[some], 0.0))
     share = len(used) / len(some)
     observed = _alike(left, REACH, (0,))
     pairs = np.rint(_alike(used.astype(np.float64), REACH, (0,)))
@@ -78,7 +78,7 @@ def widening(
 
 def _equations(
     known: list[Lag],
-    taken: _Taken,
+    taken: _FittedShare,
     share: float,
     pairs: FloatArray,
     observed: FloatArray,
@@ -103,7 +103,7 @@ def _as_blurred(known: list[Lag], matrix: FloatArray, sums: FloatArray) -> Float
     return found
 
 
-class _Taken:
+class _FittedShare:
     """What fits take up of the noise, by distance."""
 
     def __init__(self, slopes: FloatArray) -> None:

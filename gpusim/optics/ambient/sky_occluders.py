@@ -31,7 +31,7 @@ BENT = 1e-7
 """Of a face's size: a corner's distance from the plane of the others that makes it bent."""
 
 
-class _Known(NamedTuple):
+class _FaceNeighbours(NamedTuple):
     """Of faces (F, 4): what is across their edges and whether something is across all, see
     `neighbours`; and their rows."""
 
@@ -40,7 +40,7 @@ class _Known(NamedTuple):
     rows: tuple[QuadStrips, QuadStrips]
 
 
-_KNOWN: WeakKeyDictionary[Topology, dict[int, _Known]] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[Topology, dict[int, _FaceNeighbours]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +96,10 @@ def _bent(points: Array, faces: Numbers) -> bool:
     return bool((gap > BENT * size * np.sqrt(size)).any())
 
 
-def _known(topology: Topology, faces: Numbers) -> _Known:
+def _known(topology: Topology, faces: Numbers) -> _FaceNeighbours:
     """What is known of a topology's faces, or of its triangles, for all frames."""
     found = _KNOWN.setdefault(topology, {})
     if len(faces) not in found:
         beside, closed = neighbours(faces)
-        found[len(faces)] = _Known(beside, closed, rows_of(faces, beside))
+        found[len(faces)] = _FaceNeighbours(beside, closed, rows_of(faces, beside))
     return found[len(faces)]

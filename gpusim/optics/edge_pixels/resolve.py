@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.interleave import WORKGROUP, dealt
-from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu import Buffer
 from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
-from gpusim.optics.edge_pixels.fragment_lists import EdgePixels, find_edge_pixels
+from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
 from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolve_on_host
 from gpusim.optics.edge_pixels.loop_budget import grazing_turns, speckle_turns
 from gpusim.optics.edge_pixels.scatter import write_pixels
@@ -28,7 +28,6 @@ from gpusim.optics.geometry.polygon_clipping import half_planes
 from gpusim.optics.paint.bitmap import BITMAP
 from gpusim.optics.paint.disc_coverage import EDGE_ROWS
 from gpusim.optics.paint.feature_grid import LOOP_TURNS
-from gpusim.optics.probes.paints import fields_setup, probe_setup
 from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
@@ -262,18 +261,3 @@ def edges_twin(
     result = radiance.copy()
     result.reshape(-1)[edges.pixel] = resolve_on_host(setup, edges)
     return result
-
-
-@twin_check("optics/edge_pixels/resolve")
-def _check(device: Device) -> None:
-    for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
-        edges = find_edge_pixels(setup.view)
-        camera = setup.view.camera
-        start = np.full((camera.height, camera.width), 0.25, np.float32)
-        out = device.buffer(start, "edges.radiance")
-        edge_pass = EdgePixelPass(SceneBuffers(device, setup), edges)
-        edge_pass.begin()
-        edge_pass.fetch()
-        edge_pass.write([Band(0, camera.height, camera.width, out)])
-        got = out.read(np.float32, start.shape)
-        compare("optics/edge_pixels/resolve", got, edges_twin(setup, edges, start), "pixel")

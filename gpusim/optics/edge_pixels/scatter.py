@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu import Buffer, Device
 from gpusim.optics.frame import Band
 
 __all__ = ["scatter", "scatter_twin", "write_pixels"]
@@ -57,15 +57,3 @@ def scatter_twin(
     result = there.copy()
     result.reshape(-1)[places] = values
     return result
-
-
-@twin_check("optics/edge_pixels/scatter")
-def _check(device: Device) -> None:
-    random = np.random.default_rng(11)
-    there = random.uniform(0.0, 1.0, (19, 32)).astype(np.float32)
-    places = random.permutation(there.size)[:201]
-    values = random.uniform(-2.0, 2.0, len(places)).astype(np.float32)
-    target = device.buffer(there, "scatter.radiance")
-    scatter(device, places, values, target)
-    want = scatter_twin(there, places, values)
-    compare("optics/edge_pixels/scatter", target.read(np.float32, there.shape), want, "exact")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu import Buffer, Device
 from gpusim.optics.lens.convolution import Target
 
 __all__ = ["accumulate", "accumulate_twin"]
@@ -46,20 +46,3 @@ def accumulate_twin(
     scaled = weight * values.astype(np.float64)
     result: npt.NDArray[np.float64] = sums * scaled if gain else sums + scaled
     return result
-
-
-@twin_check("optics/lens/accumulation")
-def _check(device: Device) -> None:
-    random = np.random.default_rng(8)
-    values = random.uniform(-1.0, 1.0, (23, 40)).astype(np.float32)
-    there = random.uniform(-1.0, 1.0, (30, 50)).astype(np.float32)
-    for gain in (False, True):
-        sums = device.buffer(there, "accumulate.sums")
-        place = Target(sums, 4 * 50 + 7, 50)
-        accumulate(
-            device, device.buffer(values, "accumulate.values"), 40, (23, 37), place, weight=0.3,
-            gain=gain,
-        )  # fmt: skip
-        want = there.astype(np.float64)
-        want[4:27, 7:44] = accumulate_twin(want[4:27, 7:44], values[:, :37], 0.3, gain)
-        compare("optics/lens/accumulation", sums.read(np.float32, (30, 50)), want)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device, compare, twin_check
+from gpusim.gpu import Buffer, Device
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.lens.psf import Disc, SampledKernel, sample
+from gpusim.optics.lens.psf import SampledKernel
 
 __all__ = ["ConvolvePass", "Target", "convolve_twin"]
 
@@ -101,16 +101,3 @@ def convolve_twin(
         for t in range(taps):
             result += across[t] * between[t : t + n * rows : n][:rows]
     return result
-
-
-@twin_check("optics/lens/convolution")
-def _check(device: Device) -> None:
-    kernel = sample(Disc(1.3), fill_factor=0.8, n=3)
-    columns, rows = 37, 22  # blocks of four that aren't full, in both directions
-    shape = (rows * 3 + 2 * kernel.halo, columns * 3 + 2 * kernel.halo)
-    cells = np.random.default_rng(5).uniform(0.0, 1.0, shape).astype(np.float32)
-    work = ConvolvePass(device, kernel, columns, rows)
-    out = device.empty(4 * 3 * (40 * rows + 5), "convolve.out")
-    work.run(device.buffer(cells, "convolve.cells"), columns, rows, Target(out, 5, 40))
-    got = out.read(np.float32)[5 : 5 + 40 * rows].reshape(rows, 40)[:, :columns]
-    compare("optics/lens/convolution", got, convolve_twin(kernel, cells), atol=5e-6, rtol=1e-5)

@@ -196,7 +196,7 @@ class FeatureGrid:
 
 
 @dataclass(frozen=True, eq=False)
-class _Filed:
+class _RegionCells:
     """A region's features in cells of side ``cell``, from the ``lowest`` (column, row) on.
 
     ``counts`` (columns * rows,) features of each cell, whose ``records`` (F, 16) follow each other.
@@ -209,7 +209,7 @@ class _Filed:
     records: Array
 
 
-def _file(region: RegionPaint, extent: float) -> _Filed | None:
+def _file(region: RegionPaint, extent: float) -> _RegionCells | None:
     """File a region's features; None without any."""
     # a pixel is twice the reach, at most
     longest = 2.0 ** np.ceil(np.log2(max(2.0 * region.reach * extent, 1e-300)))
@@ -225,11 +225,11 @@ def _file(region: RegionPaint, extent: float) -> _Filed | None:
 @lru_cache(maxsize=16)
 def _file_again(
     paint: Paint, low: tuple[float, float], high: tuple[float, float], reach: float, longest: float
-) -> _Filed | None:
+) -> _RegionCells | None:
     return _file_features(RegionPaint(paint, np.array(low), np.array(high), reach), longest)
 
 
-def _file_features(region: RegionPaint, longest: float) -> _Filed | None:
+def _file_features(region: RegionPaint, longest: float) -> _RegionCells | None:
     """``longest``: no triangle is, in paint coordinates."""
     features = region.paint.features(region.low, region.high)
     if features is None or not len(features):
@@ -257,7 +257,7 @@ def _file_features(region: RegionPaint, longest: float) -> _Filed | None:
     origin = np.stack([i + lowest[0], j + lowest[1]], axis=1) * cell
     counts = np.bincount(slot, minlength=columns * rows)
     first = (int(lowest[0]), int(lowest[1]))
-    return _Filed(cell, first, (columns, rows), counts, _records(features, which, origin))
+    return _RegionCells(cell, first, (columns, rows), counts, _records(features, which, origin))
 
 
 def _file_speckle(

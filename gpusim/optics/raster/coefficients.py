@@ -26,7 +26,7 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 
-__all__ = ["BLOCK", "Coefficients", "Found", "PerTriangle", "coefficients"]
+__all__ = ["BLOCK", "CoefficientCache", "Coefficients", "PerTriangle", "coefficients"]
 
 Array = npt.NDArray[np.float64]
 BLOCK = 4096
@@ -113,7 +113,7 @@ class PerTriangle(NamedTuple):
     mean_inverse: Array
 
 
-class Found:
+class CoefficientCache:
     """Coefficients in float64 of those triangles of a view that somebody has asked for: of few,
     where the host resolves what the device is in doubt about, and of all in the twins."""
 

@@ -14,12 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
-from gpusim.gpu import Device, compare, twin_check
-from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.geometry.view import FIXED, View, look
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
-from gpusim.surface.paint import Paint, Plain
-from gpusim.surface.surface import Surface
+from gpusim.optics.geometry.view import FIXED, View
 
 __all__ = ["compute_raster_twin"]
 
@@ -63,42 +58,3 @@ def compute_raster_twin(view: View, row0: int, rows: int) -> npt.NDArray[np.uint
 
 def _cross(a: npt.NDArray[np.int64], b: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
-@twin_check("optics/raster/compute_raster")
-def _check(device: Device) -> None:
-    view, rows = probe_view(), 21
-    if not device.atomics64:
-        return  # the rasteriser does it: optics/raster/id_buffer
-    visibility = VisibilityBuffer(device, view, rows)
-    out = device.empty(visibility.ids.stride * rows, "visibility.check")
-    for row0 in (0, 18):
-        with device.recording("optics.visibility") as recording:
-            visibility.record(recording, row0, rows)
-            visibility.number(recording, row0, rows)
-            recording.copy_texture(visibility.ids, out, rows)
-        got = out.read(np.uint32, (rows, visibility.ids.stride // 4))[:, : view.camera.width]
-        compare("optics/raster/compute_raster", got, compute_raster_twin(view, row0, rows), "exact")
-
-
-def probe_view() -> View:
-    """Small triangles over and through each other, and beyond the borders of the image."""
-    camera = Camera(59, 39, np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]]))
-    return look([sheet(0.95, 1.3, 0.0), sheet(0.6, 0.6, 0.4)], camera, lit=False)
-
-
-def sheet(
-    wide: float, tall: float, tilt: float, paint: Paint | None = None, depth: float = 4.0
-) -> Surface:
-    """For probes: a sheet of 704 triangles across the viewing direction, more and more crumpled."""
-    rng, columns, rows = np.random.default_rng(11), 23, 17
-    grid = np.stack(np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)), axis=-1)
-    flat = np.concatenate([grid.reshape(-1, 2), np.full((columns * rows, 1), depth)], axis=1)
-    noise = rng.normal(size=flat.shape) * [0.01 * wide, 0.01 * tall, 0.003]
-    noise[:, 2] *= (0.5 + 0.5 * flat[:, 0]) ** 3
-    points = flat * [wide, tall, 1.0] + noise
-    points[:, 2] += tilt * points[:, 0]
-    number = np.arange(columns * rows, dtype=np.int32).reshape(rows, columns)
-    faces = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
-    paint = paint or Plain()
-    return Surface(points, faces.reshape(-1, 4), paint, reference=flat * [wide, tall, 1.0])

@@ -12,12 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import batches, expand
-from gpusim.errors import TwinMismatch
-from gpusim.gpu import Device, twin_check
-from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
-from gpusim.surface.surface import Surface
+from gpusim.optics.geometry.view import View
 
 __all__ = ["visibility_twin"]
 
@@ -84,44 +79,3 @@ def _depth_planes(
     b = (z2 * d1[:, 0] - z1 * d2[:, 0]) / determinant
     c = inverse[:, 0] - a * screen[:, 0, 0] - b * screen[:, 0, 1]
     return np.stack([a, b, c], axis=1)
-
-
-def probe_view() -> View:
-    """A small view with overlap, perspective and an odd size, for the twin checks."""
-    rng = np.random.default_rng(5)
-    points = np.array(
-        [[-1.0, -0.8, 4.0], [1.1, -0.7, 5.0], [0.9, 0.9, 4.5], [-0.8, 0.7, 6.0],
-         [-0.4, -1.0, 3.5], [0.7, 0.1, 3.8], [-0.2, 0.9, 7.0]]
-    )  # fmt: skip
-    points += rng.normal(size=points.shape) * 1e-3
-    faces = np.array([[0, 3, 2, 1], [4, 6, 5, -1]])
-    camera = Camera(57, 33, np.array([[61.0, 0.3, 27.7], [0.0, 60.0, 15.2], [0.0, 0.0, 1.0]]))
-    return look([Surface(points, faces)], camera, lit=False)
-
-
-@twin_check("optics/raster/id_buffer")
-def _check(device: Device) -> None:
-    view = probe_view()
-    got, want = VisibilityBuffer(device, view, 20, compute=False).read(), visibility_twin(view)
-    wrong = got != want
-    # the hardware snaps to 1/256 px: a pixel centre that close to an edge may fall either way
-    wrong &= ~near_an_edge(view, 1.0 / 128.0)
-    if not want.any() or wrong.any():
-        where = np.argwhere(wrong)[:1].tolist()
-        raise TwinMismatch(
-            f"optics/raster/id_buffer: {int(wrong.sum())} pixels differ, first {where}"
-        )
-
-
-def near_an_edge(view: View, distance: float) -> npt.NDArray[np.bool_]:
-    """(H, W): pixel centres closer than ``distance`` px to any edge of any triangle."""
-    camera = view.camera
-    y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
-    near = np.zeros(x.shape, bool)
-    for a, b in zip(
-        view.screen.reshape(-1, 2), np.roll(view.screen, -1, axis=1).reshape(-1, 2), strict=True
-    ):
-        along = b - a
-        t = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / (along @ along), 0.0, 1.0)
-        near |= np.hypot(x - a[0] - t * along[0], y - a[1] - t * along[1]) < distance
-    return near

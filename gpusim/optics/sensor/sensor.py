@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu import Device
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
 from gpusim.optics.sensor.presets import CAMERAS
@@ -328,15 +328,3 @@ def sensor_twin(sensor: Sensor, radiance: npt.NDArray[np.float32]) -> npt.NDArra
     full = np.float32(2**sensor.bits - 1)
     values = np.clip(np.rint(radiance * sensor.scale), 0.0, full)
     return np.where(np.isfinite(radiance), values, full).astype(sensor.dtype)
-
-
-@twin_check("optics/sensor/sensor")
-def _check(device: Device) -> None:
-    radiance = np.random.default_rng(3).uniform(-0.1, 1.2, (33, 64)).astype(np.float32)
-    for bits in (8, 12):
-        sensor = Sensor(bits, 0.9)
-        buffer = device.buffer(radiance, "sensor.radiance")
-        got = _expose(device, sensor, [Band(0, 33, 64, buffer)], 57)
-        compare(
-            f"optics/sensor/sensor, {bits} bit", got, sensor_twin(sensor, radiance[:, :57]), "exact"
-        )

@@ -15,14 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, Raster, Recording, Texture, compare, twin_check
-from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.gpu import Buffer, Raster, Recording, Texture
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_pixels
-from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
-from gpusim.optics.probes.paints import probe_setup
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.raster.visibility_buffer import NONE, VisibilityBuffer
 from gpusim.optics.shading.deferred_pass import DeferredPass
 from gpusim.optics.shading.programs import Program, shader_programs
@@ -192,28 +188,3 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             )  # fmt: skip
         radiance[y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
     return radiance
-
-
-@twin_check("optics/shading/forward_pass")
-def _check(device: Device) -> None:
-    setup = probe_setup()
-    camera = setup.view.camera
-    want = shade_twin(setup, visibility_twin(setup.view))
-    # where edges cross a pixel, hardware and twin may see different triangles at its centre
-    inside = np.ones(want.size, bool)
-    inside[find_edge_pixels(setup.view).pixel] = False
-    for deferred in (False, True):
-        visibility = VisibilityBuffer(device, setup.view, camera.height) if deferred else None
-        lines = None if deferred else BoardLines.of(setup.view, setup.printed)
-        buffers = SceneBuffers(device, setup, lines)
-        shading = ShadingPass(buffers, camera.height, visibility, tiles=LightTiles.of(setup))
-        out = device.empty(4 * shading.stride * camera.height, "shade.out")
-        with device.recording("optics.shade") as recording:
-            shading.record(recording, out, 0, camera.height)
-        got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
-        compare(
-            "optics/shading/forward_pass",
-            got.reshape(-1)[inside],
-            want.reshape(-1)[inside],
-            "pixel",
-        )

@@ -14,18 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Buffer, Device, Texture, compare, twin_check
-from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.geometry.view import look
-from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.probes.shadows import shadow_scene
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
-from gpusim.optics.shading.receiver_planes import with_shadows
+from gpusim.gpu import Bound, Buffer, Device, Texture
+from gpusim.optics.shading.forward_pass import ShadingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import Setup
-from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.lamp_visibility import CAPACITY, VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.receivers import (
@@ -36,7 +27,6 @@ from gpusim.optics.shadow.receivers import (
     group_starts,
 )
 from gpusim.optics.shadow.scene import Shadows
-from gpusim.surface.paint import Plain
 
 __all__ = ["ListedShares", "PieceShares", "RelightingPass", "no_pieces"]
 
@@ -248,38 +238,3 @@ class ListedShares:
         found.receivers.fill(receivers)
         result[order[:, None], lamp_numbers(shadows.spaces)] = found.found(shadows.spaces)
         return result
-
-
-@twin_check("optics/shading/relighting")
-def _check(device: Device) -> None:
-    surfaces, camera, lights = shadow_scene()
-    plain = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
-    for shown in (surfaces, plain):
-        view = look(shown, camera, lit=True)
-        setup = Setup.build(view, lights, 0.05, shown, shadows=False)
-        _compare(device, setup, Shadows.of(view, lamps_of(lights), shown, device))
-
-
-def _compare(device: Device, setup: Setup, shadows: Shadows) -> None:
-    camera = setup.view.camera
-    buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.printed))
-    shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
-    out = device.empty(4 * shading.stride * camera.height, "relit.out")
-    with device.recording("optics.shade") as recording:
-        shading.record(recording, out, 0, camera.height)
-    relit = RelightingPass(with_shadows(buffers, shadows), shading, camera.height)
-    relit.record(out, 0, camera.height)
-    relit.finish()
-    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
-    want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
-    inside = np.ones(want.size, bool)
-    inside[find_edge_pixels(setup.view).pixel] = False
-    # one sample of 512 may fall to the other side of an outline
-    atol = 2.5 / 512 * float(want.max())
-    compare(
-        "optics/shading/relighting",
-        got.reshape(-1)[inside],
-        want.reshape(-1)[inside],
-        "pixel",
-        atol=atol,
-    )

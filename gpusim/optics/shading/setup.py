@@ -22,7 +22,13 @@ from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_neede
 from gpusim.optics.paint.checker_lines import matte_boards, within_fields
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
-from gpusim.optics.raster.coefficients import BLOCK, Coefficients, Found, PerTriangle, coefficients
+from gpusim.optics.raster.coefficients import (
+    BLOCK,
+    CoefficientCache,
+    Coefficients,
+    PerTriangle,
+    coefficients,
+)
 from gpusim.optics.shading.lighting import Lighting, SharesOf
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.surface import Surface
@@ -114,8 +120,8 @@ class Setup:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
 
     @cached_property
-    def _found(self) -> Found:
-        return Found(self.view, self.table, self.bitmaps, self.lit)
+    def _found(self) -> CoefficientCache:
+        return CoefficientCache(self.view, self.table, self.bitmaps, self.lit)
 
     def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
         """The coefficients of some triangles (n,)."""

@@ -15,17 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
-from gpusim.gpu import Device, Recording, compare, twin_check
+from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import NORMAL, corner_range
-from gpusim.optics.geometry.view import look
-from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup, radiance_of
-from gpusim.surface.paint import Plain
-from gpusim.surface.surface import Surface
 
 __all__ = ["LightTiles", "TileLightPass", "light_tiles_twin"]
 
@@ -214,35 +209,3 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
     result = np.zeros((shape[0] * shape[1], 4))
     result[own] = np.stack([a, b - a, c - a, a - b - c + d], axis=1)
     return result.reshape(*shape, 4)
-
-
-@twin_check("optics/shading/tile_light")
-def _check(device: Device) -> None:
-    setup = _probe()
-    tiles = LightTiles.of(setup, tolerance=np.inf)
-    assert tiles is not None
-    work = TileLightPass(SceneBuffers(device, setup), tiles)
-    with device.recording("optics.light_tiles") as recording:
-        work.record(recording)
-    got = work.texels.read().reshape(*work.shape, 4)
-    compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
-
-
-def _probe() -> Setup:
-    """A floor and a wall of two planes, seen through a lens, under lamps of several kinds."""
-    quad = np.array([[-1.2, -1.0], [1.1, -1.0], [1.1, 0.9], [-1.2, 0.9]])
-    face = np.array([[0, 1, 2, 3]])
-    floor = np.concatenate([quad, 0.1 * quad[:, :1]], axis=1)
-    wall = np.stack([quad[:, 0], np.full(4, 0.9), 0.6 * (quad[:, 1] + 1.0) + 0.11], axis=1)
-    surfaces = [Surface(floor, face, paint=Plain(0.4)), Surface(wall, face, paint=Plain(0.7))]
-    camera = Camera.from_lens(
-        (36.0, 72.0), 40.0, (211, 422), (0.3, -2.4, 1.1), (0.03, 0.45, 0.1),
-        distortion=[0.05, -0.02, 1e-3, -2e-3],
-    )  # fmt: skip
-    lights: list[Light] = [
-        AreaLight((-0.9, -1.4, 1.9), (0.0, 0.0, 0.1), (0.42, 0.23), 8.0),
-        PointLight((0.8, -1.6, 1.4), 6.0),
-        SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
-        EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)),
-    ]
-    return Setup.build(look(surfaces, camera, lit=True), lights, 0.05)

@@ -13,11 +13,9 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import TwinMismatch
-from gpusim.gpu import Device, Recording, compare, twin_check
+from gpusim.gpu import Device, Recording
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
-from gpusim.optics.probes.paints import probe_setup
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 
@@ -142,45 +140,3 @@ def _sides(setup: Setup) -> Array:
         rows = slice(None) if whole else view.corner[own].reshape(-1)
         side[rows] = paints["cell"][number]
     return side
-
-
-@twin_check("optics/shading/triangle_records")
-def _check(device: Device) -> None:
-    setup = probe_setup(fine=False)
-    found = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
-    if found is None:
-        raise TwinMismatch("optics/shading/triangle_records: nothing to compare")
-    count, per = setup.view.count, TRIANGLE.itemsize // 16
-    with device.recording("optics.records") as recording:
-        found.make(recording)
-    got = found.texels.read().reshape(-1, 4 * per)[:count]
-    for name, one, other in zip(
-        ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
-    ):
-        compare(f"optics/shading/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
-
-
-def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
-    """What records say, whatever their anchors and cells: of each triangle (T, 6), and at its
-    corners (T, 3, 13) 1 / depth, paint coordinates, normal and how these change."""
-    records = np.ascontiguousarray(words).view(np.uint32).reshape(-1).view(TRIANGLE)
-    r = {name: records[name].astype(np.float64) for name in TRIANGLE.names or ()}
-    each = np.concatenate([r["nx"][:, 3:], r["ny"][:, 3:], r["more"]], axis=1)
-    d = setup.view.ideal - r["anchor"][:, None]
-    size = setup.table.paints["cell"].astype(np.float64)[setup.view.paint][:, None, None]
-
-    def plane(at: Array, across: Array, down: Array) -> tuple[Array, Array]:
-        slope = np.stack([across, down], axis=1)
-        same = np.broadcast_to(slope[:, None], (*d.shape[:2], *slope.shape[1:]))
-        return at[:, None] + d @ slope, same
-
-    w, change = plane(r["n0"][:, 3:], r["w"][:, :1], r["w"][:, 1:])
-    st = r["st"]
-    s, slope = plane(st[:, [0, 3]], np.c_[st[:, 1], r["t"][:, 0]], np.c_[st[:, 2], r["t"][:, 1]])
-    n, turn = plane(r["n0"][:, :3], r["nx"][:, :3], r["ny"][:, :3])
-    place = s / w + r["cell"][:, None] * size
-    foot = (slope - (s / w)[:, :, None] * change) / w[..., None]
-    featured = setup.table.paints["featured"][setup.view.paint] > 0
-    place[~featured] = foot[~featured] = 0.0
-    flat = [v.reshape(*v.shape[:2], -1) for v in (w, change, place, foot, n / w, turn)]
-    return each, np.concatenate(flat, axis=2)

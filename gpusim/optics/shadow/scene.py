@@ -33,7 +33,7 @@ TOGETHER = 64
 
 
 @dataclass(frozen=True, eq=False)
-class _KeptOccluders:
+class _CachedOccluders:
     """Those of the surfaces that were seen last, which stay while vertices move."""
 
     topologies: tuple[Topology, ...]
@@ -85,8 +85,8 @@ class Shadows:
             return Shadows(view, own, points, relative, spaces, None)
         topologies = tuple(surface.topology for surface in surfaces)
         kept = device.pool.notes.get(LABEL)
-        if not (isinstance(kept, _KeptOccluders) and kept.suits(topologies)):
-            kept = _KeptOccluders(topologies, OccluderBVH(device, Occluders.of(surfaces)))
+        if not (isinstance(kept, _CachedOccluders) and kept.suits(topologies)):
+            kept = _CachedOccluders(topologies, OccluderBVH(device, Occluders.of(surfaces)))
             device.pool.notes[LABEL] = kept
         kept.trees.move(points)
         own = kept.trees.occluders

@@ -19,7 +19,7 @@ from gpusim.pipeline.measurements.board_corners import Board, board_of
 from gpusim.pipeline.measurements.marker_cache import MarkerCache
 from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, collect_markers
 from gpusim.pipeline.measurements.sources import Sources
-from gpusim.pipeline.measurements.stereo_result import CameraFound, StereoResult
+from gpusim.pipeline.measurements.stereo_result import CalibratedCamera, StereoResult
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -204,7 +204,9 @@ def _truth(marks: MarkerSet, objects: SceneObjects, last: int) -> Array:
     return np.concatenate(parts)
 
 
-def _camera(calibration: measure.Calibration, k: int, true: Camera, first: Camera) -> CameraFound:
+def _camera(
+    calibration: measure.Calibration, k: int, true: Camera, first: Camera
+) -> CalibratedCamera:
     own = calibration.cameras[k]
     relative = true.camera_from_world @ np.linalg.inv(first.camera_from_world)
     found = dict(fx=own.K[0, 0], fy=own.K[1, 1], cx=own.K[0, 2], cy=own.K[1, 2])
@@ -220,7 +222,7 @@ def _camera(calibration: measure.Calibration, k: int, true: Camera, first: Camer
         )
         sigma |= dict(baseline_mm=length_sigma, angle_deg=np.degrees(turn_sigma))
     place = np.asarray(np.linalg.inv(true.camera_from_world), dtype=np.float64)
-    return CameraFound(
+    return CalibratedCamera(
         own.name,
         {name: float(value) for name, value in found.items()},
         {name: float(value) for name, value in truth.items()},

@@ -9,7 +9,7 @@ import numpy as np
 
 from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
-from gpusim.pipeline.measurements.stereo_result import CameraFound, StereoResult
+from gpusim.pipeline.measurements.stereo_result import CalibratedCamera, StereoResult
 from gpusim.pipeline.stages.images import image_path
 from gpusim.report import Drawing, Measurement, Overlay
 from gpusim.report.stereo_figures import (
@@ -64,7 +64,7 @@ def stereo_measurements(result: StereoResult) -> list[Measurement]:
     return rows
 
 
-def _calibration(name: str, camera: CameraFound) -> list[Measurement]:
+def _calibration(name: str, camera: CalibratedCamera) -> list[Measurement]:
     rows = []
     for parameter, unit in (("fx", "px"), ("cx", "px"), ("cy", "px"), ("baseline_mm", "mm"),
                             ("angle_deg", "deg")):  # fmt: skip

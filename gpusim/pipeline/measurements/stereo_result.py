@@ -17,14 +17,14 @@ from gpusim.files.input_file import Reader, read_input
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.deflection import unrefined_text
 
-__all__ = ["CameraFound", "StereoResult"]
+__all__ = ["CalibratedCamera", "StereoResult"]
 
 Array = npt.NDArray[np.float64]
 Pixels = tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class CameraFound:
+class CalibratedCamera:
     """A calibrated camera beside the true one.
 
     ``found``, ``true``, ``sigma`` by parameter: fx fy cx cy in px and, beside the first camera,
@@ -73,7 +73,7 @@ class StereoResult:
     calibration_px: float
     calibration_points: int
     calibration_outliers: int
-    cameras: tuple[CameraFound, ...]
+    cameras: tuple[CalibratedCamera, ...]
     boards_mm: Array
     view_rms_px: Array
     corners_px: Pixels
@@ -187,13 +187,13 @@ class StereoResult:
             raise ValueError(f"of another shape than its {count} markers: {', '.join(wrong)}")
 
 
-def _camera(values: dict[str, Any]) -> CameraFound:
+def _camera(values: dict[str, Any]) -> CalibratedCamera:
     for key in ("distortion", "eye_mm", "axis"):
         values[key] = _array(values[key])
     for key in ("found", "true", "sigma"):
         values[key] = {n: float("nan") if v is None else v for n, v in values[key].items()}
     width, height = values.pop("resolution")
-    return CameraFound(**values, resolution=(width, height))
+    return CalibratedCamera(**values, resolution=(width, height))
 
 
 def _array(values: Any) -> Array:

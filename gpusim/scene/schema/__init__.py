@@ -12,10 +12,10 @@ from .described import add_descriptions
 from .light import LightTable
 from .material import MaterialTable
 from .measure import MeasureTable, VariantTable
+from .processing import AnalysisTable, OutputTable, RenderTable, SolverTable
 from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable, merged
 from .view import CameraTable
-from .work import AnalysisTable, OutputTable, RenderTable, SolverTable
 
 __all__ = ["SceneTable", "json_schema"]
 

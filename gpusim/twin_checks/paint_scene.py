@@ -6,9 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.geometry.view import look
+from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import AmbientLight, AreaLight, Light, PointLight
-from gpusim.optics.raster.compute_raster import sheet
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
@@ -16,6 +15,29 @@ from gpusim.surface.surface import Surface
 __all__ = ["fields_setup", "probe_setup"]
 
 Array = npt.NDArray[np.float64]
+
+
+def crumpled_view() -> View:
+    """Small triangles over and through each other, and beyond the borders of the image."""
+    camera = Camera(59, 39, np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]]))
+    return look([sheet(0.95, 1.3, 0.0), sheet(0.6, 0.6, 0.4)], camera, lit=False)
+
+
+def sheet(
+    wide: float, tall: float, tilt: float, paint: Paint | None = None, depth: float = 4.0
+) -> Surface:
+    """For probes: a sheet of 704 triangles across the viewing direction, more and more crumpled."""
+    rng, columns, rows = np.random.default_rng(11), 23, 17
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)), axis=-1)
+    flat = np.concatenate([grid.reshape(-1, 2), np.full((columns * rows, 1), depth)], axis=1)
+    noise = rng.normal(size=flat.shape) * [0.01 * wide, 0.01 * tall, 0.003]
+    noise[:, 2] *= (0.5 + 0.5 * flat[:, 0]) ** 3
+    points = flat * [wide, tall, 1.0] + noise
+    points[:, 2] += tilt * points[:, 0]
+    number = np.arange(columns * rows, dtype=np.int32).reshape(rows, columns)
+    faces = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1)
+    paint = paint or Plain()
+    return Surface(points, faces.reshape(-1, 4), paint, reference=flat * [wide, tall, 1.0])
 
 
 def probe_setup(fine: bool = True) -> Setup:

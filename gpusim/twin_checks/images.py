@@ -1,0 +1,254 @@
+"""Stages of an image against NumPy: visible triangles, shading, edge pixels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import TwinMismatch
+from gpusim.gpu import Device, compare, twin_check
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
+from gpusim.optics.edge_pixels.scatter import scatter, scatter_twin
+from gpusim.optics.frame import Band
+from gpusim.optics.geometry.view import View, look
+from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.paint.checker_lines import BoardLines
+from gpusim.optics.raster.compute_raster import compute_raster_twin
+from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.vertex_buffers import VertexBuffers
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
+from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.receiver_planes import with_shadows
+from gpusim.optics.shading.relighting import RelightingPass
+from gpusim.optics.shading.scene_buffers import SceneBuffers
+from gpusim.optics.shading.setup import TRIANGLE, Setup
+from gpusim.optics.shading.tile_light import LightTiles, TileLightPass, light_tiles_twin
+from gpusim.optics.shading.triangle_records import Array, TriangleRecords
+from gpusim.optics.shadow.scene import Shadows
+from gpusim.surface.paint import Plain
+from gpusim.surface.surface import Surface
+from gpusim.twin_checks.paint_scene import crumpled_view, fields_setup, probe_setup
+from gpusim.twin_checks.shadow_scene import shadow_scene
+
+
+def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
+    """What records say, whatever their anchors and cells: of each triangle (T, 6), and at its
+    corners (T, 3, 13) 1 / depth, paint coordinates, normal and how these change."""
+    records = np.ascontiguousarray(words).view(np.uint32).reshape(-1).view(TRIANGLE)
+    r = {name: records[name].astype(np.float64) for name in TRIANGLE.names or ()}
+    each = np.concatenate([r["nx"][:, 3:], r["ny"][:, 3:], r["more"]], axis=1)
+    d = setup.view.ideal - r["anchor"][:, None]
+    size = setup.table.paints["cell"].astype(np.float64)[setup.view.paint][:, None, None]
+
+    def plane(at: Array, across: Array, down: Array) -> tuple[Array, Array]:
+        slope = np.stack([across, down], axis=1)
+        same = np.broadcast_to(slope[:, None], (*d.shape[:2], *slope.shape[1:]))
+        return at[:, None] + d @ slope, same
+
+    w, change = plane(r["n0"][:, 3:], r["w"][:, :1], r["w"][:, 1:])
+    st = r["st"]
+    s, slope = plane(st[:, [0, 3]], np.c_[st[:, 1], r["t"][:, 0]], np.c_[st[:, 2], r["t"][:, 1]])
+    n, turn = plane(r["n0"][:, :3], r["nx"][:, :3], r["ny"][:, :3])
+    place = s / w + r["cell"][:, None] * size
+    foot = (slope - (s / w)[:, :, None] * change) / w[..., None]
+    featured = setup.table.paints["featured"][setup.view.paint] > 0
+    place[~featured] = foot[~featured] = 0.0
+    flat = [v.reshape(*v.shape[:2], -1) for v in (w, change, place, foot, n / w, turn)]
+    return each, np.concatenate(flat, axis=2)
+
+
+def _tile_probe() -> Setup:
+    """A floor and a wall of two planes, seen through a lens, under lamps of several kinds."""
+    quad = np.array([[-1.2, -1.0], [1.1, -1.0], [1.1, 0.9], [-1.2, 0.9]])
+    face = np.array([[0, 1, 2, 3]])
+    floor = np.concatenate([quad, 0.1 * quad[:, :1]], axis=1)
+    wall = np.stack([quad[:, 0], np.full(4, 0.9), 0.6 * (quad[:, 1] + 1.0) + 0.11], axis=1)
+    surfaces = [Surface(floor, face, paint=Plain(0.4)), Surface(wall, face, paint=Plain(0.7))]
+    camera = Camera.from_lens(
+        (36.0, 72.0), 40.0, (211, 422), (0.3, -2.4, 1.1), (0.03, 0.45, 0.1),
+        distortion=[0.05, -0.02, 1e-3, -2e-3],
+    )  # fmt: skip
+    lights: list[Light] = [
+        AreaLight((-0.9, -1.4, 1.9), (0.0, 0.0, 0.1), (0.42, 0.23), 8.0),
+        PointLight((0.8, -1.6, 1.4), 6.0),
+        SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
+        EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)),
+    ]
+    return Setup.build(look(surfaces, camera, lit=True), lights, 0.05)
+
+
+def _compare_relit(device: Device, setup: Setup, shadows: Shadows) -> None:
+    camera = setup.view.camera
+    buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.printed))
+    shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
+    out = device.empty(4 * shading.stride * camera.height, "relit.out")
+    with device.recording("optics.shade") as recording:
+        shading.record(recording, out, 0, camera.height)
+    relit = RelightingPass(with_shadows(buffers, shadows), shading, camera.height)
+    relit.record(out, 0, camera.height)
+    relit.finish()
+    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
+    inside = np.ones(want.size, bool)
+    inside[find_edge_pixels(setup.view).pixel] = False
+    # one sample of 512 may fall to the other side of an outline
+    atol = 2.5 / 512 * float(want.max())
+    compare(
+        "optics/shading/relighting",
+        got.reshape(-1)[inside],
+        want.reshape(-1)[inside],
+        "pixel",
+        atol=atol,
+    )
+
+
+def near_an_edge(view: View, distance: float) -> npt.NDArray[np.bool_]:
+    """(H, W): pixel centres closer than ``distance`` px to any edge of any triangle."""
+    camera = view.camera
+    y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
+    near = np.zeros(x.shape, bool)
+    for a, b in zip(
+        view.screen.reshape(-1, 2), np.roll(view.screen, -1, axis=1).reshape(-1, 2), strict=True
+    ):
+        along = b - a
+        t = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / (along @ along), 0.0, 1.0)
+        near |= np.hypot(x - a[0] - t * along[0], y - a[1] - t * along[1]) < distance
+    return near
+
+
+def probe_view() -> View:
+    """A small view with overlap, perspective and an odd size, for the twin checks."""
+    rng = np.random.default_rng(5)
+    points = np.array(
+        [[-1.0, -0.8, 4.0], [1.1, -0.7, 5.0], [0.9, 0.9, 4.5], [-0.8, 0.7, 6.0],
+         [-0.4, -1.0, 3.5], [0.7, 0.1, 3.8], [-0.2, 0.9, 7.0]]
+    )  # fmt: skip
+    points += rng.normal(size=points.shape) * 1e-3
+    faces = np.array([[0, 3, 2, 1], [4, 6, 5, -1]])
+    camera = Camera(57, 33, np.array([[61.0, 0.3, 27.7], [0.0, 60.0, 15.2], [0.0, 0.0, 1.0]]))
+    return look([Surface(points, faces)], camera, lit=False)
+
+
+@twin_check("optics/raster/id_buffer")
+def _id_buffer(device: Device) -> None:
+    view = probe_view()
+    got, want = VisibilityBuffer(device, view, 20, compute=False).read(), visibility_twin(view)
+    wrong = got != want
+    # the hardware snaps to 1/256 px: a pixel centre that close to an edge may fall either way
+    wrong &= ~near_an_edge(view, 1.0 / 128.0)
+    if not want.any() or wrong.any():
+        where = np.argwhere(wrong)[:1].tolist()
+        raise TwinMismatch(
+            f"optics/raster/id_buffer: {int(wrong.sum())} pixels differ, first {where}"
+        )
+
+
+@twin_check("optics/raster/compute_raster")
+def _compute_raster(device: Device) -> None:
+    view, rows = crumpled_view(), 21
+    if not device.atomics64:
+        return  # the rasteriser does it: optics/raster/id_buffer
+    visibility = VisibilityBuffer(device, view, rows)
+    out = device.empty(visibility.ids.stride * rows, "visibility.check")
+    for row0 in (0, 18):
+        with device.recording("optics.visibility") as recording:
+            visibility.record(recording, row0, rows)
+            visibility.number(recording, row0, rows)
+            recording.copy_texture(visibility.ids, out, rows)
+        got = out.read(np.uint32, (rows, visibility.ids.stride // 4))[:, : view.camera.width]
+        compare("optics/raster/compute_raster", got, compute_raster_twin(view, row0, rows), "exact")
+
+
+@twin_check("optics/shading/triangle_records")
+def _triangle_records(device: Device) -> None:
+    setup = probe_setup(fine=False)
+    found = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
+    if found is None:
+        raise TwinMismatch("optics/shading/triangle_records: nothing to compare")
+    count, per = setup.view.count, TRIANGLE.itemsize // 16
+    with device.recording("optics.records") as recording:
+        found.make(recording)
+    got = found.texels.read().reshape(-1, 4 * per)[:count]
+    for name, one, other in zip(
+        ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
+    ):
+        compare(f"optics/shading/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
+
+
+@twin_check("optics/shading/forward_pass")
+def _forward_pass(device: Device) -> None:
+    setup = probe_setup()
+    camera = setup.view.camera
+    want = shade_twin(setup, visibility_twin(setup.view))
+    # where edges cross a pixel, hardware and twin may see different triangles at its centre
+    inside = np.ones(want.size, bool)
+    inside[find_edge_pixels(setup.view).pixel] = False
+    for deferred in (False, True):
+        visibility = VisibilityBuffer(device, setup.view, camera.height) if deferred else None
+        lines = None if deferred else BoardLines.of(setup.view, setup.printed)
+        buffers = SceneBuffers(device, setup, lines)
+        shading = ShadingPass(buffers, camera.height, visibility, tiles=LightTiles.of(setup))
+        out = device.empty(4 * shading.stride * camera.height, "shade.out")
+        with device.recording("optics.shade") as recording:
+            shading.record(recording, out, 0, camera.height)
+        got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+        compare(
+            "optics/shading/forward_pass",
+            got.reshape(-1)[inside],
+            want.reshape(-1)[inside],
+            "pixel",
+        )
+
+
+@twin_check("optics/shading/tile_light")
+def _tile_light(device: Device) -> None:
+    setup = _tile_probe()
+    tiles = LightTiles.of(setup, tolerance=np.inf)
+    assert tiles is not None
+    work = TileLightPass(SceneBuffers(device, setup), tiles)
+    with device.recording("optics.light_tiles") as recording:
+        work.record(recording)
+    got = work.texels.read().reshape(*work.shape, 4)
+    compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
+
+
+@twin_check("optics/shading/relighting")
+def _relighting(device: Device) -> None:
+    surfaces, camera, lights = shadow_scene()
+    plain = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
+    for shown in (surfaces, plain):
+        view = look(shown, camera, lit=True)
+        setup = Setup.build(view, lights, 0.05, shown, shadows=False)
+        _compare_relit(device, setup, Shadows.of(view, lamps_of(lights), shown, device))
+
+
+@twin_check("optics/edge_pixels/resolve")
+def _resolve(device: Device) -> None:
+    for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
+        edges = find_edge_pixels(setup.view)
+        camera = setup.view.camera
+        start = np.full((camera.height, camera.width), 0.25, np.float32)
+        out = device.buffer(start, "edges.radiance")
+        edge_pass = EdgePixelPass(SceneBuffers(device, setup), edges)
+        edge_pass.begin()
+        edge_pass.fetch()
+        edge_pass.write([Band(0, camera.height, camera.width, out)])
+        got = out.read(np.float32, start.shape)
+        compare("optics/edge_pixels/resolve", got, edges_twin(setup, edges, start), "pixel")
+
+
+@twin_check("optics/edge_pixels/scatter")
+def _scatter(device: Device) -> None:
+    random = np.random.default_rng(11)
+    there = random.uniform(0.0, 1.0, (19, 32)).astype(np.float32)
+    places = random.permutation(there.size)[:201]
+    values = random.uniform(-2.0, 2.0, len(places)).astype(np.float32)
+    target = device.buffer(there, "scatter.radiance")
+    scatter(device, places, values, target)
+    want = scatter_twin(there, places, values)
+    compare("optics/edge_pixels/scatter", target.read(np.float32, there.shape), want, "exact")

@@ -1,0 +1,223 @@
+"""Stages of the solver against NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_matrix, csr_matrix, random_array
+
+from gpusim.fem.assembly.assembly import assemble
+from gpusim.fem.assembly.diagonal_blocks import invert_blocks
+from gpusim.fem.device.block_product import DeviceProduct
+from gpusim.fem.device.block_texels import BlockTexels
+from gpusim.fem.device.interpolation import DeviceWeights, apply_weights
+from gpusim.fem.device.linear_combination import _NAMES, DeviceSum, weighted_sum
+from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
+from gpusim.fem.device.relaxation import Float, relax_nodes, relaxation
+from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.device.tet_elements import TetElements, tet_elements
+from gpusim.fem.device.tet_forces import DeviceTets, apply_tets, element_forces
+from gpusim.fem.device.tet_forces_single import SingleForces
+from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.krylov.cg import DeviceCG, NumpyCG, _BlockJacobi
+from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.material import Isotropic
+from gpusim.fem.model.model import Model
+from gpusim.fem.multigrid.smoothers import Relaxation
+from gpusim.gpu import Device, compare, twin_check
+from gpusim.mesh import box
+
+
+def check_elements() -> tuple[TetElements, int]:
+    """Straight and curved elements of two materials for a check, and how many nodes they have."""
+    from gpusim.fem.assembly.element_batches import model_groups
+    from gpusim.fem.model.formulation import resolve_formulation
+    from gpusim.fem.model.material import Isotropic
+    from gpusim.fem.model.model import Model
+    from gpusim.mesh import box, quadratic, split
+
+    rng = np.random.default_rng(4)
+    corners = split(box((1.0, 0.4, 0.7), (4, 3, 3)))
+    mesh = quadratic(corners.moved(0.02 * rng.random(corners.points.shape)))
+    middle = (np.arange(mesh.node_count) >= corners.node_count) & (mesh.points[:, 0] > 0.6)
+    mesh = mesh.moved(np.where(middle[:, None], 0.01 * rng.random(mesh.points.shape), 0.0))
+    model = Model(
+        mesh,
+        [Isotropic(1.0, 0.3), Isotropic(2.0, -0.1)],
+        fixed=np.zeros(mesh.points.shape, dtype=bool),
+        material_of_cell=(np.arange(mesh.cell_count) % 2).astype(np.int32),
+    )
+    elements = tet_elements(model_groups(model, resolve_formulation(model, None)))
+    assert elements is not None and len(elements.straight) and len(elements.curved)
+    return elements, mesh.node_count
+
+
+def _compare_relaxed(
+    device: Device,
+    texels: BlockTexels | TetTexels,
+    apply: Callable[[Float], Float],
+    inverse: Float,
+    free: npt.NDArray[np.bool_],
+) -> None:
+    x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
+    step = Relaxation(0.3, 0.7, 1.0)
+    smoother = relaxation(device, texels, inverse, 2, "fem.check")
+    x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
+    for texture, values in ((x_in, x), (before_in, before), (b_in, b)):
+        texture.write(node_texels(values))
+    with device.recording("fem.check") as recording:
+        smoother.relax(recording, x_in, before_in, b_in, step, out[0])
+        smoother.relax(recording, x_in, None, b_in, step, out[1])
+        smoother.residual(recording, x_in, b_in, out[2])
+        smoother.begin(recording, b_in, out[3], 0.7)
+    wanted = (
+        relax_nodes(apply, inverse, x, before, b, step),
+        relax_nodes(apply, inverse, x, None, b, step),
+        np.where(free, b - apply(x), 0.0),
+        0.7 * np.matmul(inverse, b[..., None])[..., 0],
+    )
+    for texture, value in zip(out, wanted, strict=True):
+        # float32 sums of about eighty products of numbers of order one
+        compare("fem/device/relaxation", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)
+
+
+@twin_check("fem/device/stiffness")
+def _stiffness(device: Device) -> None:
+    rng = np.random.default_rng(5)
+    regular = box((1.0, 0.4, 0.7), (7, 6, 5))
+    # moved nodes: every row is different
+    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
+    for mesh in (regular, irregular):
+        shape = mesh.points.shape
+        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(shape, dtype=bool))
+        rows = assemble(model, resolve_formulation(model, None)).rows
+        u = rng.normal(size=(2, *shape))
+        operator = DeviceStiffness(device, rows, 1.0, 2)
+        result = operator.vector(np.zeros_like(u))
+        for rounded in (False, True):
+            source = operator.vector(u, rounded=rounded)
+            with device.recording("fem.check") as recording:
+                operator.record(recording, source, result)
+            wanted = apply_stiffness(rows, source.read(2))
+            compare("fem/device/stiffness.apply", result.read(2), wanted, atol=1e-11, rtol=1e-11)
+    # the kernel's plain form, as coarse levels use it: any matrix, not square
+    dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
+    x = rng.normal(size=(2, 8, 3))
+    product = DeviceProduct(device, bsr_matrix(dense, blocksize=(3, 3)), 2, "fem.check")
+    source, image = pair(device, 2, 8, "fem.check.x"), product.vector()
+    source.write(x)
+    with device.recording("fem.check") as recording:
+        product.record(recording, source, image)
+    wanted = (x.reshape(2, 24) @ dense.T).reshape(2, 12, 3)
+    compare("fem/device/stiffness.plain", image.read(2), wanted, atol=1e-12, rtol=1e-12)
+
+
+@twin_check("fem/device/tet_forces")
+def _tet_forces(device: Device) -> None:
+    elements, nodes = check_elements()
+    u = np.random.default_rng(6).normal(size=(2, nodes, 3))
+    operator = DeviceTets(device, elements, nodes, 1.0, 2)
+    result = operator.vector(np.zeros_like(u))
+    for rounded in (False, True):
+        source = operator.vector(u, rounded=rounded)
+        with device.recording("fem.check") as recording:
+            operator.record(recording, source, result)
+        wanted = apply_tets(elements, source.read(2))
+        compare("fem/device/tet_forces", result.read(2), wanted, atol=1e-11, rtol=1e-11)
+
+
+@twin_check("fem/device/tet_forces_single")
+def _tet_forces_single(device: Device) -> None:
+    elements, nodes = check_elements()
+    x = np.random.default_rng(7).normal(size=(2, nodes, 3))
+    texels = TetTexels(device, elements, nodes, 1.0, "fem.check")
+    vector = vector_texels(device, 2, nodes, "fem.check.x")
+    vector.write(node_texels(x))
+    forces = SingleForces(device, texels)
+    with device.recording("fem.check") as recording:
+        forces.record(recording, vector, 1)
+    found = texels.forces.read()[:-2].reshape(-1, 5, 3, 4)[:, :, :2, :3]
+    wanted = element_forces(elements, x[1])
+    # float32 sums of about a hundred products of numbers of order one
+    compare("fem/device/tet_forces_single", found.reshape(-1, 10, 3), wanted, atol=2e-5, rtol=1e-5)
+
+
+@twin_check("fem/device/relaxation")
+def _relaxation(device: Device) -> None:
+    rng = np.random.default_rng(9)
+    regular = box((1.0, 0.4, 0.7), (9, 6, 5))
+    # moved nodes: every row is different
+    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
+    for mesh in (regular, irregular):
+        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+        rows = assemble(model, resolve_formulation(model, None)).rows
+        free = mesh.points > mesh.points.min(axis=0)
+        inverse = invert_blocks(rows.diagonal[rows.row_class], free)
+        texels = BlockTexels(device, rows, 1.0, "fem.check", exact=False)
+        _compare_relaxed(device, texels, partial(apply_stiffness, rows), inverse, free)
+    elements, nodes = check_elements()
+    free = rng.random((nodes, 3)) < 0.9
+    blocks = np.eye(3) + 0.1 * rng.normal(size=(nodes, 3, 3))
+    inverse = blocks * free[:, :, None] * free[:, None]
+    of_elements = TetTexels(device, elements, nodes, 1.0, "fem.check")
+    _compare_relaxed(device, of_elements, partial(apply_tets, elements), inverse, free)
+
+
+@twin_check("fem/device/interpolation")
+def _interpolation(device: Device) -> None:
+    rng = np.random.default_rng(10)
+    weights = csr_matrix(random_array((70, 33), density=0.1, rng=rng))
+    free = rng.random((70, 3)) < 0.8
+    v, x = rng.normal(size=(2, 33, 3)), rng.normal(size=(2, 70, 3))
+    spread = DeviceWeights(device, weights, free, 2, "fem.check")
+    source = vector_texels(device, 2, 33, "fem.check.v")
+    base, plain, added = (vector_texels(device, 2, 70, "fem.check.x") for _ in range(3))
+    source.write(node_texels(v))
+    base.write(node_texels(x))
+    with device.recording("fem.check") as recording:
+        spread.record(recording, source, plain)
+        spread.record(recording, source, added, base)
+    wanted = apply_weights(weights, free, v)
+    compare("fem/device/interpolation.apply", read_nodes(plain, 2), wanted)
+    compare("fem/device/interpolation.add", read_nodes(added, 2), x + wanted)
+
+
+@twin_check("fem/device/linear_combination")
+def _linear_combination(device: Device) -> None:
+    rng = np.random.default_rng(11)
+    values = {name: rng.normal(size=(2, 70, 3)) for name in _NAMES}
+    factors = dict(zip(_NAMES, (1.5, -0.3, 0.7, -1.0), strict=True))
+    adder = DeviceSum(device, 70, 2)
+    vectors = {name: pair(device, 2, 70, "fem.check") for name in _NAMES}
+    out = pair(device, 2, 70, "fem.check")
+    for name, vector in vectors.items():
+        vector.write(values[name])
+    with device.recording("fem.check") as recording:
+        adder.record(recording, out, **{name: (factors[name], vectors[name]) for name in _NAMES})
+    wanted = weighted_sum({name: (factors[name], values[name]) for name in _NAMES})
+    compare("fem/device/linear_combination", out.read(2), wanted, atol=1e-13, rtol=1e-13)
+
+
+@twin_check("fem/krylov/cg")
+def _cg(device: Device) -> None:
+    rng = np.random.default_rng(8)
+    mesh = box((1.0, 0.4, 0.7), (5, 4, 3))
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+    rows = assemble(model, resolve_formulation(model, None)).rows
+    free = np.repeat(mesh.points[:, :1] > 0.0, 3, axis=1)
+    shape = (2, *free.shape)
+    jacobi = _BlockJacobi(invert_blocks(rows.diagonal[rows.row_class], free))
+    b = np.where(free, rng.normal(size=shape), 0.0).reshape(2, -1)
+    twin = NumpyCG(lambda v: apply_stiffness(rows, v.reshape(shape)).reshape(2, -1), jacobi)
+    operator = DeviceStiffness(device, rows, 1.0, 2)
+    ready = jacobi.upload(device, operator, 2)
+    active = np.array([True, True])
+    start, history, x = twin.begin(b), twin.run(6, active), twin.correction()
+    loop = DeviceCG(device, operator, ready, 2)
+    # the preconditioner is rounded to float32, and iterations amplify that
+    compare("fem/krylov/cg.start", loop.begin(b), start, rtol=1e-6, atol=0.0)
+    compare("fem/krylov/cg.history", loop.run(6, active), history, rtol=2e-5, atol=1e-12)
+    compare("fem/krylov/cg.x", loop.correction(), x, rtol=1e-5, atol=1e-5)
