@@ -21,7 +21,7 @@ import numpy as np
 
 from gpusim.gpu import Device
 from gpusim.measure import dic
-from tests.measure_images import Waves
+from tests.support.measure_images import Waves
 
 RESULTS = Path(__file__).parent / "results" / "correlation.md"
 PEER = Path(__file__).resolve().parent / "peers" / "pyvale_dic.py"

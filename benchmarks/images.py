@@ -1,8 +1,9 @@
 """Accuracy and time of rendered images: ``python -m benchmarks.images [--write]``.
 
-Accuracy is against 64 x 64 float64 rays a pixel (`tests.optics_reference`): RMS of the grey range
-0..1, least-squares shift per 48-px block, mean shift (bias). Time is that of the crane's frames,
-beside the time that the bytes a frame must move would take at the device's copy bandwidth.
+Accuracy is against 64 x 64 float64 rays a pixel (`tests.support.optics_reference`): RMS of the
+grey range 0..1, least-squares shift per 48-px block, mean shift (bias). Time is that of the
+crane's frames, beside the time that the bytes a frame must move would take at the device's copy
+bandwidth.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from gpusim.optics.shading.setup import Setup
 from gpusim.pipeline.build.build import build_body, build_lights
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.props import build_prop
-from tests.optics_reference import Plate, difference, pattern, reference
+from tests.support.optics_reference import Plate, difference, pattern, reference
 
 RESULTS = Path(__file__).parent / "results" / "images.md"
 BACKGROUND = 0.3

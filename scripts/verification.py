@@ -12,8 +12,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests import calculix
-from tests.verification_models import (
+from tests.support import calculix
+from tests.support.verification_models import (
     Problem,
     cook_membrane,
     elliptic_plate,

@@ -22,11 +22,24 @@ import pytest
 import gpusim
 from gpusim._version import __version__
 from gpusim.gpu import Device, default_device
+from gpusim.gpu.context import DeviceContext
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--without-device", action="store_true", help="skip tests when they open a device"
+    )
+
+
+def _skip(*_: object, **__: object) -> None:
+    pytest.skip("opens a device")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Refuse to test something else than what was asked for."""
     os.environ["GPUSIM_NO_CACHE"] = "1"  # nothing that a test does is for later runs
+    if session.config.getoption("without_device"):
+        DeviceContext.__init__ = _skip  # type: ignore[method-assign]
     package = Path(gpusim.__file__).resolve().parent
     if os.environ.get("GPUSIM_EXPECT_INSTALLED") == "1" and "site-packages" not in package.parts:
         raise pytest.UsageError(f"expected an installed gpusim, but it comes from {package}")

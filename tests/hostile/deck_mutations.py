@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import re
 
-from tests.deck_texts import FIXED, MATERIAL, MODEL, deck, step
+from tests.support.deck_texts import FIXED, MATERIAL, MODEL, deck, step
 
 BDF = """SOL 101
 CEND

@@ -10,10 +10,10 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.mesh import mesh_cad
-from tests.gmsh_meshes import Gmsh
 from tests.hostile.amount import SEED, share
 from tests.hostile.mutations import mutations
 from tests.hostile.tiny_runs import LIMIT
+from tests.support.gmsh_meshes import Gmsh
 
 pytestmark = pytest.mark.hostile
 

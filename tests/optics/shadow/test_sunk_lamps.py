@@ -1,0 +1,68 @@
+"""Lamps that lean at bodies or are half sunk into them: what lies before the lamp hides it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import AreaLight
+from gpusim.optics.light.quadrature import lamps_of
+from gpusim.twin_checks.shadow_scene import block
+from tests.support.optics_rays import brute_share, triangles_of
+
+FLOOR = gs.Surface(
+    np.array([[-1.2, -1.1, 0], [1.2, -1.1, 0], [1.2, 1.1, 0], [-1.2, 1.1, 0.0]]),
+    np.array([[0, 1, 2, 3]]), paint=gs.paint.Plain(0.7),
+)  # fmt: skip
+COLUMN = block((-0.3, 0.6, 0.4), (0.05, 0.05, 0.4), 0.5)
+CAMERA = gs.Camera.from_lens((36.0, 24.0), 30.0, (95, 63), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
+LEANING = AreaLight((-0.3, 0.5, 0.6), (0.1, -0.5, 0.1), (0.5, 0.3), 2.0)
+SUNK = AreaLight((0.1, -0.8, 0.0), (0.1, 0.9, 0.0), (0.6, 0.3), 2.0)
+
+
+def test_a_lamp_is_seen_before_the_column_that_it_leans_at(device: Device) -> None:
+    surfaces = [FLOOR, COLUMN]
+    lit, plain = (
+        gs.render(surfaces, CAMERA, [replace(LEANING, shadows=shadows)], device=device)
+        for shadows in (True, False)
+    )
+    truth = lit.truth()
+    row, column = truth.row, truth.column
+    # not beside the lamp's own plane, where what is seen of it changes within a pixel
+    bright = plain.radiance[row, column] > 0.1 * plain.radiance.max()
+    edges = find_edge_pixels(look(surfaces, CAMERA, lit=True)).pixel
+    inside = bright & (truth.face == 0) & ~np.isin(row * CAMERA.width + column, edges)
+    rows = np.flatnonzero(inside)[::7]
+    got = lit.radiance[row[rows], column[rows]] / plain.radiance[row[rows], column[rows]]
+    (lamp,) = lamps_of([LEANING])
+    want = brute_share(lamp, truth.reference[rows], triangles_of(surfaces), n=40)
+    assert len(want) > 60 and want.min() < 0.5 and want.max() > 0.95
+    # without it, 0.15 on average
+    assert np.abs(got - want).mean() < 0.006
+    assert np.abs(got - want).max() < 0.1
+
+
+@pytest.mark.parametrize("backend", ["numpy", "gpu"])
+def test_half_of_a_lamp_that_is_half_sunk_is_seen(
+    backend: str, request: pytest.FixtureRequest
+) -> None:
+    device = request.getfixturevalue("device") if backend == "gpu" else None
+    surfaces = [FLOOR, block((0.0, 0.2, 0.3), (0.4, 0.1, 0.3), 0.5)]
+    lit, plain = (
+        gs.render(
+            surfaces, CAMERA, [replace(SUNK, shadows=shadows)], backend=backend, device=device
+        )
+        for shadows in (True, False)
+    )
+    truth = lit.truth()
+    front = truth.normal[:, 1] < -0.9
+    front &= (np.abs(truth.reference - [0.0, 0.1, 0.3]) < [0.36, 0.01, 0.26]).all(axis=1)
+    seen = truth.row[front], truth.column[front]
+    assert len(seen[0]) > 300
+    np.testing.assert_allclose(lit.radiance[seen] / plain.radiance[seen], 0.5, atol=2 / 512)

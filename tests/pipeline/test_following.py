@@ -1,0 +1,84 @@
+"""Markers followed between pictures: what is remembered, and what is said of poor fits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim import measure
+from gpusim.optics import Camera, Sensor
+from gpusim.pipeline.measurements import marker_detection
+from gpusim.pipeline.measurements.deflection import unrefined_text
+from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, track_markers
+from tests.support.measure_images import Marker, board
+
+WIDTH, HEIGHT, SIZE = 420, 90, 22.0
+PLACES = np.array([[45.3 + 66 * i, 44.2 + 0.7 * i] for i in range(6)])
+
+
+def camera() -> Camera:
+    """1 mm in the plane z = 1 m is 1 px, from the first pixel's centre."""
+    K = np.array([[1000.0, 0.0, 0.0], [0.0, 1000.0, 0.0], [0.0, 0.0, 1.0]])
+    return Camera(width=WIDTH, height=HEIGHT, K=K, camera_from_world=np.eye(4), name="front")
+
+
+def marker_set() -> MarkerSet:
+    count = len(PLACES)
+    position = np.column_stack([1e-3 * PLACES, np.ones(count)])
+    names = tuple(f"m-{i}" for i in range(count))
+    return MarkerSet((), count, position, np.full(count, 1e-3 * SIZE), names, ("axis",) * count)
+
+
+def picture(moved: np.ndarray, degrees: float = 0.0) -> np.ndarray:
+    markers = [Marker(x, y, SIZE, SIZE, np.radians(degrees)) for x, y in PLACES + moved]
+    return np.rint(board(WIDTH, HEIGHT, markers)).astype(np.uint8)
+
+
+def follow(reference: np.ndarray, deformed: np.ndarray) -> MarkerTracks:
+    return track_markers(
+        "measure 'line'", marker_set(), camera(), reference, deformed, subset=None, sensor=Sensor(8)
+    )
+
+
+def test_markers_are_followed_and_only_new_pixels_are_looked_at(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    marker_detection._remembered.clear()
+    motion = np.column_stack([0.2 * np.arange(6), 0.55 * np.arange(6) ** 1.5])
+    reference, deformed = picture(np.zeros(2)), picture(motion, 2.0)
+    first = follow(reference, deformed)
+    assert np.abs(first.points - PLACES).max() <= 0.003
+    assert np.abs(first.displacement - motion).max() <= 0.004
+    assert first.status == ("OK",) * 6 and not first.unrefined.any()
+
+    looked: list[int] = []
+    locate = measure.locate_markers
+
+    def counted(image: np.ndarray, near: np.ndarray, *rest: object) -> measure.Markers:
+        looked.append(len(near))
+        return locate(image, near, *rest)
+
+    monkeypatch.setattr(measure, "locate_markers", counted)
+    again = follow(reference, deformed)
+    assert looked == []
+    assert np.array_equal(again.points, first.points)
+    assert np.array_equal(again.displacement, first.displacement)
+    other = reference.copy()
+    other[40:44, 395:405] = 100  # beside the last marker
+    changed = follow(other, deformed)
+    assert looked == [1]
+    assert np.array_equal(changed.points[:5], first.points[:5])
+
+
+def test_a_marker_without_a_fit_of_its_cross_is_named() -> None:
+    """A blot over the middle of one: correlation still finds it, the two borders are gone."""
+    reference, deformed = picture(np.zeros(2)), picture(np.array([1.25, 0.5]))
+    x, y = (np.rint(PLACES[3] + [1.25, 0.5])).astype(int)
+    rows, columns = np.indices(deformed.shape)
+    blot = np.hypot(columns - x, rows - y) < 5.5
+    seen = follow(reference, np.where(blot, 120, deformed).astype(np.uint8))
+    assert seen.status == ("OK",) * 6
+    assert seen.by_correlation(6) == ("m-3",)
+    (text,) = unrefined_text("line", seen.by_correlation(6))
+    assert "'line'" in text and "m-3" in text
+    assert unrefined_text("line", ()) == []
