@@ -1,9 +1,13 @@
 # Each target is complete in itself, also as the first command on a bare machine.
-.PHONY: help demo test slow hostile check bench setup clean
+QUICK = $(addprefix tests/,api deck export files mesh report scene surface measure/structures \
+    optics/calibration optics/raster optics/sensor)
+
+.PHONY: help demo test quick slow hostile check bench setup clean
 
 help:
 	@echo "make demo    runs examples/crane.toml and says where the report is"
 	@echo "make test    builds and installs the wheel, runs the tests against it"
+	@echo "make quick   within a minute: what opens no device, of the parts that take no time"
 	@echo "make slow    the cases that make test leaves out because they take long"
 	@echo "make hostile damaged, forged and unbounded input, kills; SEED=7 for other inputs"
 	@echo "make check   format, lint, types and tests"
@@ -17,6 +21,9 @@ demo:
 test: setup
 	scripts/test.sh
 	HOSTILE_SHARE=0.05 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
+
+quick: setup
+	scripts/test.sh --without-device --ignore tests/mesh/test_cad.py $(QUICK)
 
 slow: setup
 	scripts/test.sh -m slow

@@ -16,7 +16,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.export import write_pvd, write_stl
 from gpusim.mesh import box, mesh_cad, read_mesh, read_surface
-from tests import test_field_read as fields
+from tests.field import test_read as fields
 from tests.hostile.mutations import SEED, mutations, share
 from tests.support.gmsh_meshes import Gmsh, write_two_boxes
 from tests.support.vtk_files import BRICK, Vtu, legacy
