@@ -1,5 +1,5 @@
 # Each target is complete in itself, also as the first command on a bare machine.
-QUICK = $(addprefix tests/,api deck export files mesh report scene surface measure/structures \
+QUICK = $(addprefix tests/,api export files mesh report scene surface measure/structures \
     optics/calibration optics/raster optics/sensor)
 
 .PHONY: help demo test quick slow hostile check bench setup clean
