@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu.device import Device
-from gpusim.gpu.wgsl import stages
 
 __all__ = ["TOLERANCES", "Tolerance", "compare", "twin_check", "twin_checks"]
 
@@ -106,10 +105,9 @@ def twin_check(stage: str) -> Callable[[Callable[[Device], None]], Callable[[Dev
 def twin_checks() -> dict[str, Callable[[Any], None]]:
     """The checks of every stage that has a shader, by name, in alphabetical order.
 
-    Importing the Python module that goes with ``shaders/<area>/<stem>.wgsl`` registers them.
+    Importing the modules of `gpusim.gpu.probes` and `gpusim.twin_checks` registers them.
     """
-    for stem in stages():
-        import_module(f"gpusim.{stem.replace('/', '.')}")
-    for module in iter_modules(import_module("gpusim.twin_checks").__path__):
-        import_module(f"gpusim.twin_checks.{module.name}")
+    for package in ("gpusim.gpu.probes", "gpusim.twin_checks"):
+        for module in iter_modules(import_module(package).__path__, f"{package}."):
+            import_module(module.name)
     return dict(sorted(_CHECKS.items()))

@@ -10,6 +10,7 @@ import pytest
 
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
+from gpusim.gpu.wgsl import stages
 
 # compares ids pixel by pixel itself; tests/optics/test_twins.py corrupts it
 OWN_COMPARISON = {"optics/raster/id_buffer"}
@@ -22,7 +23,7 @@ def test_every_stage_is_listed() -> None:
         "optics/shading/forward_pass",
         "measure/correlation/icgn",
     } <= set(twin_checks())
-    assert set(twin_checks()) >= OWN_COMPARISON
+    assert set(twin_checks()) == set(stages()) >= OWN_COMPARISON
 
 
 @pytest.mark.parametrize("damage", ["value", "nan"])

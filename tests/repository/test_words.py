@@ -18,9 +18,6 @@ BANNED = frozenset(
     told unsure usable waiting wishes work""".split()
 )
 
-# Names of today that still have such a word. Rename, then take them out; nothing is added.
-EXCEPTIONS: set[str] = set()
-
 
 def words(name: str) -> list[str]:
     """``LateSight`` and ``late_sight`` are late and sight."""
@@ -44,11 +41,7 @@ def with_banned_words(paths: Iterable[Path]) -> set[str]:
 
 
 def test_no_module_or_class_is_named_by_a_banned_word() -> None:
-    assert sorted(with_banned_words(PACKAGE.rglob("*.py")) - EXCEPTIONS) == []
-
-
-def test_no_exception_is_out_of_date() -> None:
-    assert sorted(EXCEPTIONS - with_banned_words(PACKAGE.rglob("*.py"))) == []
+    assert sorted(with_banned_words(PACKAGE.rglob("*.py"))) == []
 
 
 def test_a_banned_name_is_seen() -> None:
