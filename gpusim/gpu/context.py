@@ -91,6 +91,11 @@ class DeviceContext:
             label="gpusim.fence", size=4, usage=wgpu.BufferUsage.COPY_SRC
         )
 
+    def another(self) -> DeviceContext:
+        """One more device of the same adapter."""
+        name = str(self.info.get("device") or "")
+        return DeviceContext(self.real, name, self.memory_limit, self.shaders)
+
     @property
     def name(self) -> str:
         """The adapter's name, driver included."""

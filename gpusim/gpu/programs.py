@@ -1,20 +1,24 @@
-"""The programs of a device, each compiled once: by who asks for it first, or in a thread before.
+"""The programs of a device, each compiled once: by who asks for it first, or in threads before.
 
-Translating a program takes 0.05 to 0.5 s of C code, during which Python goes on. Who knows what
-will be asked for, from an earlier run, lets it be compiled meanwhile.
+Translating a program takes 0.05 to 3 s of C code, during which Python goes on. Who knows what will
+be asked for lets it be compiled meanwhile, as many programs at a time as there are processors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from concurrent.futures import Future
-from threading import Event, Lock
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from threading import Lock, local, main_thread
 from typing import Any, cast
 
+from gpusim.gpu.adapter import is_processor
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
+from gpusim.gpu.priming import CompiledPrograms, prime
 from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Module, load
+from gpusim.parallel.cpu_budget import processors
 
 __all__ = ["Programs"]
 
@@ -33,6 +37,9 @@ class Programs:
         self.asked: dict[Key, None] = {}
         self._made: dict[Hashable, Future[Any]] = {}
         self._lock = Lock()
+        self._threads: ThreadPoolExecutor | None = None
+        self._own = local()  # of each thread: programs of a device on which they are primed
+        self._compiled_before = CompiledPrograms(device.name)
 
     def kernel(self, name: str, entry: str, constants: dict[str, float] | None) -> Kernel:
         """As `Device.kernel`."""
@@ -59,23 +66,44 @@ class Programs:
         """The wgpu module of a shader file, compiled once however many entries it has."""
         return self._once(("module", module.name), lambda: self._module(module))
 
-    def compile(self, programs: Iterable[Sequence[Any]], enough: Event) -> None:
-        """Compile programs, as ``asked`` or read from JSON, until ``enough`` is set.
-
-        Faults are left to who asks for them.
+    def begin(self, programs: Iterable[Sequence[Any]]) -> None:
+        """Compile programs, as ``asked`` or read from JSON, in threads: those that nobody has asked
+        for when it is their turn. Who asks for one that is being compiled waits for it. Faults are
+        left to who asks.
         """
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(processors(), "gpusim.compile")
         for program in programs:
-            if enough.is_set():
-                return
-            try:
-                self._get(_hashable(program))
-            except Exception:  # of another version of gpusim, or a fault that will be met again
-                continue
+            self._threads.submit(self._compile, _hashable(program))
+
+    def stop(self) -> None:
+        """Begin with no further program of those to be compiled in threads."""
+        if self._threads is not None:
+            self._threads.shutdown(wait=False, cancel_futures=True)
+            self._threads = None
 
     def clear(self) -> None:
         """Forget everything that was compiled."""
         with self._lock:
             self._made.clear()
+
+    def _compile(self, key: Key) -> None:
+        """What a thread does with a program."""
+        if key in self._made or not main_thread().is_alive():
+            return
+        # it may be of another version of gpusim, or have a fault that will be met again
+        with suppress(Exception):
+            self._once(key, lambda: self._primed(key))
+
+    def _primed(self, key: Key) -> Any:
+        if is_processor(self.device.info):
+            code = load(str(key[0]), self.device.real, self.device.shaders).code
+            if self._compiled_before.lacks(code, key):
+                if not hasattr(self._own, "programs"):
+                    self._own.programs = Programs(self.device.another())
+                prime(self._own.programs._get(key))
+                self._compiled_before.add(code, key)
+        return self._compiled(*cast(Any, key))
 
     def _get(self, key: Key) -> Any:
         return self._once(key, lambda: self._compiled(*cast(Any, key)))

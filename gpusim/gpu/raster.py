@@ -78,7 +78,7 @@ class Raster:
                 raise InputError(
                     f"raster {module.name}: no entry {entry!r}; got {sorted(module.entries)}"
                 )
-        self.name = module.name
+        self.name, self.formats, self.depth = module.name, color_formats, depth
         values = constants or {}
         needed = {n for n, default in module.overrides.items() if not default}
         if not needed <= set(values) <= set(module.overrides):

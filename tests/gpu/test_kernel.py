@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -337,12 +337,23 @@ def test_programs_of_an_earlier_run_are_compiled_beforehand(lab: Device) -> None
         ["broken", "main", []],
         [1],
     )
-    lab.programs.compile([*gone, *asked], threading.Event())
-    ready = list(lab.programs._made.values())
-    assert lab.kernel("count", constants={"step": 2}) in [one.result() for one in ready]
-    assert lab.kernel("count", constants={"step": 2}) is not kernel
+    lab.programs.begin([*gone, *asked])
+    ready = made(lab, "count")
+    assert lab.kernel("count", constants={"step": 2}) is ready
+    assert ready is not kernel
     with pytest.raises(DeviceError, match="broken"):
         lab.kernel("broken")
+
+
+def made(device: Device, name: str) -> Kernel:
+    """A program once threads have compiled it."""
+    for _ in range(200):
+        for key, program in list(device.programs._made.items()):
+            if key[0] == name and program.done():  # type: ignore[index]
+                kernel: Kernel = program.result()
+                return kernel
+        time.sleep(0.05)
+    raise AssertionError(f"{name} wasn't compiled")
 
 
 def test_threads_that_ask_at_once_get_one_program(lab: Device) -> None:
@@ -356,11 +367,11 @@ def test_programs_are_compiled_for_as_long_as_there_is_need(lab: Device) -> None
     lab.programs.clear()
     with compile_during(lab, [["count", "main", []]]):
         assert lab.kernel("count") is lab.kernel("count")
-    enough = threading.Event()
-    enough.set()
-    lab.programs.clear()
-    lab.programs.compile([["count", "main", []]], enough)
-    assert not lab.programs._made
+    assert lab.programs._threads is None
+    waiting = [["count", "main", [["step", float(n)]]] for n in range(400)]
+    with pytest.raises(KeyboardInterrupt), compile_during(lab, waiting):
+        raise KeyboardInterrupt
+    assert len(lab.programs._made) < len(waiting)
 
 
 def test_the_device_is_opened_before_it_is_needed() -> None:
@@ -369,21 +380,6 @@ def test_the_device_is_opened_before_it_is_needed() -> None:
     assert default_device() is opened
     with pytest.raises(ZeroDivisionError), compile_ahead([]):
         raise ZeroDivisionError
-
-
-def test_what_was_begun_beforehand_ends_with_the_work_that_it_is_for(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def compile_for_ever(programs: object, enough: threading.Event) -> None:
-        del programs
-        enough.wait(60)
-
-    monkeypatch.setattr(default_device().programs, "compile", compile_for_ever)
-    with compile_ahead([["count", "main", []]]):
-        pass
-    with pytest.raises(KeyboardInterrupt), compile_during(default_device(), []):
-        raise KeyboardInterrupt
-    for thread in threading.enumerate():
-        if thread.name == "gpusim.warmup":
-            thread.join(10)
-            assert not thread.is_alive()
+    with pytest.raises(ZeroDivisionError), compile_ahead([["fem/no such", "main", []]]):
+        raise ZeroDivisionError
+    assert opened.programs._threads is None

@@ -21,7 +21,7 @@ from gpusim.files.atomic_files import atomic_stream, clean_leftovers, write_text
 from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device, default_device
-from gpusim.gpu.warmup import compile_during, stop_compiling
+from gpusim.gpu.warmup import compile_during
 from gpusim.pipeline.build.build import build_body, build_lights
 from gpusim.pipeline.build.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.build.props import build_prop
@@ -82,7 +82,6 @@ class StageRunner(RunRecord):
             check_memory(self.plan)
             self.device = self._device()
             if self.device is None:
-                stop_compiling()
                 done = self._work_up_to_truth()
             else:
                 self.device_before = self.device.timer.seconds()
