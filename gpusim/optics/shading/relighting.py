@@ -63,7 +63,8 @@ def _listed(shadows: Shadows, starts: Numbers, label: str) -> VisibleShares:
     if not (isinstance(receivers, DeviceList) and receivers.holds(starts)):
         # in the next frames there may be some more
         groups, count = (n + n // 4 for n in (len(starts) - 1, int(starts[-1])))
-        receivers = DeviceList(shadows.trees.device, shadows.occluders, groups, count)
+        camera = shadows.view.camera
+        receivers = DeviceList(shadows.trees.device, shadows.occluders, groups, count, camera)
     receivers.list(starts)
     return _found_by(shadows, receivers, label)
 

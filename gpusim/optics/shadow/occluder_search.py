@@ -60,7 +60,7 @@ class OccluderSearch:
     def record(self, recording: Recording, bound: Bound) -> None:
         """Fill the lists."""
         receivers = self._receivers
-        name, constants = "optics/shadow/occluder_search", receivers.constants
+        name, constants = "optics/shadow/occluder_search", receivers.kind
         if receivers.listed:
             bound.run(recording, name, "listed_groups", constants, threads=(receivers.entries,))
         else:

@@ -33,12 +33,12 @@ NAME = "optics/shadow/receiver_groups"
 
 def record_cells(recording: Recording, receivers: DeviceReceivers, bound: Bound) -> None:
     """Find the cells, and which receivers are of farther halves."""
-    bound.run(recording, NAME, "find_cells", receivers.constants, threads=(receivers.groups,))
+    bound.run(recording, NAME, "find_cells", receivers.kind, threads=(receivers.groups,))
 
 
 def record_groups(recording: Recording, receivers: DeviceReceivers, bound: Bound) -> None:
     """Find what cells are to a lamp."""
-    bound.run(recording, NAME, "find_groups", receivers.constants, threads=(receivers.entries,))
+    bound.run(recording, NAME, "find_groups", receivers.kind, threads=(receivers.entries,))
 
 
 def entries_of(receivers: Receivers | PixelReceivers) -> tuple[Numbers, Receivers, Numbers, int]:

@@ -153,6 +153,11 @@ def plane_words(on: Numbers, lean: Array) -> npt.NDArray[np.uint32]:
     return owner | steps.astype(np.uint32) << np.uint32(24)
 
 
+def lens_constants(camera: Camera) -> dict[str, float]:
+    """What programs that look along pixels' rays are compiled for."""
+    return {"distorted": float(camera.lens is not None), "aperture": camera.pixel_side}
+
+
 class DeviceReceivers:
     """Receivers on a device, with room for `most_groups` and `most` of them: programs are bound to
     them once."""
@@ -173,13 +178,18 @@ class DeviceReceivers:
         self.bends: dict[str, object] = {
             "last": np.zeros(2), "middle": np.zeros(2), "size": 1, "columns": 1,
         }  # fmt: skip
-        self.constants = {"listed": float(listed), "distorted": 0.0}
+        self.constants = {"distorted": 0.0}
         words = self.most_groups + 1 + self.most if listed else 2 * self.most_groups
         self.halves = device.empty(4 * words, "shadow.halves")
         self.cells = device.empty(128 * self.most_groups, "shadow.cells")
         self._rays = {key: np.zeros(4) for key in ("x", "y", "one")}
         self._capacity = 0
         self._uniform: Uniform | None = None
+
+    @property
+    def kind(self) -> dict[str, float]:
+        """Constants of programs that look at these receivers again and again."""
+        return {**self.constants, "listed": float(self.listed)}
 
     @property
     def entries(self) -> int:
@@ -196,6 +206,7 @@ class DeviceReceivers:
             **self._rays, "size": np.array(self.size, np.uint32), "columns": self.columns,
             "groups": self.groups, "capacity": self._capacity, "leaves": self.leaves,
             "count": self.count, "row0": self.row0, "stride": self.stride, "step": self.step,
+            "listed": int(self.listed),
         }  # fmt: skip
 
     def bindings(self, capacity: int) -> dict[str, Any]:
@@ -214,8 +225,13 @@ class DeviceReceivers:
 class DeviceList(DeviceReceivers):
     """Listed receivers, which a program may fill in."""
 
-    def __init__(self, device: Device, occluders: Occluders, groups: int, count: int) -> None:
+    def __init__(
+        self, device: Device, occluders: Occluders, groups: int, count: int,
+        camera: Camera | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(device, occluders, True, groups, count)
+        if camera is not None:  # programs that work for its pixels, too, are compiled once
+            self.constants = lens_constants(camera)
         self.pieces: Buffer = device.empty(64 * self.most, "shadow.pieces")
 
     @staticmethod
@@ -270,7 +286,7 @@ class DevicePixels(DeviceReceivers):
             self.bends, texels = bends.tiles(), bends.texels()
             self.undistortion = device.texels(len(texels), "rgba32float", "shadow.bends")
             self.undistortion.write(texels)
-        self.constants |= {"distorted": float(bends is not None), "aperture": camera.pixel_side}
+        self.constants = lens_constants(camera)
         self.look(camera)
         self.aim(0, rows)
 

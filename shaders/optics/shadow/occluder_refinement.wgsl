@@ -13,7 +13,7 @@ const LOOKED: u32 = 64u;
 fn triangle_of(entry: u32, k: u32) -> u32 {
     let group = entry % receivers.groups;
     let own = is_farther(group, k) == (entry >= receivers.groups);
-    return select(0u, select(pixel_id(tile_pixel(group, k)), k + 1u, listed != 0u), own);
+    return select(0u, select(pixel_id(tile_pixel(group, k)), k + 1u, are_listed()), own);
 }
 
 // Whether no receiver in a plane is hidden: all of the occluder is below, or beside.

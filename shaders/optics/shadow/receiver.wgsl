@@ -4,8 +4,8 @@
 #import optics/shadow/light_space
 #import optics/shadow/plane_words
 
-// 1: they are listed
-override listed: u32;
+// 1: they are listed, 0: pixels; 2: `receivers.listed` tells, in programs that look at each receiver once
+override listed: u32 = 2u;
 
 struct Receivers {
     // ray of unit depth through a pixel: x * column + y * row + one
@@ -21,6 +21,7 @@ struct Receivers {
     row0: i32,       // of the picture, at which these pixels begin
     stride: u32,     // words from one row of `ids` to the next, and from one pixel to the next
     step: u32,
+    listed: u32,
 }
 @group(0) @binding(10) var<uniform> receivers: Receivers;
 // triangle of the view + 1 that each pixel sees
@@ -51,22 +52,24 @@ struct Receiver {
     reach: vec3f,
 }
 
+fn are_listed() -> bool { return select(listed, receivers.listed, listed == 2u) != 0u; }
+
 // At most 64.
 fn size_of(group: u32) -> u32 {
-    if (listed == 0u) { return 64u; }
-    return halves[group + 1u] - halves[group];
+    if (are_listed()) { return halves[group + 1u] - halves[group]; }
+    return 64u;
 }
 fn tile_pixel(tile: u32, k: u32) -> vec2u {
     return 8u * vec2u(tile % receivers.columns, tile / receivers.columns) + vec2u(k & 7u, k >> 3u);
 }
 // Place among all receivers of the k-th one of a group.
 fn number_of(group: u32, k: u32) -> u32 {
-    if (listed != 0u) { return halves[group] + k; }
+    if (are_listed()) { return halves[group] + k; }
     let pixel = tile_pixel(group, k);
     return pixel.y * receivers.size.x + pixel.x;
 }
 fn is_farther(group: u32, k: u32) -> bool {
-    if (listed != 0u) { return halves[receivers.groups + 1u + number_of(group, k)] != 0u; }
+    if (are_listed()) { return halves[receivers.groups + 1u + number_of(group, k)] != 0u; }
     return (halves[2u * group + (k >> 5u)] >> (k & 31u) & 1u) != 0u;
 }
 
@@ -120,7 +123,7 @@ fn listed_receiver(i: u32) -> Receiver {
     return r;
 }
 fn receiver_of(group: u32, k: u32) -> Receiver {
-    if (listed != 0u) {
+    if (are_listed()) {
         if (k >= size_of(group)) { return Receiver(); }
         return listed_receiver(number_of(group, k));
     }
