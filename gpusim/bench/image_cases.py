@@ -18,7 +18,7 @@ from gpusim.surface import PaintFrame, Skin, Surface
 from gpusim.surface.paint import Checker, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import triangulate
 
-__all__ = ["IMAGE_CASES", "ImageCase", "Soup", "Texture", "find_image_cases"]
+__all__ = ["IMAGE_CASES", "SIZES", "ImageCase", "Soup", "Texture", "find_image_cases"]
 
 Array = npt.NDArray[np.float64]
 Builder = Callable[[str], "ImageCase"]

@@ -15,13 +15,13 @@ In the order in which data passes:
   them.
 - `kernel`: Compute programs and their bindings: compiled once, bound by name, checked once.
 - `raster`: Raster programs (vertex + fragment) and the textures that they draw into.
+- `priming`: Programs that software drivers have compiled before their first use.
 - `programs`: The programs of a device, each compiled once: by who asks for it first, or in a
   thread before.
 - `warmup`: The device opened, and programs compiled, before it is known whether they are needed.
-- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``, and buffers split by
-  rows.
-- `buffer_pool`: Memory that one frame gives back and the next one takes.
 - `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096).
+- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``, buffers split by rows, a
+  pool.
 - `binding_cache`: Values that many programs bind: bindings are made once for each program, and
   used again.
 - `recording`: A recording: dispatches and draws collected in order, sent to the device in one

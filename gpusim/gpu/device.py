@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer, to_real
-from gpusim.gpu.buffer_pool import BufferPool
+from gpusim.gpu.buffer import Buffer, BufferPool, RealBuffer, SplitBuffer, to_real
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.programs import Programs

@@ -1,8 +1,8 @@
 """Programs that software drivers have compiled before their first use.
 
 Mesa lavapipe translates a program to machine code when it first runs, one program after the other,
-and keeps the code on disk. Run once for nothing on another device of the same driver, in a thread of
-its own, a program is there when the first picture asks for it; so all processors compile at once.
+and keeps the code on disk. Run once for nothing on another device of the same driver, in a thread
+of its own, a program is there when the first picture asks for it: all processors compile at once.
 """
 
 from __future__ import annotations

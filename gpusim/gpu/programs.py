@@ -20,10 +20,15 @@ from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Module, load
 from gpusim.parallel.cpu_budget import processors
 
-__all__ = ["Programs"]
+__all__ = ["Key", "Programs", "kernel_key"]
 
 Key = tuple[Hashable, ...]
 """(name, entry, constants) of a kernel, (name, entries, constants, formats, depth) of a raster."""
+
+
+def kernel_key(name: str, entry: str, constants: dict[str, float] | None) -> Key:
+    """What a compute program is known by."""
+    return name, entry, tuple(sorted((constants or {}).items()))
 
 
 class Programs:
@@ -43,7 +48,7 @@ class Programs:
 
     def kernel(self, name: str, entry: str, constants: dict[str, float] | None) -> Kernel:
         """As `Device.kernel`."""
-        key = (name, entry, _sorted(constants))
+        key = kernel_key(name, entry, constants)
         self.asked.setdefault(key)
         found: Kernel = self._get(key)
         return found
@@ -57,7 +62,7 @@ class Programs:
         depth: str,
     ) -> Raster:
         """As `Device.raster`."""
-        key = (name, entries, _sorted(constants), formats, depth)
+        key = (name, entries, tuple(sorted((constants or {}).items())), formats, depth)
         self.asked.setdefault(key)
         found: Raster = self._get(key)
         return found
@@ -71,10 +76,11 @@ class Programs:
         for when it is their turn. Who asks for one that is being compiled waits for it. Faults are
         left to who asks.
         """
-        if self._threads is None:
-            self._threads = ThreadPoolExecutor(processors(), "gpusim.compile")
-        for program in programs:
-            self._threads.submit(self._compile, _hashable(program))
+        keys = [_hashable(program) for program in programs]
+        for key in (key for key in keys if key not in self._made):
+            if self._threads is None:
+                self._threads = ThreadPoolExecutor(processors(), "gpusim.compile")
+            self._threads.submit(self._compile, key)
 
     def stop(self) -> None:
         """Begin with no further program of those to be compiled in threads."""
@@ -140,10 +146,6 @@ class Programs:
             return self.device.gpu.create_shader_module(
                 label=f"gpusim.{module.name}", code=module.code
             )
-
-
-def _sorted(constants: dict[str, float] | None) -> tuple[tuple[str, float], ...]:
-    return tuple(sorted((constants or {}).items()))
 
 
 def _hashable(value: Any) -> Any:

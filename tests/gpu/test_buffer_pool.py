@@ -7,8 +7,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError, OutOfDeviceMemory
-from gpusim.gpu import Device, buffer_pool
-from gpusim.gpu.buffer_pool import BufferPool
+from gpusim.gpu import Device
+from gpusim.gpu.buffer import BufferPool
 
 
 def test_a_buffer_is_taken_again(device: Device) -> None:
@@ -31,7 +31,7 @@ def test_a_buffer_is_taken_again(device: Device) -> None:
 
 
 def test_the_oldest_are_freed(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(buffer_pool, "MOST_BYTES", 3000)
+    monkeypatch.setattr("gpusim.gpu.buffer.MOST_BYTES", 3000)
     own, before = BufferPool(device), device.allocated
     buffers = [own.take(1024, f"b{k}") for k in range(4)]
     memory = [buffer.gpu for buffer in buffers]

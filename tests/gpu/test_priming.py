@@ -17,7 +17,6 @@ from gpusim.gpu.priming import CompiledPrograms, _cache_folder
 
 PICTURE = """
 import json, os, sys
-from concurrent.futures import wait
 from pathlib import Path
 import gpusim as gs
 
@@ -27,10 +26,11 @@ def files():
 
 device = gs.Device()
 wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
-camera = gs.Camera.from_lens((36, 24), 50, (48, 32), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+camera = gs.Camera.from_lens((36, 24), 50, (48, 32), (0, 0, 9), (0, 0, 0), up=(0, 1, 0))
 device.programs.begin(json.loads(sys.argv[1]))
 if device.programs._threads:
     device.programs._threads.shutdown(wait=True)
+    device.programs._threads = None
 before = files()
 gs.render([wall], camera, [gs.SunLight((0, 0, -1), 1.0)], device=device)
 device.sync()
@@ -93,8 +93,8 @@ def test_nothing_is_primed_where_the_driver_keeps_nothing(
 
 
 def test_where_the_driver_keeps_machine_code() -> None:
-    home = {"HOME": "/home/u"}
-    assert _cache_folder(home) == Path("/home/u/.cache/mesa_shader_cache")
+    home = {"HOME": "/h"}
+    assert _cache_folder(home) == Path("/h/.cache/mesa_shader_cache")
     assert _cache_folder({**home, "XDG_CACHE_HOME": "/c"}) == Path("/c/mesa_shader_cache")
     assert _cache_folder({"MESA_SHADER_CACHE_DIR": "/d"}) == Path("/d/mesa_shader_cache")
     assert _cache_folder({}) is None

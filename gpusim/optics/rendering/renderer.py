@@ -24,6 +24,7 @@ from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.optics.rendering.background import BackgroundTasks
 from gpusim.optics.rendering.frame_plan import FramePlan, plan_frame
+from gpusim.optics.rendering.frame_programs import frame_programs
 from gpusim.optics.rendering.local_origin import local, seen_from_origin
 from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.lighting import find_shadows
@@ -140,6 +141,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
         setup = Setup.build(
             view, scene.lights, scene.background, scene.surfaces, device, shadows=False
         )
+        device.programs.begin(frame_programs(setup, plan.shadowed, plan.plate_border))
         buffers, shading = _upload(device, setup, plan, visibility)
         bands = [
             _band(device, row0, min(plan.rows, rows.stop - row0), shading.stride)

@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
-from gpusim.gpu.buffer_pool import BufferPool
+from gpusim.gpu.buffer import BufferPool
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.edge_pixels.pixel_rank import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
