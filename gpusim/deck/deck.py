@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.deck.constrained import solve_constrained
-from gpusim.deck.equations import Equations
-from gpusim.deck.temperature import point_stresses
+from gpusim.deck.constrained import Equations, solve_constrained
+from gpusim.deck.initial_state import point_stresses
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Solution, solve
 from gpusim.field_summary import field_summary

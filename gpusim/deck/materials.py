@@ -11,10 +11,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
 from gpusim.fem.model.material import strain_rotation
-from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.formats.abaqus.values import Names, number
 
 __all__ = ["Anisotropic", "Sections"]
 

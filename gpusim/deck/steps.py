@@ -9,18 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.deck.amplitudes import Amplitudes, Scale
-from gpusim.deck.constraints import Axes, Constraints
+from gpusim.deck.constraints import Axes, Constraints, read_tie
 from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces
-from gpusim.deck.initial import InitialStress
-from gpusim.deck.temperature import temperature_forces
-from gpusim.deck.ties import read_tie
+from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.errors import InputError
 from gpusim.fem import Material
-from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh.formats.abaqus.cards import Card, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.formats.abaqus.values import number
 
 __all__ = ["Body", "History"]
 

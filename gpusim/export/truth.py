@@ -25,10 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.chunks import ChunkedLayer
-from gpusim.export.hdf5_writing import writing_hdf5
-from gpusim.export.layers import LAYERS
+from gpusim.export.layers import LAYERS, ChunkedLayer
 from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
+from gpusim.files.hdf5_file import writing_hdf5
 
 __all__ = ["FrameWriter", "TruthWriter"]
 

@@ -26,7 +26,7 @@ import pytest
 from gpusim.fem import Isotropic, Model, Solution, solve
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
-from gpusim.mesh.formats.exodus.reader import ExodusFields, read_exodus, read_exodus_fields
+from gpusim.mesh.formats.exodus import ExodusFields, read_exodus, read_exodus_fields
 
 Float = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]

@@ -13,7 +13,7 @@ from scipy.io import netcdf_file
 
 from gpusim.errors import InputError
 from gpusim.mesh import CELL_TYPES, set_faces
-from gpusim.mesh.formats.exodus.reader import read_exodus, read_exodus_fields
+from gpusim.mesh.formats.exodus import read_exodus, read_exodus_fields
 from gpusim.mesh.shape_functions import reference_nodes
 
 Float = npt.NDArray[np.float64]

@@ -20,8 +20,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble
-from gpusim.mesh.formats.gmsh.element_sizes import SizeBox, check_sizes, set_sizes
-from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
+from gpusim.mesh.formats.element_sizes import SizeBox, check_sizes, set_sizes
+from gpusim.mesh.formats.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
 
@@ -299,7 +299,7 @@ def _generate(gmsh: Any, order: int, hexahedra: bool, hex_dominant: bool) -> Non
     if hexahedra or hex_dominant:
         mesh.setTransfiniteAutomatic(recombine=True)
         mesh.generate(3)
-        kinds = {GMSH_TYPES.get(int(type_)) for type_ in mesh.getElementTypes(3)}
+        kinds = {GMSH_KINDS.get(int(type_)) for type_ in mesh.getElementTypes(3)}
         if hexahedra and kinds != {"hex8"}:
             mesh.clear()
             mesh.removeConstraints()
@@ -330,10 +330,10 @@ def _collect(
             types, _, nodes = gmsh.model.mesh.getElements(dimension, part.tag)
             names = part.names[1:] if dimension == 3 and plain else part.names
             for type_, flat in zip(types, nodes, strict=True):
-                kind = GMSH_TYPES.get(int(type_), f"Gmsh type {type_}")
-                if kind not in GMSH_NODES:
+                kind = GMSH_KINDS.get(int(type_), f"Gmsh type {type_}")
+                if kind not in NODES:
                     raise InputError(f"mesh_cad: got elements of {kind}; expected order 1 or 2")
-                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, GMSH_NODES[kind])
+                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, NODES[kind])
                 every = np.arange(len(rows))
                 groups = {name: every for name in names}
                 blocks.append(RawBlock(kind, from_gmsh_order(kind, rows), groups))
