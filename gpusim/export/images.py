@@ -16,7 +16,7 @@ import os
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
@@ -81,6 +81,7 @@ def _stamp(path: PathLike) -> _Stamp | None:
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_GREY, _RGB = 0, 2  # PNG colour types
 _UP = 2  # PNG filter type: difference to the row above
 _BAND_BYTES = 2 << 20  # large enough to compress well, small enough to keep all cores busy
 
@@ -130,41 +131,45 @@ def write_png(
     pixels_per_metre: float | None = None,
     text: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a grey PNG; parameters and errors as in `write_image`.
-
-    Format: PNG specification (W3C, 3rd edition), colour type 0, one IDAT chunk per band.
-    """
+    """Write a grey PNG; parameters and errors as in `write_image`."""
     _check(image, pixels_per_metre)
-    height, width = image.shape
-    with atomic_stream(path) as stream:
-        stream.write(_SIGNATURE)
-        bits = 8 * image.itemsize
-        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)))
-        if pixels_per_metre is not None:
-            density = max(1, round(pixels_per_metre))
-            stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
-        for key, value in (text or {}).items():
-            stream.write(_chunk(b"tEXt", _latin1(key, 79) + b"\0" + _latin1(value)))
-        for part in _deflated(_filtered(image)):
-            stream.write(_chunk(b"IDAT", part))
-        stream.write(_chunk(b"IEND", b""))
-    return Path(path)
+    notes = [_latin1(key, 79) + b"\0" + _latin1(value) for key, value in (text or {}).items()]
+    data = _deflated(_filtered(image))
+    return _write_png(path, image, _GREY, data, pixels_per_metre, notes)
 
 
 def write_colour(path: PathLike, image: npt.NDArray[np.uint8], *, pixels_per_metre: float) -> Path:
-    """Write a drawing (H, W, 3), red, green and blue, as PNG (colour type 2).
+    """Write a drawing (H, W, 3), red, green and blue, as PNG.
 
     Rows aren't filtered: what is drawn is mostly even, and packs better so, in a third of the time.
     """
     height, width, _ = image.shape
     lines = np.zeros((height, 1 + 3 * width), np.uint8)
     lines[:, 1:] = image.reshape(height, -1)
+    return _write_png(path, image, _RGB, [zlib.compress(lines.data, 1)], pixels_per_metre)
+
+
+def _write_png(
+    path: PathLike,
+    image: npt.NDArray[np.unsignedinteger],
+    colour_type: int,
+    data: Iterable[bytes],
+    pixels_per_metre: float | None,
+    notes: Sequence[bytes] = (),
+) -> Path:
+    """Format: PNG specification (W3C, 3rd edition), one IDAT chunk per part of ``data``."""
+    height, width = image.shape[:2]
     with atomic_stream(path) as stream:
         stream.write(_SIGNATURE)
-        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)))
-        density = max(1, round(pixels_per_metre))
-        stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
-        stream.write(_chunk(b"IDAT", zlib.compress(lines.data, 1)))
+        head = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, colour_type, 0, 0, 0)
+        stream.write(_chunk(b"IHDR", head))
+        if pixels_per_metre is not None:
+            density = max(1, round(pixels_per_metre))
+            stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
+        for note in notes:
+            stream.write(_chunk(b"tEXt", note))
+        for part in data:
+            stream.write(_chunk(b"IDAT", part))
         stream.write(_chunk(b"IEND", b""))
     return Path(path)
 

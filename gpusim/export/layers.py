@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 
 import h5py
 import numpy as np
@@ -35,8 +36,8 @@ class Layer:
     dtype: str
     unit: str
     frame: str
-    convention: str
     text: str
+    convention: str = "Eulerian"
 
     @property
     def fill(self) -> float:
@@ -44,94 +45,28 @@ class Layer:
         return float("nan") if np.dtype(self.dtype).kind == "f" else -1
 
 
-LAYERS: dict[str, Layer] = {
-    layer.name: layer
-    for layer in (
-        Layer(
-            "reference",
-            3,
-            "float64",
-            "m",
-            "world",
-            "Eulerian",
-            "X: where the material point seen by this pixel was in the reference configuration",
-        ),
-        Layer(
-            "displacement",
-            3,
-            "float32",
-            "m",
-            "world",
-            "Eulerian",
-            "u = x - X of the material point seen by this pixel",
-        ),
-        Layer(
-            "depth",
-            1,
-            "float32",
-            "m",
-            "camera",
-            "Eulerian",
-            "planar depth: z along the optical axis, not the length of the ray",
-        ),
-        Layer(
-            "flow",
-            2,
-            "float32",
-            "px",
-            "image (x right, y down)",
-            "Eulerian",
-            "from this pixel to where its material point is in the reference (undeformed) frame",
-        ),
-        Layer(
-            "normal",
-            3,
-            "float32",
-            "1",
-            "world",
-            "Eulerian",
-            "unit outward normal of the deformed surface",
-        ),
-        Layer(
-            "region",
-            1,
-            "int32",
-            "1",
-            "index",
-            "Eulerian",
-            "paint region: index into the attribute 'regions' of the file; -1 background",
-        ),
-        Layer(
-            "element",
-            1,
-            "int32",
-            "1",
-            "index",
-            "Eulerian",
-            "finite element that owns the surface seen by this pixel; -1 background or rigid prop",
-        ),
-        Layer(
-            "visibility",
-            1,
-            "int8",
-            "1",
-            "index",
-            "Eulerian",
-            "1 if this material point is also seen in the reference frame, 0 if not, -1 background",
-        ),
-        Layer(
-            "cameras",
-            1,
-            "int32",
-            "1",
-            "bits",
-            "Eulerian",
-            "bit k: camera k of the file's attribute 'cameras' sees this material point in this"
-            " frame too; -1 background",
-        ),
-    )
-}
-
+_ROWS = (
+    ("reference", 3, "float64", "m", "world",
+     "X: where the material point seen by this pixel was in the reference configuration"),
+    ("displacement", 3, "float32", "m", "world",
+     "u = x - X of the material point seen by this pixel"),
+    ("depth", 1, "float32", "m", "camera",
+     "planar depth: z along the optical axis, not the length of the ray"),
+    ("flow", 2, "float32", "px", "image (x right, y down)",
+     "from this pixel to where its material point is in the reference (undeformed) frame"),
+    ("normal", 3, "float32", "1", "world",
+     "unit outward normal of the deformed surface"),
+    ("region", 1, "int32", "1", "index",
+     "paint region: index into the attribute 'regions' of the file; -1 background"),
+    ("element", 1, "int32", "1", "index",
+     "finite element that owns the surface seen by this pixel; -1 background or rigid prop"),
+    ("visibility", 1, "int8", "1", "index",
+     "1 if this material point is also seen in the reference frame, 0 if not, -1 background"),
+    ("cameras", 1, "int32", "1", "bits",
+     "bit k: camera k of the file's attribute 'cameras' sees this material point in this"
+     " frame too; -1 background"),
+)  # fmt: skip
+LAYERS = {row[0]: Layer(*row) for row in _ROWS}
 
 CHUNK = 256  # pixels per side
 _LEVEL = 1
@@ -184,7 +119,8 @@ class ChunkedLayer:
                 f"layer {self._name!r}: got rows {row0}:{row1}, columns {col0}:{col1};"
                 f" expected inside {self._shape[0]} x {self._shape[1]}"
             )
-        self._store(self._tiles_of_block(row0, col0, self._cast(values)))
+        rows, cols = np.indices(values.shape[:2]).reshape(2, -1)
+        self._store(rows + row0, cols + col0, self._cast(values).reshape(-1, *self._tail))
 
     def write_sparse(
         self,
@@ -210,11 +146,10 @@ class ChunkedLayer:
                 f"layer {self._name!r}: got rows {rows.min()}..{rows.max()}, columns"
                 f" {cols.min()}..{cols.max()}; expected inside {self._shape[0]} x {self._shape[1]}"
             )
-        cast = self._cast(values)
-        if (rows[1:] >= rows[:-1]).all():  # as `numpy.nonzero` has them: no sorting
-            self._store(self._tiles_of_rows(rows, cols, cast))
-        else:
-            self._store(self._tiles_of_pixels(rows, cols, cast))
+        if (rows[1:] < rows[:-1]).any():  # else as `numpy.nonzero` has them: no sorting
+            order = np.argsort(rows, kind="stable")  # stable: the last value of a pixel wins
+            rows, cols, values = rows[order], cols[order], values[order]
+        self._store(rows, cols, self._cast(values))
 
     def _cast(self, values: npt.NDArray[np.generic]) -> Tile:
         """Convert to the layer's dtype; refuse what would change: overflow, fractions as ids."""
@@ -234,22 +169,7 @@ class ChunkedLayer:
             )
         return cast
 
-    def _tiles_of_block(self, row0: int, col0: int, values: Tile) -> Iterator[tuple[Index, Tile]]:
-        row1, col1 = row0 + values.shape[0], col0 + values.shape[1]
-        for chunk_row in range(row0 // CHUNK, -(-row1 // CHUNK)):
-            for chunk_col in range(col0 // CHUNK, -(-col1 // CHUNK)):
-                index = chunk_row, chunk_col
-                r0, c0 = chunk_row * CHUNK, chunk_col * CHUNK
-                top, left = max(r0, row0), max(c0, col0)
-                low, right = min(r0 + CHUNK, row1), min(c0 + CHUNK, col1)
-                part = values[top - row0 : low - row0, left - col0 : right - col0]
-                if index not in self._stored and self._is_fill(part):
-                    continue
-                tile = self._tile(index)
-                tile[top - r0 : low - r0, left - c0 : right - c0] = part
-                yield index, tile
-
-    def _tiles_of_rows(
+    def _tiles(
         self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
     ) -> Iterator[tuple[Index, Tile]]:
         """Pixels in the order of their rows, a row of chunks at a time."""
@@ -270,20 +190,8 @@ class ChunkedLayer:
             at = at * self._chunk[1] + cols[first:stop] % CHUNK
             tiles.reshape(-1, *self._tail)[at] = values[first:stop]
             for tile, column in zip(tiles, touched.tolist(), strict=True):
-                yield (chunk_row, column), tile
-
-    def _tiles_of_pixels(
-        self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
-    ) -> Iterator[tuple[Index, Tile]]:
-        across = -(-self._shape[1] // CHUNK)
-        chunk = (rows // CHUNK).astype(np.int64) * across + cols // CHUNK
-        order = np.argsort(chunk, kind="stable")  # stable: the last value of a pixel wins
-        borders = np.flatnonzero(np.diff(chunk[order])) + 1
-        for group in np.split(order, borders):
-            index = divmod(int(chunk[group[0]]), across)
-            tile = self._tile(index)
-            tile[rows[group] % CHUNK, cols[group] % CHUNK] = values[group]
-            yield index, tile
+                if (chunk_row, column) in self._stored or not self._is_fill(tile):
+                    yield (chunk_row, column), tile
 
     def _is_fill(self, part: Tile) -> bool:
         if self._dtype.kind == "f":
@@ -299,22 +207,16 @@ class ChunkedLayer:
             tile[: now.shape[0], : now.shape[1]] = now
         return tile
 
-    def _store(self, tiles: Iterator[tuple[Index, Tile]]) -> None:
-        pool = _pool()
-        batch: list[tuple[Index, Tile]] = []
-        for item in tiles:
-            batch.append(item)
-            if len(batch) == 8 * _WORKERS:  # bounds the memory held at a time
-                self._store_batch(pool, batch)
-                batch = []
-        self._store_batch(pool, batch)
-
-    def _store_batch(self, pool: ThreadPoolExecutor, batch: list[tuple[Index, Tile]]) -> None:
-        packed = pool.map(_packed, [tile for _, tile in batch])
-        for (index, _), data in zip(batch, packed, strict=True):
-            offset = (index[0] * CHUNK, index[1] * CHUNK, *(0 for _ in self._tail))
-            self._data.id.write_direct_chunk(offset, data)
-            self._stored.add(index)
+    def _store(
+        self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
+    ) -> None:
+        tiles = self._tiles(rows, cols, values)
+        while batch := list(islice(tiles, 8 * _WORKERS)):  # bounds the memory held at a time
+            packed = _pool().map(_packed, [tile for _, tile in batch])
+            for (index, _), data in zip(batch, packed, strict=True):
+                offset = (index[0] * CHUNK, index[1] * CHUNK, *(0 for _ in self._tail))
+                self._data.id.write_direct_chunk(offset, data)
+                self._stored.add(index)
 
 
 @cache

@@ -17,6 +17,7 @@ from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
 from gpusim.files.output_folder import inside
+from gpusim.mesh.formats.numbering import NODES
 
 __all__ = ["write_pvd", "write_region_stls", "write_stl", "write_vtu"]
 
@@ -176,21 +177,15 @@ def _triangles(
     return proper
 
 
-# Cell type -> (meshio's name, nodes per cell). gpusim's node order is VTK's, but for wedge6,
-# which VTK numbers from the other side: meshio turns it on writing and reading.
-_VTK_NAME = {
-    "tet4": ("tetra", 4),
-    "hex8": ("hexahedron", 8),
-    "wedge6": ("wedge", 6),
-    "pyramid5": ("pyramid", 5),
-    "tet10": ("tetra10", 10),
-    "hex20": ("hexahedron20", 20),
-    "hex27": ("hexahedron27", 27),
-    "wedge15": ("wedge15", 15),
-    "pyramid13": ("pyramid13", 13),
-    "tri3": ("triangle", 3),
-    "quad4": ("quad", 4),
-}
+# Cell type -> meshio's name. gpusim's node order is VTK's, but for wedge6, which VTK numbers from
+# the other side: meshio turns it on writing and reading.
+_MESHIO_NAME = {
+    "tet4": "tetra", "hex8": "hexahedron", "wedge6": "wedge", "pyramid5": "pyramid",
+    "tet10": "tetra10", "hex20": "hexahedron20", "hex27": "hexahedron27", "wedge15": "wedge15",
+    "pyramid13": "pyramid13", "tri3": "triangle", "quad4": "quad",
+}  # fmt: skip
+for _name in ("wedge15", "pyramid13"):  # which meshio 5.3 knows, but has no dimension for
+    topological_dimension.setdefault(_name, 3)
 
 
 def write_vtu(
@@ -295,9 +290,9 @@ def _check_points(points: npt.NDArray[np.float64]) -> None:
 def _block(
     kind: str, array: npt.NDArray[np.integer], nodes: int
 ) -> tuple[str, npt.NDArray[np.integer]]:
-    if kind not in _VTK_NAME:
-        raise InputError(f"cells: got type {kind!r}; expected one of {', '.join(_VTK_NAME)}")
-    name, width = _VTK_NAME[kind]
+    if kind not in _MESHIO_NAME:
+        raise InputError(f"cells: got type {kind!r}; expected one of {', '.join(_MESHIO_NAME)}")
+    width = NODES[kind]
     if array.ndim != 2 or array.shape[1] != width or not np.issubdtype(array.dtype, np.integer):
         raise InputError(
             f"cells[{kind!r}]: got shape {array.shape}, {array.dtype};"
@@ -307,7 +302,7 @@ def _block(
         raise InputError(
             f"cells[{kind!r}]: got node {array.min()} to {array.max()}; expected 0 to {nodes - 1}"
         )
-    return name, array
+    return _MESHIO_NAME[kind], array
 
 
 def _check_field(group: str, name: str, values: npt.NDArray[np.generic], rows: int) -> None:
@@ -324,7 +319,3 @@ def _check_field(group: str, name: str, values: npt.NDArray[np.generic], rows: i
 def _first_bad(values: npt.NDArray[np.generic]) -> str:
     index = np.argwhere(~np.isfinite(values.astype(np.float64)))[0]
     return f"got {values[tuple(index)]} at {index.tolist()}"
-
-
-for _name in ("wedge15", "pyramid13"):
-    topological_dimension.setdefault(_name, 3)

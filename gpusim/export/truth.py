@@ -54,8 +54,8 @@ class FrameWriter:
     ) -> None:
         """Write a rectangle whose upper left pixel is (``row0``, ``col0``).
 
-        ``values`` is (h, w) or (h, w, C) of any real dtype that fits the layer's. Blocks that cover
-        whole 256x256 chunks are fastest. Raises InputError if it doesn't fit into the frame.
+        ``values`` is (h, w) or (h, w, C) of any real dtype that fits the layer's. Raises InputError
+        if it doesn't fit into the frame.
         """
         self._layer(layer).write_block(row0, col0, values)
 
