@@ -199,7 +199,7 @@ class Constraints:
                 raise InputError(
                     f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, …"
                 )
-            nodes = self._nodes(row[0], where)
+            nodes = self.content.node_rows(row[0], where)
             value = scale.factor * number(row[3], where) if len(row) > 3 and row[3] else 0.0
             group = _GROUPS.get(row[1].upper())
             if group is None:
@@ -237,7 +237,7 @@ class Constraints:
                 axis = whole(fields[k + 1], where)
                 if not 1 <= axis <= 3:
                     raise InputError(f"{where}: degree of freedom; got {axis}; expected 1, 2 or 3")
-                node = self._nodes(str(whole(fields[k], where)), where)[0]
+                node = self.content.node_rows(str(whole(fields[k], where)), where)[0]
                 terms.append((int(node), axis - 1, number(fields[k + 2], where)))
             self.equations.append(terms)
 
@@ -273,10 +273,6 @@ class Constraints:
                 weights += [factor * float(d) for d in direction if d != 0.0]
             rows.append((columns, weights, 0.0))
         return fixed, value, Equations.build(rows, fixed.size) if rows else None
-
-    def _nodes(self, text: str, where: str) -> Int:
-        labels = self.content.nodes_named(text, where)
-        return np.searchsorted(self.content.node_labels, labels)
 
     def _directions(self, first: int, last: int, value: float, where: str) -> tuple[int, ...]:
         if not 1 <= first <= last <= 6 or (last > 3 and value != 0.0):

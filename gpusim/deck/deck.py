@@ -168,10 +168,7 @@ class Deck:
                 f"Deck.point_stress: u; got shape {field.shape}; expected "
                 f"{self.mesh.points.shape} finite numbers"
             )
-        found = point_stresses(
-            self.mesh, self.materials, self.material_of_cell, self.formulation, field,
-            step.temperature,
-        )  # fmt: skip
+        found = point_stresses(self, field, step.temperature)
         return {kind: one + self.initial_stress.get(kind, 0.0) for kind, one in found.items()}
 
     def _step(self, number: int) -> Step:

@@ -10,13 +10,12 @@ import numpy.typing as npt
 
 from gpusim.deck.amplitudes import Scale
 from gpusim.deck.constraints import Axes
+from gpusim.deck.materials import Body
 from gpusim.errors import InputError
-from gpusim.fem import Material, body_force, centrifugal
+from gpusim.fem import body_force, centrifugal
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.mesh import Faces, Mesh, set_faces
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
-from gpusim.mesh.formats.abaqus.content import InpContent
-from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
@@ -87,11 +86,11 @@ class _BodyLoad:
 class Forces:
     """What acts now. Given again in the same step adds up, in a later step replaces."""
 
-    def __init__(self, content: InpContent, labelled: LabelledMesh, axes: Axes) -> None:
-        self.content = content
-        self.labelled = labelled
+    def __init__(self, body: Body, axes: Axes) -> None:
+        self.body = body
+        self.content, self.labelled = body.content, body.labelled
         self.axes = axes
-        mesh = labelled.mesh
+        mesh = body.mesh
         self.force = np.zeros((mesh.node_count, 3))
         self.force_step = np.zeros((mesh.node_count, 3), dtype=np.int32)
         self.force_follows = np.zeros((mesh.node_count, 3), dtype=np.int32)
@@ -117,8 +116,7 @@ class Forces:
                     f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, "
                     "force"
                 )
-            labels = self.content.nodes_named(row[0], where)
-            nodes = np.searchsorted(self.content.node_labels, labels)
+            nodes = self.content.node_rows(row[0], where)
             axis = whole(row[1], where)
             if not 1 <= axis <= 3:
                 raise InputError(
@@ -190,18 +188,12 @@ class Forces:
                     "of elements"
                 )
 
-    def total(
-        self,
-        materials: Sequence[Material],
-        material_of_cell: npt.NDArray[np.int32],
-        formulation: Mapping[str, str],
-        factors: Float,
-    ) -> Float:
+    def total(self, factors: Float) -> Float:
         """(N,3) consistent nodal forces of everything that acts now, in global axes.
 
         ``factors`` : value of each amplitude that loads follow; the first is 1.
         """
-        mesh = self.labelled.mesh
+        mesh, formulation = self.body.mesh, self.body.formulation
         total = self.force * factors[self.force_follows]
         for node, rows in self.axes.rows.items():
             total[node] = rows.T @ total[node]
@@ -211,7 +203,7 @@ class Forces:
             labelled = np.stack([self.labelled.cell_labels[cell], side + 1], axis=1)
             faces = set_faces(mesh, self.labelled.face_pairs(labelled))
             total += pressure_forces(mesh, faces, pressures[cell, side], formulation)
-        rho = np.array([one.density for one in materials])[material_of_cell]
+        rho = np.array([one.density for one in self.body.materials])[self.body.material_of_cell]
         for load in self.bodies:
             value = load.value * float(factors[load.follows])
             share = np.zeros(mesh.cell_count)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.deck.materials import Body
 from gpusim.errors import InputError
 from gpusim.fem import Material
 from gpusim.fem.elements.element import ELEMENTS
@@ -15,8 +17,6 @@ from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.elements.strain import internal_force, point_stress
 from gpusim.mesh import Mesh
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
-from gpusim.mesh.formats.abaqus.content import InpContent
-from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 from gpusim.mesh.quadrature import cell_rule
 from gpusim.mesh.shape_functions import shape_functions
 
@@ -34,12 +34,8 @@ class InitialStress:
     ``values`` maps a cell type to (M,Q,6) float64, order xx yy zz xy yz zx; empty: none is given.
     """
 
-    def __init__(
-        self, content: InpContent, labelled: LabelledMesh, formulation: Mapping[str, str]
-    ) -> None:
-        self.content = content
-        self.labelled = labelled
-        self.formulation = formulation
+    def __init__(self, body: Body) -> None:
+        self.body = body
         self.values: dict[str, Float] = {}
 
     def read(self, card: Card) -> None:
@@ -55,7 +51,7 @@ class InitialStress:
                     f"{where}: got {len(row)} fields; expected element, integration point "
                     "(or none: all), six stresses"
                 )
-            cells = self.labelled.cell_index(self.content.cells_named(row[0], where))
+            cells = self.body.labelled.cell_index(self.body.content.cells_named(row[0], where))
             stress = np.array([number(text, where) for text in row[-6:]])[_ORDER]
             point = whole(row[1], where) if len(row) == 8 else None
             self._set(cells, point, stress, where)
@@ -63,11 +59,11 @@ class InitialStress:
     def _set(
         self, cells: npt.NDArray[np.int64], point: int | None, stress: Float, where: str
     ) -> None:
-        for kind, first, block in self.labelled.mesh.blocks():
+        for kind, first, block in self.body.mesh.blocks():
             mine = cells[(cells >= first) & (cells < first + len(block))] - first
             if not mine.size:
                 continue
-            count = len(ELEMENTS[kind].rule(self.formulation[kind]).weight)
+            count = len(ELEMENTS[kind].rule(self.body.formulation[kind]).weight)
             if not kind.startswith("hex"):
                 raise InputError(f"{where}: initial stress of {kind}; expected C3D8 or C3D20 types")
             if point is not None and not 1 <= point <= count:
@@ -77,12 +73,12 @@ class InitialStress:
 
     def forces(self) -> Float:
         """(N,3) nodal forces that the stress exerts where nothing holds it."""
-        mesh = self.labelled.mesh
+        mesh = self.body.mesh
         forces = np.zeros((mesh.node_count, 3))
         for kind, _, block in mesh.blocks():
             if kind in self.values:
                 held = internal_force(
-                    kind, self.formulation[kind], mesh.points[block], self.values[kind]
+                    kind, self.body.formulation[kind], mesh.points[block], self.values[kind]
                 )
                 add_to(forces, block, -held)
         return forces
@@ -91,61 +87,55 @@ class InitialStress:
 _CHUNK = 8192
 
 
-def temperature_forces(
-    mesh: Mesh,
-    materials: Sequence[Material],
-    material_of_cell: npt.NDArray[np.int32],
-    formulation: Mapping[str, str],
-    change: Float,
-) -> Float:
+class Elastic(Protocol):
+    """What has stresses: a deck, or its body while it is read."""
+
+    @property
+    def mesh(self) -> Mesh: ...
+    @property
+    def materials(self) -> Sequence[Material]: ...
+    @property
+    def material_of_cell(self) -> npt.NDArray[np.int32]: ...
+    @property
+    def formulation(self) -> Mapping[str, str]: ...
+
+
+def temperature_forces(body: Elastic, change: Float) -> Float:
     """(N,3) nodal forces of the change of temperature ``change`` (N,) at the nodes."""
-    forces = np.zeros((mesh.node_count, 3))
-    still = np.zeros_like(forces)
-    for kind, cells, held in _stresses(
-        mesh, materials, material_of_cell, formulation, still, change
-    ):
+    forces = np.zeros((body.mesh.node_count, 3))
+    for kind, cells, held in _stresses(body, np.zeros_like(forces), change):
         # cells whose nodes are held push against them with minus the wanted forces
-        own = internal_force(kind, formulation[kind], mesh.points[cells], held)
+        own = internal_force(kind, body.formulation[kind], body.mesh.points[cells], held)
         add_to(forces, cells, -own)
     return forces
 
 
-def point_stresses(
-    mesh: Mesh,
-    materials: Sequence[Material],
-    material_of_cell: npt.NDArray[np.int32],
-    formulation: Mapping[str, str],
-    u: Float,
-    change: Float | None,
-) -> dict[str, Float]:
+def point_stresses(body: Elastic, u: Float, change: Float | None) -> dict[str, Float]:
     """Cell type -> (M,Q,6) stress of ``u`` (N,3) at the points of its rule, xx yy zz xy yz zx."""
     found: dict[str, list[Float]] = {}
-    for kind, _, stress in _stresses(mesh, materials, material_of_cell, formulation, u, change):
+    for kind, _, stress in _stresses(body, u, change):
         found.setdefault(kind, []).append(stress)
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 
 def _stresses(
-    mesh: Mesh,
-    materials: Sequence[Material],
-    material_of_cell: npt.NDArray[np.int32],
-    formulation: Mapping[str, str],
-    u: Float,
-    change: Float | None,
+    body: Elastic, u: Float, change: Float | None
 ) -> Iterator[tuple[str, npt.NDArray[np.int32], Float]]:
     """Cell type, some cells (C,k) of it, and their stress (C,Q,6), chunk by chunk."""
-    moduli = np.stack([one.stiffness() for one in materials])
-    expansion = np.stack([one.expansion_strain() for one in materials])
-    for kind, first, block in mesh.blocks():
-        name = formulation[kind]
+    moduli = np.stack([one.stiffness() for one in body.materials])
+    expansion = np.stack([one.expansion_strain() for one in body.materials])
+    for kind, first, block in body.mesh.blocks():
+        name = body.formulation[kind]
         weights = point_weights(kind, name)
         for start in range(0, len(block), _CHUNK):
             cells = block[start : start + _CHUNK]
-            own = material_of_cell[first + start : first + start + len(cells)]
+            own = body.material_of_cell[first + start : first + start + len(cells)]
             free = None
             if change is not None:
                 free = (change[cells] @ weights.T)[..., None] * expansion[own][:, None]
-            stress, _ = point_stress(kind, name, mesh.points[cells], u[cells], moduli[own], free)
+            stress, _ = point_stress(
+                kind, name, body.mesh.points[cells], u[cells], moduli[own], free
+            )
             yield kind, cells, stress
 
 

@@ -7,12 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from gpusim.deck.constraints import Axes
 from gpusim.deck.deck import Deck
 from gpusim.deck.materials import Sections
-from gpusim.deck.steps import Body, History
+from gpusim.deck.steps import History
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Card, Source, nearest, read_cards
-from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
 from gpusim.mesh.formats.abaqus.keywords import MESH_KEYWORDS, fail_together, parameter_faults
 from gpusim.mesh.formats.abaqus.reader import label_mesh
@@ -170,9 +169,9 @@ def load_deck(source: Source) -> Deck:
     labelled = label_mesh(content, path)
     sections, axes = Sections(content), Axes(content)
     _read_all(content.history, {**sections.readers(), "TRANSFORM": axes.read})
-    materials, of_cell = sections.resolve(labelled)
-    formulation = _formulation(content)
-    history = History(Body(content, labelled, materials, of_cell, formulation), axes)
+    formulation = {SOLID_TYPES[block.type]: FORMULATIONS[block.type] for block in content.blocks}
+    body = sections.resolve(labelled, formulation)
+    history = History(body, axes)
     _read_all(content.history, history.readers())
     if history.open is not None:
         raise InputError(
@@ -186,8 +185,8 @@ def load_deck(source: Source) -> Deck:
         mesh=labelled.mesh,
         node_labels=labelled.node_labels,
         cell_labels=labelled.cell_labels,
-        materials=tuple(materials),
-        material_of_cell=of_cell,
+        materials=tuple(body.materials),
+        material_of_cell=body.material_of_cell,
         formulation=formulation,
         steps=tuple(history.steps),
         node_axes=axes.rows,
@@ -207,7 +206,3 @@ def _read_all(cards: Sequence[Card], readers: Mapping[str, Callable[[Card], None
                 faults.append(str(error))
     if faults:
         fail_together(faults, cards[0].file)
-
-
-def _formulation(content: InpContent) -> dict[str, str]:
-    return {SOLID_TYPES[block.type]: FORMULATIONS[block.type] for block in content.blocks}

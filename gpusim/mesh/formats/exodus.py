@@ -21,7 +21,7 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.formats.numbering import EXODUS_SIDES, from_upright_first, local_faces
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["ExodusFields", "read_exodus", "read_exodus_fields", "read_exodus_steps"]
+__all__ = ["ExodusSteps", "read_exodus", "read_exodus_steps"]
 
 T = TypeVar("T")
 
@@ -55,12 +55,6 @@ class ExodusContent:
             return [arrays["vals_nod_var"][:, number] for number in numbers]
         names = [f"vals_nod_var{number + 1}" for number in numbers]
         return [ExodusContent(self.file, arrays, {}).array(name) for name in names]
-
-    def nodal_names(self) -> list[str]:
-        return strings(self.arrays["name_nod_var"]) if "name_nod_var" in self.arrays else []
-
-    def times(self) -> Float:
-        return np.asarray(self.arrays.get("time_whole", np.zeros(0)), dtype=np.float64)
 
     def array(self, name: str) -> npt.NDArray[Any]:
         if name not in self.arrays:
@@ -169,42 +163,20 @@ _FLAT = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class ExodusFields:
-    """Results of an Exodus file.
-
-    ``times`` (T,) float64. ``nodal`` maps a variable's name to (T,N) float64. ``info`` holds the
-    information records, in which some solvers keep their whole input.
-    """
-
-    times: Float
-    nodal: Mapping[str, Float]
-    info: tuple[str, ...]
-
-    def vector(self, names: tuple[str, str, str]) -> Float:
-        """(T,N,3) float64 of three nodal variables, such as ``("disp_x", "disp_y", "disp_z")``.
-
-        Raises InputError for an unknown name.
-        """
-        for name in names:
-            if name not in self.nodal:
-                known = ", ".join(self.nodal) or "none"
-                raise InputError(
-                    f"Exodus fields: unknown variable; got {name!r}; expected one of {known}"
-                )
-        return np.stack([self.nodal[name] for name in names], axis=2)
-
-
 class ExodusSteps:
     """Nodal results, unpacked when they are asked for.
 
-    ``times`` (T,) float64, ``names`` of the nodal variables.
+    ``times`` (T,) float64, ``names`` of the nodal variables. ``info`` holds the information
+    records, in which some solvers keep their whole input.
     """
 
     def __init__(self, content: ExodusContent) -> None:
         self._content = content
-        self.times = content.times()
-        self.names = tuple(content.nodal_names())
+        arrays = content.arrays
+        self.times = np.asarray(arrays.get("time_whole", np.zeros(0)), dtype=np.float64)
+        self.names = tuple(strings(arrays["name_nod_var"]) if "name_nod_var" in arrays else ())
+        records = arrays.get("info_records", np.zeros(0))
+        self.info = tuple(strings(records)) if records.ndim == 2 else ()
         self._kept: dict[str, npt.NDArray[Any]] = {}
 
     def values(self, names: Sequence[str], step: int) -> Float:
@@ -232,12 +204,6 @@ def read_exodus(path: PathLike) -> Mesh:
     return guarded(file, lambda: _mesh(exodus_content(file)))
 
 
-def read_exodus_fields(path: PathLike) -> ExodusFields:
-    """Times, nodal variables and information records. Raises InputError as ``read_exodus``."""
-    file = read_input(path, "an Exodus file")
-    return guarded(file, lambda: _fields(exodus_content(file)))
-
-
 def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
     """The mesh, and its nodal variables over time. Raises InputError as ``read_exodus``."""
     file = read_input(path, "an Exodus file")
@@ -247,16 +213,6 @@ def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
         return _mesh(content), ExodusSteps(content)
 
     return guarded(file, both)
-
-
-def _fields(content: ExodusContent) -> ExodusFields:
-    names = content.nodal_names()
-    values = content.nodal(range(len(names))) if names else []
-    nodal = {name: native(one).astype(np.float64) for name, one in zip(names, values, strict=True)}
-    records = content.arrays.get("info_records", np.zeros(0))
-    return ExodusFields(
-        content.times(), nodal, tuple(strings(records)) if records.ndim == 2 else ()
-    )
 
 
 def _points(content: ExodusContent) -> Float:

@@ -135,6 +135,10 @@ class InpContent:
         """Labels of a node or of a node set. Raises InputError for an unknown one."""
         return _named(text, self.node_sets, self.nodes, where, instance)
 
+    def node_rows(self, text: str, where: str) -> Int:
+        """Rows of ``points`` of a node or of a node set."""
+        return np.searchsorted(self.node_labels, self.nodes_named(text, where))
+
     def cells_named(self, text: str, where: str, instance: str = "") -> Int:
         """Labels of an element or of an element set. Raises InputError for an unknown one."""
         return _named(text, self.cell_sets, self.cells, where, instance)
