@@ -193,12 +193,7 @@ class Constraints:
 
     def boundary(self, card: Card, scale: Scale, in_step: bool) -> None:
         """*BOUNDARY: node or set, first and last degree of freedom, value."""
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) < 2:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, …"
-                )
+        for where, row in card.records(2, None, "node or set, degree of freedom, …"):
             nodes = self.content.node_rows(row[0], where)
             value = scale.factor * number(row[3], where) if len(row) > 3 and row[3] else 0.0
             group = _GROUPS.get(row[1].upper())

@@ -109,13 +109,7 @@ class Forces:
 
     def nodal(self, card: Card, scale: Scale, step: int) -> None:
         """*CLOAD: node or node set, degree of freedom, force (in the node's own axes)."""
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) != 3:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, "
-                    "force"
-                )
+        for where, row in card.records(3, 3, "node or set, degree of freedom, force"):
             nodes = self.content.node_rows(row[0], where)
             axis = whole(row[1], where)
             if not 1 <= axis <= 3:
@@ -135,12 +129,7 @@ class Forces:
 
     def distributed(self, card: Card, scale: Scale, step: int) -> None:
         """*DLOAD: element or element set, label, value, and what the label needs."""
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) < 3:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected element or set, label, value"
-                )
+        for where, row in card.records(3, None, "element or set, label, value"):
             cells = self._cells(row[0], where)
             label = row[1].upper()
             value = scale.factor * number(row[2], where)
@@ -171,8 +160,7 @@ class Forces:
 
     def surface(self, card: Card, scale: Scale, step: int) -> None:
         """*DSLOAD: surface, P, pressure."""
-        for line, row in card.rows():
-            where = card.where(line)
+        for where, row in card.records():
             if len(row) != 3 or row[1].upper() != "P":
                 raise InputError(f"{where}: got {', '.join(row)!r}; expected surface, P, pressure")
             pairs = self.content.surfaces.get(row[0], where)

@@ -44,13 +44,8 @@ class InitialStress:
         CalculiX names points one by one; Abaqus leaves them out. Bricks only: other elements'
         points are counted differently by different programs. Raises InputError.
         """
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) not in (7, 8):
-                raise InputError(
-                    f"{where}: got {len(row)} fields; expected element, integration point "
-                    "(or none: all), six stresses"
-                )
+        expected = "element, integration point (or none: all), six stresses"
+        for where, row in card.records(7, 8, expected, counted=True):
             cells = self.body.labelled.cell_index(self.body.content.cells_named(row[0], where))
             stress = np.array([number(text, where) for text in row[-6:]])[_ORDER]
             point = whole(row[1], where) if len(row) == 8 else None

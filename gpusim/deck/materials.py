@@ -192,7 +192,7 @@ class Sections:
                 name, None, card.where()
             )  # of no account to an isotropic material
             return
-        rows = [[number(text or "0", card.where(k)) for text in row] for k, row in card.rows()]
+        rows = [[number(text or "0", where) for text in row] for where, row in card.records()]
         values = rows[0] if rows else []
         turned = len(rows) > 2 or (len(rows) == 2 and rows[1][-1] != 0.0)
         if len(values) not in (6, 9) or turned:

@@ -128,15 +128,10 @@ class History:
         self.warmth_follows[:] = 0
 
     def _node_values(self, card: Card) -> list[tuple[npt.NDArray[np.int64], float]]:
-        found = []
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) != 2:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected node or node set, temperature"
-                )
-            found.append((self.body.content.node_rows(row[0], where), number(row[1], where)))
-        return found
+        return [
+            (self.body.content.node_rows(row[0], where), number(row[1], where))
+            for where, row in card.records(2, 2, "node or node set, temperature")
+        ]
 
     def _tie(self, card: Card) -> None:
         self.constraints.ties += read_tie(card, self.body.content, self.body.labelled)

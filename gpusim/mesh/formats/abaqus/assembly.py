@@ -171,7 +171,7 @@ def _instance(
             f"{card.where()}: unknown part; got {part!r}; expected one of "
             f"{', '.join(parts) or 'none, none is defined'}"
         )
-    rows = [[number(text or "0", card.where(k)) for text in row] for k, row in card.rows()]
+    rows = [[number(text or "0", where) for text in row] for where, row in card.records()]
     shift = np.array((rows[0] if rows else []) + [0.0] * (3 - len(rows[0] if rows else [])))
     turn = np.eye(3)
     if len(rows) > 2 or shift.shape != (3,) or (len(rows) == 2 and len(rows[1]) != 7):

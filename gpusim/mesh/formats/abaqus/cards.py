@@ -189,6 +189,21 @@ class Card:
             if row:
                 yield number, row
 
+    def records(
+        self, least: int = 1, most: int | None = None, expected: str = "", counted: bool = False
+    ) -> Iterator[tuple[str, list[str]]]:
+        """Place (see `where`) and fields of each data line.
+
+        Raises InputError for less than ``least`` or more than ``most`` fields, which shows the
+        line, or if ``counted`` their number.
+        """
+        for number, row in self.rows():
+            where = self.where(number)
+            if len(row) < least or (most is not None and len(row) > most):
+                got = f"{len(row)} fields" if counted else repr(", ".join(row))
+                raise InputError(f"{where}: got {got}; expected {expected}")
+            yield where, row
+
 
 def read_cards(source: Source) -> list[Card]:
     """The cards of an input file in their order, included files in place.

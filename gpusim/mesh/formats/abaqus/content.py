@@ -194,8 +194,7 @@ def _members(card: Card, content: InpContent) -> Int:
         if quick is not None:
             return quick
     labels: list[Int] = [np.zeros(0, dtype=np.int64)]
-    for line, row in card.rows():
-        where = card.where(line)
+    for where, row in card.records():
         if generate:
             labels.append(numbers.between(*_range(row, where), where, instance))
         else:
@@ -243,8 +242,7 @@ def _surface(card: Card, content: InpContent) -> None:
     if kind != "ELEMENT":
         raise InputError(f"{card.where()}: surface type; got TYPE={kind}; expected ELEMENT or NODE")
     pairs: list[Int] = [np.zeros((0, 2), dtype=np.int64)]
-    for line, row in card.rows():
-        where = card.where(line)
+    for where, row in card.records():
         face = row[1].upper() if len(row) == 2 else ""
         if not (len(face) == 2 and face[0] == "S" and face[1] in "123456"):
             raise InputError(

@@ -49,6 +49,9 @@ NODES = {
 """Number of nodes of every element type that can be read."""
 
 
+_ELGEN = "the master element, and three times a count, an increment of nodes and one of elements"
+
+
 @dataclass(frozen=True, eq=False)
 class ElementBlock:
     """One card's elements: labels (M,), node labels (M,k), the type as written, the card, and the
@@ -83,8 +86,7 @@ def read_elements(cards: Sequence[Card]) -> tuple[list[ElementBlock], list[tuple
             blocks.append(_elements(card))
             sets += [(name, blocks[-1].labels)] if name else []
         elif card.keyword == "ELGEN":
-            for line, row in card.rows():
-                where = card.where(line)
+            for where, row in card.records(2, 10, _ELGEN, counted=True):
                 master, block = _generated(card, where, row, blocks)
                 generated += len(block.labels)
                 if generated > MAX_GENERATED:
@@ -141,11 +143,6 @@ def _generated(
     """*ELGEN: master element; count and increments of nodes and elements in a row, over rows, over
     layers. Returns the master and the new elements."""
     values = [whole(text or "0", where) for text in row]
-    if not 2 <= len(values) <= 10:
-        raise InputError(
-            f"{where}: got {len(row)} fields; expected the master element, and three times a "
-            "count, an increment of nodes and one of elements"
-        )
     values += [0] * (10 - len(values))
     # what is left out is 1 in the first row; further counts are 1, their increments 0
     counts = [values[1], values[4] or 1, values[7] or 1]
