@@ -20,9 +20,9 @@ from gpusim._version import __version__
 from gpusim.cli.calibration_table import rig_table
 from gpusim.cli.console import Destination, out
 from gpusim.errors import InputError
-from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.files.atomic_files import atomic_path, write_text
 from gpusim.files.output_folder import inside
+from gpusim.files.picture_file import pages_of, picture_file, read_grey
 from gpusim.measure.calibration.bundle_adjustment import LENSES
 from gpusim.optics.calibration.formats import write_calibration
 from gpusim.optics.camera.pinhole import Camera

@@ -17,9 +17,9 @@ from gpusim.cli.console import Destination, out
 from gpusim.cli.stand_off import stand_off_warnings
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.correlation import write_correlation, write_stereo
-from gpusim.export.pictures import pages_of, picture_file, read_grey
 from gpusim.files.atomic_files import safe_name, write_text
 from gpusim.files.output_folder import inside
+from gpusim.files.picture_file import pages_of, picture_file, read_grey
 from gpusim.gpu import Device, working_device
 from gpusim.measure import (
     CalibratedCamera,

@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh.formats.abaqus.cards import Card
-from gpusim.mesh.formats.abaqus.values import Names, number
+from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 
 __all__ = ["Amplitudes", "Scale"]
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.deck.constrained import solve_constrained
-from gpusim.deck.equations import Equations
-from gpusim.deck.temperature import point_stresses
+from gpusim.deck.constrained import Equations, solve_constrained
+from gpusim.deck.initial_state import point_stresses
 from gpusim.errors import InputError
 from gpusim.fem import Material, Model, Solution, solve
 from gpusim.field_summary import field_summary
@@ -169,10 +168,7 @@ class Deck:
                 f"Deck.point_stress: u; got shape {field.shape}; expected "
                 f"{self.mesh.points.shape} finite numbers"
             )
-        found = point_stresses(
-            self.mesh, self.materials, self.material_of_cell, self.formulation, field,
-            step.temperature,
-        )  # fmt: skip
+        found = point_stresses(self, field, step.temperature)
         return {kind: one + self.initial_stress.get(kind, 0.0) for kind, one in found.items()}
 
     def _step(self, number: int) -> Step:

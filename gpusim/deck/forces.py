@@ -10,18 +10,57 @@ import numpy.typing as npt
 
 from gpusim.deck.amplitudes import Scale
 from gpusim.deck.constraints import Axes
-from gpusim.deck.pressure import pressure_forces
+from gpusim.deck.materials import Body
 from gpusim.errors import InputError
-from gpusim.fem import Material, body_force, centrifugal
-from gpusim.mesh import set_faces
-from gpusim.mesh.formats.abaqus.cards import Card
-from gpusim.mesh.formats.abaqus.content import InpContent
-from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.formats.abaqus.values import number, whole
+from gpusim.fem import body_force, centrifugal
+from gpusim.fem.elements.isoparametric_map import add_to
+from gpusim.mesh import Faces, Mesh, set_faces
+from gpusim.mesh.formats.abaqus.cards import Card, number, whole
+from gpusim.mesh.quadrature import face_rule
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
 __all__ = ["Forces"]
 
 Float = npt.NDArray[np.float64]
+
+
+def pressure_forces(
+    mesh: Mesh, faces: Faces, values: Float, formulation: Mapping[str, str]
+) -> Float:
+    """(N,3) consistent forces of ``values`` (F,), positive into the body, on undeformed faces."""
+    forces = np.zeros((mesh.node_count, 3))
+    for kind, first, block in mesh.blocks():
+        inside = np.flatnonzero((faces.cell >= first) & (faces.cell < first + len(block)))
+        if not inside.size:
+            continue
+        own = faces[inside]
+        for name, rows in own.kinds():
+            points, weight = face_rule(name, face_points(kind, formulation[kind], name))
+            nodes = own.nodes[np.ix_(rows, np.array(FACE_TYPES[name]))]
+            corners = mesh.points[nodes]
+            tangent = np.einsum(
+                "fki,qkj->fqij", corners - corners[:, :1], shape_gradients(name, points)
+            )
+            normal = np.cross(tangent[..., 0], tangent[..., 1]) * weight[:, None]
+            share = np.einsum("qk,fqi->fki", shape_functions(name, points), normal)
+            share *= -values[inside[rows]][:, None, None]
+            add_to(forces, nodes, share)
+    return forces
+
+
+def face_points(kind: str, formulation: str, face: str) -> int:
+    """Number of integration points on a face of an element.
+
+    The rule counts where faces are curved. Found by running CalculiX 2.20 on curved elements:
+    2x2 on C3D20R and C3D15, 3x3 on C3D20, three on the triangles of C3D10 and C3D15.
+    """
+    if face in ("tri3", "tri6"):
+        return 3
+    if face == "quad4" or kind == "wedge15" or formulation == "reduced":
+        return 4
+    return 9
+
+
 Int = npt.NDArray[np.int64]
 
 _EXPECTED = "P1 … P6, BX, BY, BZ, GRAV or CENTRIF"
@@ -47,11 +86,11 @@ class _BodyLoad:
 class Forces:
     """What acts now. Given again in the same step adds up, in a later step replaces."""
 
-    def __init__(self, content: InpContent, labelled: LabelledMesh, axes: Axes) -> None:
-        self.content = content
-        self.labelled = labelled
+    def __init__(self, body: Body, axes: Axes) -> None:
+        self.body = body
+        self.content, self.labelled = body.content, body.labelled
         self.axes = axes
-        mesh = labelled.mesh
+        mesh = body.mesh
         self.force = np.zeros((mesh.node_count, 3))
         self.force_step = np.zeros((mesh.node_count, 3), dtype=np.int32)
         self.force_follows = np.zeros((mesh.node_count, 3), dtype=np.int32)
@@ -70,15 +109,8 @@ class Forces:
 
     def nodal(self, card: Card, scale: Scale, step: int) -> None:
         """*CLOAD: node or node set, degree of freedom, force (in the node's own axes)."""
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) != 3:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected node or set, degree of freedom, "
-                    "force"
-                )
-            labels = self.content.nodes_named(row[0], where)
-            nodes = np.searchsorted(self.content.node_labels, labels)
+        for where, row in card.records(3, 3, "node or set, degree of freedom, force"):
+            nodes = self.content.node_rows(row[0], where)
             axis = whole(row[1], where)
             if not 1 <= axis <= 3:
                 raise InputError(
@@ -97,12 +129,7 @@ class Forces:
 
     def distributed(self, card: Card, scale: Scale, step: int) -> None:
         """*DLOAD: element or element set, label, value, and what the label needs."""
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) < 3:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected element or set, label, value"
-                )
+        for where, row in card.records(3, None, "element or set, label, value"):
             cells = self._cells(row[0], where)
             label = row[1].upper()
             value = scale.factor * number(row[2], where)
@@ -133,8 +160,7 @@ class Forces:
 
     def surface(self, card: Card, scale: Scale, step: int) -> None:
         """*DSLOAD: surface, P, pressure."""
-        for line, row in card.rows():
-            where = card.where(line)
+        for where, row in card.records():
             if len(row) != 3 or row[1].upper() != "P":
                 raise InputError(f"{where}: got {', '.join(row)!r}; expected surface, P, pressure")
             pairs = self.content.surfaces.get(row[0], where)
@@ -150,18 +176,12 @@ class Forces:
                     "of elements"
                 )
 
-    def total(
-        self,
-        materials: Sequence[Material],
-        material_of_cell: npt.NDArray[np.int32],
-        formulation: Mapping[str, str],
-        factors: Float,
-    ) -> Float:
+    def total(self, factors: Float) -> Float:
         """(N,3) consistent nodal forces of everything that acts now, in global axes.
 
         ``factors`` : value of each amplitude that loads follow; the first is 1.
         """
-        mesh = self.labelled.mesh
+        mesh, formulation = self.body.mesh, self.body.formulation
         total = self.force * factors[self.force_follows]
         for node, rows in self.axes.rows.items():
             total[node] = rows.T @ total[node]
@@ -171,7 +191,7 @@ class Forces:
             labelled = np.stack([self.labelled.cell_labels[cell], side + 1], axis=1)
             faces = set_faces(mesh, self.labelled.face_pairs(labelled))
             total += pressure_forces(mesh, faces, pressures[cell, side], formulation)
-        rho = np.array([one.density for one in materials])[material_of_cell]
+        rho = np.array([one.density for one in self.body.materials])[self.body.material_of_cell]
         for load in self.bodies:
             value = load.value * float(factors[load.follows])
             share = np.zeros(mesh.cell_count)

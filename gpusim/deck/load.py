@@ -1,4 +1,4 @@
-"""Reading a deck."""
+"""Reading a deck: which keywords and parameters are read, ignored or refused; then each card."""
 
 from __future__ import annotations
 
@@ -6,19 +6,141 @@ from collections.abc import Callable, Mapping, Sequence
 
 from gpusim.deck.constraints import Axes
 from gpusim.deck.deck import Deck
-from gpusim.deck.keywords import FORMULATIONS, check_keywords
 from gpusim.deck.materials import Sections
-from gpusim.deck.steps import Body, History
+from gpusim.deck.steps import History
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.abaqus.cards import Card, Source, read_cards
-from gpusim.mesh.formats.abaqus.content import InpContent
-from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES
-from gpusim.mesh.formats.abaqus.geometry import read_content
-from gpusim.mesh.formats.abaqus.keywords import fail_together
+from gpusim.mesh.formats.abaqus.assembly import read_content
+from gpusim.mesh.formats.abaqus.cards import Card, Source, nearest, read_cards
+from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
+from gpusim.mesh.formats.abaqus.keywords import MESH_KEYWORDS, fail_together, parameter_faults
 from gpusim.mesh.formats.abaqus.reader import label_mesh
 
 __all__ = ["load_deck"]
+
+# Element type -> formulation of its integration rule, as CalculiX integrates it.
+FORMULATIONS = {
+    "C3D8": "full",
+    "C3D8I": "incompatible",
+    "C3D20": "full",
+    "C3D20R": "reduced",
+    "C3D4": "full",
+    "C3D10": "full",
+    "C3D6": "full",
+    "C3D15": "full",
+}
+
+_REFUSED_ELEMENTS = {
+    "C3D8R": "one integration point with hourglass control; expected C3D8 or C3D8I",
+    "C3D10M": "a modified tetrahedron; expected C3D10",
+    "C3D10T": "a C3D10 with linear temperature; expected C3D10",
+}
+
+# Keyword -> the parameters that are read or have no influence on a static solution.
+_READ: dict[str, frozenset[str]] = MESH_KEYWORDS | {
+    key: frozenset(names.split())
+    for key, names in {
+        "MATERIAL": "NAME",
+        "ELASTIC": "TYPE",
+        "DENSITY": "",
+        "EXPANSION": "TYPE ZERO",
+        "ORIENTATION": "NAME SYSTEM DEFINITION",
+        "SOLIDSECTION": "ELSET MATERIAL ORIENTATION CONTROLS",
+        "AMPLITUDE": "NAME TIME DEFINITION VALUE",
+        "TRANSFORM": "NSET TYPE",
+        "EQUATION": "",
+        "TIE": "NAME POSITIONTOLERANCE ADJUST",
+        "INITIALCONDITIONS": "TYPE",
+        "STEP": "NAME INC AMPLITUDE NLGEOM UNSYMM PERTURBATION",
+        "STATIC": "SOLVER DIRECT TIMERESET TOTALTIMEATSTART",
+        "ENDSTEP": "",
+        "BOUNDARY": "OP AMPLITUDE TYPE",
+        "CLOAD": "OP AMPLITUDE",
+        "DLOAD": "OP AMPLITUDE",
+        "DSLOAD": "OP AMPLITUDE",
+        "TEMPERATURE": "OP AMPLITUDE",
+    }.items()
+}
+
+# Output requests, and what can't change the displacements of a linear static step.
+_IGNORED = frozenset(
+    """
+    HEADING PREPRINT RESTART OUTPUT NODEFILE NODEPRINT NODEOUTPUT ELFILE ELPRINT ELEMENTOUTPUT
+    ENERGYOUTPUT CONTACTOUTPUT CONTACTFILE CONTACTPRINT FACEPRINT SECTIONPRINT FILEFORMAT
+    FILEOUTPUT MONITOR PRINT TIMEPOINTS CONTROLS CONDUCTIVITY SPECIFICHEAT DAMPING
+    PHYSICALCONSTANTS SURFACEINTERACTION SURFACEBEHAVIOR FRICTION SECTIONCONTROLS
+    """.split()
+)
+
+# Sections of other element types; harmless, for such elements are refused.
+_OTHER_SECTIONS = frozenset(
+    ["MEMBRANE", "MEMBRANESECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION"]
+)
+
+
+def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
+    """What is ignored (``"*EL PRINT"``, …), each once.
+
+    Raises one InputError that lists every keyword, parameter and element type that would change
+    the answer and isn't supported, with file and line.
+    """
+    faults: list[str] = []
+    ignored: dict[str, None] = {}
+    types: dict[str, str] = {}
+    for card in cards:
+        if card.keyword in _IGNORED or card.keyword in _OTHER_SECTIONS:
+            if card.keyword == "RESTART" and "READ" in card.parameters:
+                faults.append(f"{card.where()}: READ isn't supported; expected a complete deck")
+            ignored[card.shown] = None
+        elif card.keyword not in _READ:
+            known = [*_READ, *_IGNORED]
+            faults.append(
+                f"{card.where()}: not supported; expected a deck of linear *STATIC steps on solid "
+                f"elements{nearest(card.keyword, known)}"
+            )
+        else:
+            faults.extend(_parameter_faults(card))
+            if card.keyword == "ELEMENT":
+                faults.extend(_element_faults(card, types))
+    fail_together(faults, cards[0].file)
+    return tuple(ignored)
+
+
+def _parameter_faults(card: Card) -> list[str]:
+    faults = parameter_faults(card, _READ)
+    value = card.parameters.get("NLGEOM", "NO")
+    if value.upper() != "NO":
+        faults.append(
+            f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; expected a "
+            "linear step (NLGEOM=NO)"
+        )
+    definition = card.parameters.get("DEFINITION", "")
+    allowed = {"AMPLITUDE": ("TABULAR",), "ORIENTATION": ("COORDINATES",)}.get(card.keyword, ())
+    if definition and definition.upper() not in allowed:
+        faults.append(
+            f"{card.where()}: DEFINITION isn't supported; got {definition}; "
+            f"expected {' or '.join(allowed)}"
+        )
+    return faults
+
+
+def _element_faults(card: Card, types: dict[str, str]) -> list[str]:
+    """``types`` collects our cell type -> element type of the deck, one for each."""
+    written = card.parameters.get("TYPE", "").upper()
+    if written in _REFUSED_ELEMENTS:
+        return [f"{card.where()}: {written} is {_REFUSED_ELEMENTS[written]}"]
+    if written not in FORMULATIONS:
+        return [
+            f"{card.where()}: element type {written or '(none)'} isn't supported; "
+            f"expected one of {', '.join(FORMULATIONS)}"
+        ]
+    first = types.setdefault(SOLID_TYPES[written], written)
+    if first != written:
+        return [
+            f"{card.where()}: {written} beside {first}; got two integration rules for one cell "
+            "type; expected one"
+        ]
+    return []
 
 
 def load_deck(source: Source) -> Deck:
@@ -47,9 +169,9 @@ def load_deck(source: Source) -> Deck:
     labelled = label_mesh(content, path)
     sections, axes = Sections(content), Axes(content)
     _read_all(content.history, {**sections.readers(), "TRANSFORM": axes.read})
-    materials, of_cell = sections.resolve(labelled)
-    formulation = _formulation(content)
-    history = History(Body(content, labelled, materials, of_cell, formulation), axes)
+    formulation = {SOLID_TYPES[block.type]: FORMULATIONS[block.type] for block in content.blocks}
+    body = sections.resolve(labelled, formulation)
+    history = History(body, axes)
     _read_all(content.history, history.readers())
     if history.open is not None:
         raise InputError(
@@ -63,8 +185,8 @@ def load_deck(source: Source) -> Deck:
         mesh=labelled.mesh,
         node_labels=labelled.node_labels,
         cell_labels=labelled.cell_labels,
-        materials=tuple(materials),
-        material_of_cell=of_cell,
+        materials=tuple(body.materials),
+        material_of_cell=body.material_of_cell,
         formulation=formulation,
         steps=tuple(history.steps),
         node_axes=axes.rows,
@@ -84,7 +206,3 @@ def _read_all(cards: Sequence[Card], readers: Mapping[str, Callable[[Card], None
                 faults.append(str(error))
     if faults:
         fail_together(faults, cards[0].file)
-
-
-def _formulation(content: InpContent) -> dict[str, str]:
-    return {SOLID_TYPES[block.type]: FORMULATIONS[block.type] for block in content.blocks}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,12 +11,12 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
 from gpusim.fem.model.material import strain_rotation
-from gpusim.mesh.formats.abaqus.cards import Card
+from gpusim.mesh import Mesh
+from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.formats.abaqus.values import Names, number
 
-__all__ = ["Anisotropic", "Sections"]
+__all__ = ["Anisotropic", "Body", "Sections"]
 
 Float = npt.NDArray[np.float64]
 
@@ -47,6 +47,21 @@ class Anisotropic:
 
     def expansion_strain(self) -> Float:
         return self.expansion
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What a deck's loads act on."""
+
+    content: InpContent
+    labelled: LabelledMesh
+    materials: Sequence[Material]
+    material_of_cell: npt.NDArray[np.int32]
+    formulation: Mapping[str, str]
+
+    @property
+    def mesh(self) -> Mesh:
+        return self.labelled.mesh
 
 
 @dataclass
@@ -82,8 +97,8 @@ class Sections:
             "SOLIDSECTION": self.sections.append,
         }
 
-    def resolve(self, labelled: LabelledMesh) -> tuple[list[Material], npt.NDArray[np.int32]]:
-        """Materials and (M,) the number of each cell's. Raises InputError."""
+    def resolve(self, labelled: LabelledMesh, formulation: Mapping[str, str]) -> Body:
+        """The body with its materials. Raises InputError."""
         found: dict[tuple[str, str], int] = {}
         of_set: dict[str, Card] = {}
         materials: list[Material] = []
@@ -114,7 +129,7 @@ class Sections:
                 f"got element {self.content.cells.shown(labelled.cell_labels[bare[0]])}; expected "
                 "a section for each"
             )
-        return materials, of_cell
+        return Body(self.content, labelled, materials, of_cell, formulation)
 
     def _material(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
@@ -177,7 +192,7 @@ class Sections:
                 name, None, card.where()
             )  # of no account to an isotropic material
             return
-        rows = [[number(text or "0", card.where(k)) for text in row] for k, row in card.rows()]
+        rows = [[number(text or "0", where) for text in row] for where, row in card.records()]
         values = rows[0] if rows else []
         turned = len(rows) > 2 or (len(rows) == 2 and rows[1][-1] != 0.0)
         if len(values) not in (6, 9) or turned:

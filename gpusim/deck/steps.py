@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.deck.amplitudes import Amplitudes, Scale
-from gpusim.deck.constraints import Axes, Constraints
+from gpusim.deck.constraints import Axes, Constraints, read_tie
 from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces
-from gpusim.deck.initial import InitialStress
-from gpusim.deck.temperature import temperature_forces
-from gpusim.deck.ties import read_tie
+from gpusim.deck.initial_state import InitialStress, temperature_forces
+from gpusim.deck.materials import Body
 from gpusim.errors import InputError
-from gpusim.fem import Material
-from gpusim.mesh.formats.abaqus.cards import Card
-from gpusim.mesh.formats.abaqus.content import InpContent
-from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.formats.abaqus.values import number
+from gpusim.mesh.formats.abaqus.cards import Card, number
 
-__all__ = ["Body", "History"]
+__all__ = ["History"]
 
 Float = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """What a deck's loads act on."""
-
-    content: InpContent
-    labelled: LabelledMesh
-    materials: Sequence[Material]
-    material_of_cell: npt.NDArray[np.int32]
-    formulation: Mapping[str, str]
 
 
 @dataclass(eq=False)
@@ -59,9 +43,9 @@ class History:
     def __init__(self, body: Body, axes: Axes) -> None:
         self.body = body
         self.constraints = Constraints(body.content, axes)
-        self.forces = Forces(body.content, body.labelled, axes)
-        nodes = body.labelled.mesh.node_count
-        self.stress = InitialStress(body.content, body.labelled, body.formulation)
+        self.forces = Forces(body, axes)
+        nodes = body.mesh.node_count
+        self.stress = InitialStress(body)
         self.initial = np.zeros(nodes)
         self.temperature: Float | None = None
         self.warmth_follows = np.zeros(nodes, dtype=np.int32)
@@ -144,18 +128,10 @@ class History:
         self.warmth_follows[:] = 0
 
     def _node_values(self, card: Card) -> list[tuple[npt.NDArray[np.int64], float]]:
-        found = []
-        content = self.body.content
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) != 2:
-                raise InputError(
-                    f"{where}: got {', '.join(row)!r}; expected node or node set, temperature"
-                )
-            labels = content.nodes_named(row[0], where)
-            nodes = np.searchsorted(content.node_labels, labels)
-            found.append((nodes, number(row[1], where)))
-        return found
+        return [
+            (self.body.content.node_rows(row[0], where), number(row[1], where))
+            for where, row in card.records(2, 2, "node or node set, temperature")
+        ]
 
     def _tie(self, card: Card) -> None:
         self.constraints.ties += read_tie(card, self.body.content, self.body.labelled)
@@ -204,23 +180,16 @@ class History:
         if not step.static:
             raise InputError(f"{step.card.where()}: no procedure; expected *STATIC in the step")
         self.time += step.period
-        body = self.body
         factors = self.amplitudes.factors(self.time)
         fixed, prescribed, equations = self.constraints.assembled(factors)
         self.forces.refuse_loose(fixed)
-        forces = self.forces.total(body.materials, body.material_of_cell, body.formulation, factors)
+        forces = self.forces.total(factors)
         if self.stress.values:
             forces += self.stress.forces()
         change = None
         if self.temperature is not None:
             change = self.temperature * factors[self.warmth_follows] - self.initial
-            forces += temperature_forces(
-                body.labelled.mesh,
-                body.materials,
-                body.material_of_cell,
-                body.formulation,
-                change,
-            )
+            forces += temperature_forces(self.body, change)
         self.steps.append(
             Step(
                 number=len(self.steps) + 1,

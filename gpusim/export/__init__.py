@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gpusim.export.images import read_image, write_image
-    from gpusim.export.stl import write_region_stls, write_stl
+    from gpusim.export.meshes import write_pvd, write_region_stls, write_stl, write_vtu
     from gpusim.export.truth import FrameWriter, TruthWriter
-    from gpusim.export.vtu import write_pvd, write_vtu
     from gpusim.files.atomic_files import atomic_path, atomic_stream, clean_leftovers, safe_name
 
 __all__ = [
@@ -31,9 +30,8 @@ __all__ = [
 _HOMES = {
     "files.atomic_files": ("atomic_path", "atomic_stream", "clean_leftovers", "safe_name"),
     "export.images": ("read_image", "write_image"),
-    "export.stl": ("write_region_stls", "write_stl"),
+    "export.meshes": ("write_pvd", "write_region_stls", "write_stl", "write_vtu"),
     "export.truth": ("FrameWriter", "TruthWriter"),
-    "export.vtu": ("write_pvd", "write_vtu"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.hdf5_writing import writing_hdf5
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, write_text
+from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.printable import printable
 

@@ -4,6 +4,10 @@ PNG is written here, not by a library: the rows are filtered ("up"), cut into ba
 in parallel threads with zlib's run-length strategy. A noisy 21 Mpx frame takes 0.2 s on two cores
 where OpenCV and Pillow take 0.5-0.8 s, at the same size. TIFF is stored uncompressed, so that every
 tool can read or memory-map it.
+
+Images written or read lately are kept in memory: taking a 21 Mpx picture, measuring it, drawing
+markers on it and putting it on a page would decode the same file five times. A file is known by its
+path, and is read anew once it isn't the same one.
 """
 
 from __future__ import annotations
@@ -11,25 +15,73 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import cast
+from threading import Lock
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.recent import keep, recall
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import decode
 
-__all__ = ["GreyImage", "read_image", "write_colour", "write_image", "write_png", "write_tiff"]
+__all__ = ["GreyImage", "keep", "read_image", "write_colour", "write_image"]
+
+MOST_BYTES = 256 << 20
+
+_Stamp = tuple[int, int, int]
+_kept: OrderedDict[str, tuple[_Stamp, npt.NDArray[Any]]] = OrderedDict()
+_lock = Lock()
+
+
+def keep(path: PathLike, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Keep what the file ``path`` holds; returns ``image``, which can't be written to any more.
+
+    The images seen longest ago are dropped for it; one of more than `MOST_BYTES` isn't kept.
+    """
+    image.setflags(write=False)
+    stamp = _stamp(path)
+    with _lock:
+        if stamp is not None and image.nbytes <= MOST_BYTES:
+            _kept[os.path.abspath(path)] = stamp, image
+            _kept.move_to_end(os.path.abspath(path))
+            while sum(own.nbytes for _, own in _kept.values()) > MOST_BYTES:
+                _kept.popitem(last=False)
+    return image
+
+
+def recall(path: PathLike) -> npt.NDArray[Any] | None:
+    """The image in the file ``path``, read-only, if it is kept and the file is still the same."""
+    key, stamp = os.path.abspath(path), _stamp(path)
+    with _lock:
+        stored, image = _kept.get(key, (None, None))
+        if image is None:
+            return None
+        if stored != stamp:
+            del _kept[key]
+            return None
+        _kept.move_to_end(key)
+        return image
+
+
+def _stamp(path: PathLike) -> _Stamp | None:
+    """What changes whenever a file is written or replaced."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
 
 GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_GREY, _RGB = 0, 2  # PNG colour types
 _UP = 2  # PNG filter type: difference to the row above
 _BAND_BYTES = 2 << 20  # large enough to compress well, small enough to keep all cores busy
 
@@ -79,41 +131,45 @@ def write_png(
     pixels_per_metre: float | None = None,
     text: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a grey PNG; parameters and errors as in `write_image`.
-
-    Format: PNG specification (W3C, 3rd edition), colour type 0, one IDAT chunk per band.
-    """
+    """Write a grey PNG; parameters and errors as in `write_image`."""
     _check(image, pixels_per_metre)
-    height, width = image.shape
-    with atomic_stream(path) as stream:
-        stream.write(_SIGNATURE)
-        bits = 8 * image.itemsize
-        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, 0, 0, 0, 0)))
-        if pixels_per_metre is not None:
-            density = max(1, round(pixels_per_metre))
-            stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
-        for key, value in (text or {}).items():
-            stream.write(_chunk(b"tEXt", _latin1(key, 79) + b"\0" + _latin1(value)))
-        for part in _deflated(_filtered(image)):
-            stream.write(_chunk(b"IDAT", part))
-        stream.write(_chunk(b"IEND", b""))
-    return Path(path)
+    notes = [_latin1(key, 79) + b"\0" + _latin1(value) for key, value in (text or {}).items()]
+    data = _deflated(_filtered(image))
+    return _write_png(path, image, _GREY, data, pixels_per_metre, notes)
 
 
 def write_colour(path: PathLike, image: npt.NDArray[np.uint8], *, pixels_per_metre: float) -> Path:
-    """Write a drawing (H, W, 3), red, green and blue, as PNG (colour type 2).
+    """Write a drawing (H, W, 3), red, green and blue, as PNG.
 
     Rows aren't filtered: what is drawn is mostly even, and packs better so, in a third of the time.
     """
     height, width, _ = image.shape
     lines = np.zeros((height, 1 + 3 * width), np.uint8)
     lines[:, 1:] = image.reshape(height, -1)
+    return _write_png(path, image, _RGB, [zlib.compress(lines.data, 1)], pixels_per_metre)
+
+
+def _write_png(
+    path: PathLike,
+    image: npt.NDArray[np.unsignedinteger],
+    colour_type: int,
+    data: Iterable[bytes],
+    pixels_per_metre: float | None,
+    notes: Sequence[bytes] = (),
+) -> Path:
+    """Format: PNG specification (W3C, 3rd edition), one IDAT chunk per part of ``data``."""
+    height, width = image.shape[:2]
     with atomic_stream(path) as stream:
         stream.write(_SIGNATURE)
-        stream.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)))
-        density = max(1, round(pixels_per_metre))
-        stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
-        stream.write(_chunk(b"IDAT", zlib.compress(lines.data, 1)))
+        head = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, colour_type, 0, 0, 0)
+        stream.write(_chunk(b"IHDR", head))
+        if pixels_per_metre is not None:
+            density = max(1, round(pixels_per_metre))
+            stream.write(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
+        for note in notes:
+            stream.write(_chunk(b"tEXt", note))
+        for part in data:
+            stream.write(_chunk(b"IDAT", part))
         stream.write(_chunk(b"IEND", b""))
     return Path(path)
 
@@ -149,7 +205,7 @@ def write_tiff(
 def read_image(source: PathLike | InputFile) -> GreyImage:
     """Read a grey image as it is stored: (H, W) uint8 or uint16.
 
-    One that was read or written lately comes from memory (`gpusim.export.recent`), so the array
+    One that was read or written lately comes from memory (`gpusim.export.images`), so the array
     can't be written to. Raises InputError if the file is missing, unreadable or not grey.
 
     Examples

@@ -1,17 +1,30 @@
-"""The table of truth layers: what each one holds, in which unit, frame and convention.
+"""The truth layers: what each one holds, and how it is stored as a chunked HDF5 dataset.
 
 Layers are stored on the pixel grid of a frame, at the pixel *centre* and unfiltered. "Eulerian"
 means: the value belongs to the material point that this pixel of this frame sees. (Nodal fields in
 the same file are "Lagrangian": indexed by node.)
+
+Chunks are shuffled and deflated here, in parallel threads, and handed to HDF5 ready-made: its own
+filter pipeline runs on one core and would take longer than rendering the frame.
 """
 
 from __future__ import annotations
 
+import os
+import zlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
+from itertools import islice
 
+import h5py
 import numpy as np
+import numpy.typing as npt
 
-__all__ = ["LAYERS", "Layer"]
+from gpusim.errors import InputError
+
+__all__ = ["LAYERS", "ChunkedLayer"]
 
 
 @dataclass(frozen=True)
@@ -23,8 +36,8 @@ class Layer:
     dtype: str
     unit: str
     frame: str
-    convention: str
     text: str
+    convention: str = "Eulerian"
 
     @property
     def fill(self) -> float:
@@ -32,90 +45,201 @@ class Layer:
         return float("nan") if np.dtype(self.dtype).kind == "f" else -1
 
 
-LAYERS: dict[str, Layer] = {
-    layer.name: layer
-    for layer in (
-        Layer(
-            "reference",
-            3,
-            "float64",
-            "m",
-            "world",
-            "Eulerian",
-            "X: where the material point seen by this pixel was in the reference configuration",
-        ),
-        Layer(
-            "displacement",
-            3,
-            "float32",
-            "m",
-            "world",
-            "Eulerian",
-            "u = x - X of the material point seen by this pixel",
-        ),
-        Layer(
-            "depth",
-            1,
-            "float32",
-            "m",
-            "camera",
-            "Eulerian",
-            "planar depth: z along the optical axis, not the length of the ray",
-        ),
-        Layer(
-            "flow",
-            2,
-            "float32",
-            "px",
-            "image (x right, y down)",
-            "Eulerian",
-            "from this pixel to where its material point is in the reference (undeformed) frame",
-        ),
-        Layer(
-            "normal",
-            3,
-            "float32",
-            "1",
-            "world",
-            "Eulerian",
-            "unit outward normal of the deformed surface",
-        ),
-        Layer(
-            "region",
-            1,
-            "int32",
-            "1",
-            "index",
-            "Eulerian",
-            "paint region: index into the attribute 'regions' of the file; -1 background",
-        ),
-        Layer(
-            "element",
-            1,
-            "int32",
-            "1",
-            "index",
-            "Eulerian",
-            "finite element that owns the surface seen by this pixel; -1 background or rigid prop",
-        ),
-        Layer(
-            "visibility",
-            1,
-            "int8",
-            "1",
-            "index",
-            "Eulerian",
-            "1 if this material point is also seen in the reference frame, 0 if not, -1 background",
-        ),
-        Layer(
-            "cameras",
-            1,
-            "int32",
-            "1",
-            "bits",
-            "Eulerian",
-            "bit k: camera k of the file's attribute 'cameras' sees this material point in this"
-            " frame too; -1 background",
-        ),
-    )
-}
+_ROWS = (
+    ("reference", 3, "float64", "m", "world",
+     "X: where the material point seen by this pixel was in the reference configuration"),
+    ("displacement", 3, "float32", "m", "world",
+     "u = x - X of the material point seen by this pixel"),
+    ("depth", 1, "float32", "m", "camera",
+     "planar depth: z along the optical axis, not the length of the ray"),
+    ("flow", 2, "float32", "px", "image (x right, y down)",
+     "from this pixel to where its material point is in the reference (undeformed) frame"),
+    ("normal", 3, "float32", "1", "world",
+     "unit outward normal of the deformed surface"),
+    ("region", 1, "int32", "1", "index",
+     "paint region: index into the attribute 'regions' of the file; -1 background"),
+    ("element", 1, "int32", "1", "index",
+     "finite element that owns the surface seen by this pixel; -1 background or rigid prop"),
+    ("visibility", 1, "int8", "1", "index",
+     "1 if this material point is also seen in the reference frame, 0 if not, -1 background"),
+    ("cameras", 1, "int32", "1", "bits",
+     "bit k: camera k of the file's attribute 'cameras' sees this material point in this"
+     " frame too; -1 background"),
+)  # fmt: skip
+LAYERS = {row[0]: Layer(*row) for row in _ROWS}
+
+CHUNK = 256  # pixels per side
+_LEVEL = 1
+_SAMPLE, _WORTH = 4096, 0.95  # bytes tried of a plane; most that is left of them
+_FLUSH = zlib.Z_FULL_FLUSH
+_WORKERS = min(8, os.cpu_count() or 1)
+
+Index = tuple[int, int]
+Tile = npt.NDArray[np.generic]
+
+
+class ChunkedLayer:
+    """A dataset (H, W) or (H, W, C) of which only the chunks that hold data are stored."""
+
+    def __init__(self, group: h5py.Group, layer: Layer, shape: tuple[int, int]) -> None:
+        tail = () if layer.components == 1 else (layer.components,)
+        self._name = layer.name
+        self._dtype = np.dtype(layer.dtype)
+        self._fill = np.array(layer.fill, self._dtype)
+        self._shape = shape
+        self._tail = tail
+        # HDF5 takes no chunk that is larger than the dataset
+        self._chunk = (min(CHUNK, shape[0]), min(CHUNK, shape[1]), *tail)
+        self._stored: set[Index] = set()
+        self._data = group.create_dataset(
+            layer.name,
+            shape=shape + tail,
+            dtype=self._dtype,
+            chunks=self._chunk,
+            fillvalue=self._fill,
+            compression="gzip",
+            compression_opts=_LEVEL,
+            shuffle=True,
+        )
+        self._data.attrs["unit"] = layer.unit
+        self._data.attrs["frame"] = layer.frame
+        self._data.attrs["convention"] = layer.convention
+        self._data.attrs["description"] = layer.text
+
+    def write_block(self, row0: int, col0: int, values: npt.NDArray[np.generic]) -> None:
+        """Write a rectangle (h, w) or (h, w, C) at (``row0``, ``col0``)."""
+        if values.ndim != 2 + len(self._tail) or values.shape[2:] != self._tail:
+            raise InputError(
+                f"layer {self._name!r}: got block of shape {values.shape};"
+                f" expected (h, w{''.join(f', {n}' for n in self._tail)})"
+            )
+        row1, col1 = row0 + values.shape[0], col0 + values.shape[1]
+        if row0 < 0 or col0 < 0 or row1 > self._shape[0] or col1 > self._shape[1]:
+            raise InputError(
+                f"layer {self._name!r}: got rows {row0}:{row1}, columns {col0}:{col1};"
+                f" expected inside {self._shape[0]} x {self._shape[1]}"
+            )
+        rows, cols = np.indices(values.shape[:2]).reshape(2, -1)
+        self._store(rows + row0, cols + col0, self._cast(values).reshape(-1, *self._tail))
+
+    def write_sparse(
+        self,
+        rows: npt.NDArray[np.integer],
+        cols: npt.NDArray[np.integer],
+        values: npt.NDArray[np.generic],
+    ) -> None:
+        """Write single pixels; ``rows``, ``cols`` (M,), ``values`` (M,) or (M, C)."""
+        if rows.ndim != 1 or cols.shape != rows.shape or values.shape != rows.shape + self._tail:
+            raise InputError(
+                f"layer {self._name!r}: got rows {rows.shape}, cols {cols.shape}, values"
+                f" {values.shape}; expected (M,), (M,), (M{''.join(f', {n}' for n in self._tail)})"
+            )
+        if rows.dtype.kind not in "iu" or cols.dtype.kind not in "iu":
+            raise InputError(f"layer {self._name!r}: got {rows.dtype}; expected integer pixels")
+        if len(rows) == 0:
+            return
+        if not (
+            0 <= rows.min() <= rows.max() < self._shape[0]
+            and 0 <= cols.min() <= cols.max() < self._shape[1]
+        ):
+            raise InputError(
+                f"layer {self._name!r}: got rows {rows.min()}..{rows.max()}, columns"
+                f" {cols.min()}..{cols.max()}; expected inside {self._shape[0]} x {self._shape[1]}"
+            )
+        if (rows[1:] < rows[:-1]).any():  # else as `numpy.nonzero` has them: no sorting
+            order = np.argsort(rows, kind="stable")  # stable: the last value of a pixel wins
+            rows, cols, values = rows[order], cols[order], values[order]
+        self._store(rows, cols, self._cast(values))
+
+    def _cast(self, values: npt.NDArray[np.generic]) -> Tile:
+        """Convert to the layer's dtype; refuse what would change: overflow, fractions as ids."""
+        if values.dtype == self._dtype:
+            return values
+        if values.dtype.kind not in "iufb":
+            raise InputError(f"layer {self._name!r}: got {values.dtype}; expected numbers")
+        with np.errstate(over="ignore", invalid="ignore"):
+            cast = values.astype(self._dtype)
+        if self._dtype.kind == "f":
+            faithful = np.array_equal(np.isfinite(cast), np.isfinite(values))
+        else:
+            faithful = np.array_equal(cast, values)
+        if not faithful:
+            raise InputError(
+                f"layer {self._name!r}: got {values.dtype} values that {self._dtype} can't hold"
+            )
+        return cast
+
+    def _tiles(
+        self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
+    ) -> Iterator[tuple[Index, Tile]]:
+        """Pixels in the order of their rows, a row of chunks at a time."""
+        across = -(-self._shape[1] // CHUNK)
+        for chunk_row in range(int(rows[0]) // CHUNK, int(rows[-1]) // CHUNK + 1):
+            r0 = chunk_row * CHUNK
+            first, stop = np.searchsorted(rows, [r0, r0 + CHUNK])
+            chunk_col = cols[first:stop] // CHUNK
+            touched = np.flatnonzero(np.bincount(chunk_col, minlength=across))
+            tiles = np.full((len(touched), *self._chunk), self._fill, self._dtype)
+            for tile, column in zip(tiles, touched.tolist(), strict=True):
+                if (chunk_row, column) in self._stored:
+                    tile[...] = self._tile((chunk_row, column))
+            place = np.zeros(across, np.int64)
+            place[touched] = np.arange(len(touched))
+            # one linear index: faster than three
+            at = place[chunk_col] * self._chunk[0] + (rows[first:stop] - r0)
+            at = at * self._chunk[1] + cols[first:stop] % CHUNK
+            tiles.reshape(-1, *self._tail)[at] = values[first:stop]
+            for tile, column in zip(tiles, touched.tolist(), strict=True):
+                if (chunk_row, column) in self._stored or not self._is_fill(tile):
+                    yield (chunk_row, column), tile
+
+    def _is_fill(self, part: Tile) -> bool:
+        if self._dtype.kind == "f":
+            return bool(np.isnan(part).all())
+        return bool((part == self._fill).all())
+
+    def _tile(self, index: Index) -> Tile:
+        """Return a whole chunk as it is now; the frame's border is padded."""
+        tile = np.full(self._chunk, self._fill, self._dtype)
+        if index in self._stored:
+            r0, c0 = index[0] * CHUNK, index[1] * CHUNK
+            now = self._data[r0 : r0 + CHUNK, c0 : c0 + CHUNK]
+            tile[: now.shape[0], : now.shape[1]] = now
+        return tile
+
+    def _store(
+        self, rows: npt.NDArray[np.integer], cols: npt.NDArray[np.integer], values: Tile
+    ) -> None:
+        tiles = self._tiles(rows, cols, values)
+        while batch := list(islice(tiles, 8 * _WORKERS)):  # bounds the memory held at a time
+            packed = _pool().map(_packed, [tile for _, tile in batch])
+            for (index, _), data in zip(batch, packed, strict=True):
+                offset = (index[0] * CHUNK, index[1] * CHUNK, *(0 for _ in self._tail))
+                self._data.id.write_direct_chunk(offset, data)
+                self._stored.add(index)
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Threads that pack, kept: a frame's layers are some hundred small batches."""
+    return ThreadPoolExecutor(_WORKERS, thread_name_prefix="gpusim.truth")
+
+
+def _packed(tile: Tile) -> bytes:
+    """Apply HDF5's shuffle filter (all first bytes, then all second bytes, …) and deflate.
+
+    The last bytes of a smooth field's numbers are noise, on which deflate spends most of its time
+    for nothing. So a plane of which a sample doesn't shrink is only stored; one zlib stream (RFC
+    1950) holds the planes one after the other, each flushed to a byte's border.
+    """
+    planes = np.ascontiguousarray(tile.reshape(-1).view(np.uint8).reshape(-1, tile.itemsize).T)
+    middle = planes.shape[1] // 2
+    parts = [b"\x78\x01"]
+    for number, plane in enumerate(planes):
+        sample = plane[middle : middle + _SAMPLE].tobytes()
+        shrinks = len(zlib.compress(sample, _LEVEL)) < _WORTH * len(sample)
+        deflate = zlib.compressobj(_LEVEL if shrinks else 0, zlib.DEFLATED, -zlib.MAX_WBITS)
+        last = number == len(planes) - 1
+        parts += [deflate.compress(plane), deflate.flush(zlib.Z_FINISH if last else _FLUSH)]
+    parts.append(zlib.adler32(planes.data).to_bytes(4, "big"))
+    return b"".join(parts)

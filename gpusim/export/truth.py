@@ -25,10 +25,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.chunks import ChunkedLayer
-from gpusim.export.hdf5_writing import writing_hdf5
-from gpusim.export.layers import LAYERS
+from gpusim.export.layers import LAYERS, ChunkedLayer
 from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
+from gpusim.files.hdf5_file import writing_hdf5
 
 __all__ = ["FrameWriter", "TruthWriter"]
 
@@ -55,8 +54,8 @@ class FrameWriter:
     ) -> None:
         """Write a rectangle whose upper left pixel is (``row0``, ``col0``).
 
-        ``values`` is (h, w) or (h, w, C) of any real dtype that fits the layer's. Blocks that cover
-        whole 256x256 chunks are fastest. Raises InputError if it doesn't fit into the frame.
+        ``values`` is (h, w) or (h, w, C) of any real dtype that fits the layer's. Raises InputError
+        if it doesn't fit into the frame.
         """
         self._layer(layer).write_block(row0, col0, values)
 

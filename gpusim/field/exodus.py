@@ -9,7 +9,7 @@ from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import scalar_names
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.exodus.reader import read_exodus_steps
+from gpusim.mesh.formats.exodus import read_exodus_steps
 
 __all__ = ["read_exodus_field"]
 

@@ -8,10 +8,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.names import scalar_names, vector_name
-from gpusim.files.file_series import SERIES_SUFFIXES, read_series
-from gpusim.files.input_file import InputFile, read_input
+from gpusim.files.input_file import SERIES_SUFFIXES, InputFile, read_input, read_series
 from gpusim.mesh.formats.cell_blocks import assemble, solid_nodes
-from gpusim.mesh.formats.vtk.vtu import VtuFile
+from gpusim.mesh.formats.vtu import VtuFile
 
 __all__ = ["read_vtu_field"]
 

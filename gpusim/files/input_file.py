@@ -2,25 +2,39 @@
 
 Everything that reads a mesh, deck, field, picture, calibration or scene file begins with
 `read_input` and goes on with what that returns. A file that is edited, replaced or removed while a
-run goes on can therefore never be mistaken for what was read.
+run goes on can therefore never be mistaken for what was read. Some files name others: those that
+mesh files and decks include, and the mesh file of each time in ParaView's .pvd and .series.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
+import json
 import os
+import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
+from os import PathLike
 from pathlib import Path
+from xml.etree import ElementTree
 
 from gpusim.errors import InputError
 
-__all__ = ["InputFile", "Reader", "open_input", "read_input"]
+__all__ = [
+    "SERIES_SUFFIXES",
+    "InputFile",
+    "Reader",
+    "included_files",
+    "open_input",
+    "read_input",
+    "read_series",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,3 +175,91 @@ def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
 def _open(path: str, flags: int) -> int:
     # non-blocking: to open a pipe that nobody writes to would wait for ever
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+_ABAQUS = re.compile(rb"^[ \t]*\*\s*INCLUDE\s*,\s*INPUT\s*=\s*([^,\r\n]+)", re.I | re.M)
+_NASTRAN = re.compile(rb"^[ \t]*INCLUDE\b[\s=]*('[^']*'|\"[^\"]*\"|[^\r\n$'\"]+)", re.I | re.M)
+_STATEMENTS = {".inp": _ABAQUS} | dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), _NASTRAN)
+_MOST = 1000
+
+
+def included_files(file: InputFile) -> tuple[InputFile, ...]:
+    """All files that a mesh file names with *INCLUDE or INCLUDE, and those that they name.
+
+    Raises InputError for one that can't be read; readers say in which line it is named. Files of
+    other kinds include nothing.
+    """
+    statement = _STATEMENTS.get(file.suffix)
+    if statement is None:
+        return ()
+    found = {str(file.path): file}
+    waiting = [file]
+    while waiting:
+        parent = waiting.pop()
+        for name in statement.findall(parent.data):
+            child = parent.path.parent / _text(name)
+            if str(child) not in found:
+                if len(found) > _MOST:
+                    raise InputError(
+                        f"{file.path}: includes more than {_MOST} files; expected fewer"
+                    )
+                found[str(child)] = read_input(child, "an included file")
+                waiting.append(found[str(child)])
+    return tuple(found.values())[1:]
+
+
+def _text(name: bytes) -> Path:
+    """A name without its quotes, and without the line ends within them."""
+    raw = re.sub(rb"[ \t]*\r?\n", b"", name.strip()).strip(b"'\" \t").replace(b"\0", b"")
+    try:
+        return Path(raw.decode("utf-8"))
+    except UnicodeDecodeError:
+        return Path(raw.decode("latin-1"))
+
+
+SERIES_SUFFIXES = (".pvd", ".series")
+
+
+def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path]]:
+    """(time, file) of each step, in growing time; relative files lie beside ``path``.
+
+    Raises InputError, naming the file: unreadable, empty, times that don't grow (of parallel
+    pieces, for example, which share theirs).
+    """
+    source = read_input(path, "a list of files")
+    file, text = source.path, source.text("a list of files")
+    try:
+        rows = _pvd(text) if source.suffix == ".pvd" else _json(text)
+    except (
+        ElementTree.ParseError,
+        ValueError,
+        ArithmeticError,
+        LookupError,
+        TypeError,
+        RecursionError,
+    ) as error:
+        raise InputError(
+            f"{file}: not a list of files with their times; got {type(error).__name__}: {error}; "
+            "expected ParaView's .pvd or .series"
+        ) from None
+    steps = sorted((time, file.parent / name) for time, name in rows)
+    if not steps:
+        raise InputError(f"{file}: names no files; expected one per time")
+    for (a, first), (b, second) in pairwise(steps):
+        if not a < b:
+            raise InputError(
+                f"{file}: two files of time {b:g}; got {first.name} and {second.name}; expected "
+                "one file per time, not pieces of a parallel run"
+            )
+    return steps
+
+
+def _pvd(text: str) -> list[tuple[float, str]]:
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ValueError("definitions of its own (DOCTYPE)")
+    entries = ElementTree.fromstring(text).iter("DataSet")
+    return [(float(entry.attrib["timestep"]), entry.attrib["file"]) for entry in entries]
+
+
+def _json(text: str) -> list[tuple[float, str]]:
+    return [(float(entry["time"]), str(entry["name"])) for entry in json.loads(text)["files"]]

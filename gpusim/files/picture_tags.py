@@ -1,4 +1,4 @@
-"""What a picture's file says beside its pixels: pages of a TIFF, white as zero, orientation.
+"""What the header of a picture's file says: its size, pages of a TIFF, white as zero, orientation.
 
 Cameras and programs that measure have to see the pixels as the sensor read them, so no decoder is
 left to turn a picture or to invert it by rules of its own: see `plain_tiff`.
@@ -15,7 +15,7 @@ from typing import Any
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["TIFF_MAGIC", "Page", "exif_orientation", "plain_tiff", "tiff_pages"]
+__all__ = ["TIFF_MAGIC", "exif_orientation", "plain_tiff", "tiff_pages"]
 
 TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _ORIENTATION, _PHOTOMETRIC, _REDUCED = 274, 262, 254

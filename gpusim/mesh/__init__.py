@@ -8,11 +8,9 @@ In the order in which data passes:
   0 at the others.
 - `quadrature`: Quadrature on the reference cells and faces of ``gpusim.mesh.shape_functions``.
   Pure data.
-- `jacobians`: Jacobians of the map from a reference cell.
 - `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
+- `quality`: Jacobians of the map from a reference cell, aspect ratio, distortion, bad cells.
 - `mesh`: The mesh: points, cells by type, and named sets.
-- `quality`: Cell quality: Jacobians, aspect ratio, distortion, and the cells that are bad, by
-  number.
 - `selection`: Named and geometric selections of nodes and faces.
 - `builders`: Meshes made by number, and meshes made from other meshes.
 - `formats`: Mesh files of other programs.
@@ -21,16 +19,15 @@ In the order in which data passes:
 from __future__ import annotations
 
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
-from gpusim.mesh.builders.cell_splitting import split
+from gpusim.mesh.builders.conversion import quadratic, split
 from gpusim.mesh.builders.grids import beam, box, crane
-from gpusim.mesh.builders.midside_nodes import quadratic
 from gpusim.mesh.builders.notches import Notch, notched
 from gpusim.mesh.builders.plates import bracket, plate_with_hole
 from gpusim.mesh.cell_types import CELL_TYPES, CellType
-from gpusim.mesh.formats.gmsh.cad import check_gmsh, mesh_cad
-from gpusim.mesh.formats.gmsh.element_sizes import SizeBox
+from gpusim.mesh.formats.cad import check_gmsh, mesh_cad
+from gpusim.mesh.formats.element_sizes import SizeBox
 from gpusim.mesh.formats.reader import read_mesh
-from gpusim.mesh.formats.surfaces.reader import read_surface
+from gpusim.mesh.formats.surfaces import read_surface
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quality import Quality, mesh_quality
 from gpusim.mesh.selection import select_faces, select_nodes

@@ -18,7 +18,7 @@ from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
 from gpusim.validation import unmasked
 
-__all__ = ["Faces", "boundary_faces", "set_faces"]
+__all__ = ["Cells", "Faces", "boundary_faces", "set_faces"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]

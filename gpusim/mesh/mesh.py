@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.jacobians import least_jacobian
+from gpusim.mesh.quality import least_jacobian
 from gpusim.validation import unmasked
 
 __all__ = ["Mesh"]

@@ -7,9 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from gpusim.errors import Fault, InputError
-from gpusim.files.file_series import SERIES_SUFFIXES, read_series
-from gpusim.files.includes import included_files
-from gpusim.files.input_file import InputFile, read_input
+from gpusim.files.input_file import (
+    SERIES_SUFFIXES,
+    InputFile,
+    included_files,
+    read_input,
+    read_series,
+)
 from gpusim.scene.faults.faults import unread
 from gpusim.scene.faults.key_path import dotted
 from gpusim.scene.faults.line_numbers import Keys

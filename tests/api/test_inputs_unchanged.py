@@ -13,7 +13,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
-from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.export.meshes import write_pvd, write_vtu
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from tests.support.small_scene import DOCUMENT, small_scene

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.export.correlation import write_correlation
-from gpusim.export.pictures import pages_of, read_grey
+from gpusim.files.picture_file import pages_of, read_grey
 from gpusim.measure import Status, dic, strain
 from tests.support.measure_images import speckles
 

@@ -14,7 +14,7 @@ import pytest
 
 from gpusim.deck import load_deck
 from gpusim.mesh import CELL_TYPES
-from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES
+from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
 from gpusim.mesh.shape_functions import reference_nodes
 from tests.support.deck_texts import step, write
 

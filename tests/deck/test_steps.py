@@ -10,8 +10,7 @@ import pytest
 from benchmarks.solver.reference import reference_solution
 from benchmarks.stability.hard_bodies import bar
 from gpusim.deck import Deck, Step, load_deck
-from gpusim.deck.constrained import solve_constrained
-from gpusim.deck.equations import Equations
+from gpusim.deck.constrained import Equations, solve_constrained
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, thermal
 from tests.support.deck_texts import FIXED, LABELS, MODEL, POINTS, deck, step, write

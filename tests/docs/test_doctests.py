@@ -32,7 +32,7 @@ PUBLIC = (
     "gpusim.surface.paint",
 )
 """Modules whose ``__all__`` is for users."""
-NEEDS = {"gpusim.mesh.formats.gmsh.cad": "gmsh"}
+NEEDS = {"gpusim.mesh.formats.cad": "gmsh"}
 """Modules whose examples run only where an optional package is installed."""
 MOST_CHARACTERS = 240
 """Of what an object shows at a prompt: no array is printed."""

@@ -12,7 +12,7 @@ import tifffile
 from PIL import Image
 
 from gpusim.errors import InputError
-from gpusim.export import images, recent
+from gpusim.export import images
 from gpusim.export.images import GreyImage, read_image, write_colour, write_image
 
 
@@ -154,11 +154,11 @@ def test_an_image_read_again_comes_from_memory_while_the_file_is_the_same(tmp_pa
 def test_the_images_seen_longest_ago_are_forgotten(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recent, "MOST_BYTES", 1500)
+    monkeypatch.setattr(images, "MOST_BYTES", 1500)
     paths = [write_image(tmp_path / f"{k}.png", np.full((20, 30), k, np.uint8)) for k in range(3)]
-    images = [read_image(path) for path in paths]
-    assert read_image(paths[2]) is images[2] and read_image(paths[1]) is images[1]
-    assert read_image(paths[0]) is not images[0] and np.array_equal(read_image(paths[0]), images[0])
+    read = [read_image(path) for path in paths]
+    assert read_image(paths[2]) is read[2] and read_image(paths[1]) is read[1]
+    assert read_image(paths[0]) is not read[0] and np.array_equal(read_image(paths[0]), read[0])
     large = write_image(tmp_path / "large.png", np.full((40, 40), 9, np.uint8))
     assert read_image(large) is not read_image(large)
     assert read_image(paths[0]) is read_image(paths[0])

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.export.stl import write_region_stls, write_stl
-from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.export.meshes import write_pvd, write_region_stls, write_stl, write_vtu
 from gpusim.mesh import CELL_TYPES
 from tests.support.element_meshes import SERENDIPITY, mesh_of, mixed_mesh, with_middles
 

@@ -20,7 +20,7 @@ from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.mesh import Mesh, box, plate_with_hole
-from gpusim.mesh.builders.cell_splitting import split
+from gpusim.mesh.builders.conversion import split
 
 
 def plate(kind: str, cells: tuple[int, int, int] = (14, 12, 3), thickness: float = 0.5) -> Mesh:

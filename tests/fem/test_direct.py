@@ -19,7 +19,7 @@ from gpusim.fem.direct_solvers.solver_choice import direct_solver, least_seconds
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
 from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.mesh import Mesh, box
-from gpusim.mesh.builders.cell_splitting import split
+from gpusim.mesh.builders.conversion import split
 
 RNG = np.random.default_rng(3)
 

@@ -103,7 +103,7 @@ ALLOWED = {
     "plan/machine_speed.py": "what is known of this machine's speed, in the cache folder",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",
-    "export/hdf5_writing.py": "into the temporary name that atomic_path gives",
+    "files/hdf5_file.py": "into the temporary name that atomic_path gives",
     "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
     "pipeline/runner/stage_runner.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/marker_cache.py": "np.savez into a stream of atomic_stream",

@@ -20,9 +20,8 @@ from typer.testing import CliRunner
 from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
-from gpusim.export.pictures import pages_of, read_grey
 from gpusim.files.input_file import read_input
-from gpusim.files.picture_file import decode
+from gpusim.files.picture_file import decode, pages_of, read_grey
 from gpusim.optics.light.panorama import read_panorama
 from gpusim.report.pictures import photo_uri
 from gpusim.surface.bitmap import Image

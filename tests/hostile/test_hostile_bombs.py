@@ -13,7 +13,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import GpusimError
-from gpusim.export.pictures import pages_of, read_grey
+from gpusim.files.picture_file import pages_of, read_grey
 from gpusim.scene import load_scene
 from tests.hostile.bombs import BOMBS, SECRET, Make
 from tests.hostile.tiny_runs import LIMIT, files

@@ -12,7 +12,7 @@ import pytest
 import tifffile
 
 from gpusim.errors import InputError
-from gpusim.export.pictures import pages_of, read_grey
+from gpusim.files.picture_file import pages_of, read_grey
 from tests.hostile.amount import SEED, share
 from tests.hostile.mutations import mutations
 from tests.hostile.tiny_runs import LIMIT

@@ -12,7 +12,7 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 from gpusim.mesh import Mesh, read_mesh
-from gpusim.mesh.formats.nastran.reader import read_bdf
+from gpusim.mesh.formats.nastran import read_bdf
 from gpusim.scene.files import find_files
 
 # a brick 2 x 3 x 5, in the order of its nodes

@@ -13,7 +13,7 @@ from scipy.io import netcdf_file
 
 from gpusim.errors import InputError
 from gpusim.mesh import CELL_TYPES, set_faces
-from gpusim.mesh.formats.exodus.reader import read_exodus, read_exodus_fields
+from gpusim.mesh.formats.exodus import read_exodus, read_exodus_steps
 from gpusim.mesh.shape_functions import reference_nodes
 
 Float = npt.NDArray[np.float64]
@@ -119,15 +119,13 @@ def test_orders_of_every_type(kind: str, hdf: bool, tmp_path: Path) -> None:
 @pytest.mark.parametrize("hdf", [False, True])
 def test_fields(hdf: bool, tmp_path: Path) -> None:
     path = write(tmp_path / "one.e", *content("wedge15"), hdf=hdf)
-    fields = read_exodus_fields(path)
-    assert fields.times.tolist() == [0.0, 0.5]
-    assert list(fields.nodal) == ["ux", "uy", "uz"]
-    assert fields.info == ("a = 1", "")
-    u = fields.vector(("ux", "uy", "uz"))
-    assert u.shape == (2, 15, 3) and u.dtype == np.float64 and u.dtype.isnative
-    np.testing.assert_array_equal(u[1], 2.0 * read_exodus(path).points)
-    with pytest.raises(InputError, match=r"unknown variable; got 'vx'; expected one of ux, uy, uz"):
-        fields.vector(("ux", "uy", "vx"))
+    mesh, steps = read_exodus_steps(path)
+    assert steps.times.tolist() == [0.0, 0.5]
+    assert steps.names == ("ux", "uy", "uz")
+    assert steps.info == ("a = 1", "")
+    u = steps.values(steps.names, 1)
+    assert u.shape == (15, 3) and u.dtype == np.float64 and u.dtype.isnative
+    np.testing.assert_array_equal(u, 2.0 * mesh.points)
 
 
 def test_blocks_of_several_types_and_of_none(tmp_path: Path) -> None:
@@ -213,4 +211,4 @@ def test_files_that_are_cut_off_or_something_else(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"part\.e: "):
         read_exodus(path)
     with pytest.raises(InputError, match="not found"):
-        read_exodus_fields(tmp_path / "absent.e")
+        read_exodus_steps(tmp_path / "absent.e")

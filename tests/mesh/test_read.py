@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.export.vtu import write_vtu
+from gpusim.export.meshes import write_vtu
 from gpusim.mesh import (
     CELL_TYPES,
     Mesh,

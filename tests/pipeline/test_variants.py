@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.export.pictures import read_grey
+from gpusim.files.picture_file import read_grey
 from gpusim.pipeline import run
 from gpusim.plan.plan import make_plan
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.export.vtu import write_vtu
+from gpusim.export.meshes import write_vtu
 from gpusim.mesh import boundary_faces, box
 from gpusim.pipeline.build.build import build_body
 from gpusim.pipeline.build.meshing import build_mesh, mesh_summary

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
-from gpusim.mesh.builders.grading import stepped_axis
-from gpusim.mesh.builders.notches import Notch, notch_axes, notched
+from gpusim.mesh.builders.notches import Notch, notch_axes, notched, stepped_axis
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.selection import select_faces
 

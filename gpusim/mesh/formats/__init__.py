@@ -2,22 +2,19 @@
 
 In the order in which data passes:
 
-- `text`: The lines of a text file from anywhere: line ends of every system, comments in Latin-1.
-- `file_numbers`: Messages about a mesh, in the numbers of the file that it comes from.
+- `text`: The lines of a text file from anywhere, and of those that it includes.
 - `coordinate_systems`: Coordinate systems in which files give nodes: rectangular, cylindrical,
   spherical.
-- `handedness`: Cells turned right-handed where a file format leaves the sense of their corners
-  open.
+- `numbering`: How other programs number kinds of cells, their nodes and their sides.
 - `cell_blocks`: What mesh files hold before it is a `Mesh`: blocks of any dimension, with named
   groups.
-- `meshio_types`: meshio, with the two cell types that its version 5.3 knows but has no dimension
-  for.
+- `abaqus`: Meshes in input files of Abaqus and CalculiX.
+- `nastran_cards`, `nastran`: Nastran's bulk data: its cards, and the mesh that they make.
+- `vtk`, `vtu`: VTK's unstructured grids: legacy files, XML.
+- `exodus`: Exodus II files: meshes, and the nodal results that a solver wrote over time.
 - `med`: MED files (Salome, Code_Aster): one mesh of one computing step, with its groups.
+- `msh_numbers`, `msh`: Gmsh's .msh files: their bytes, and the mesh that they hold.
+- `element_sizes`, `cad`: CAD files meshed by Gmsh, which is an optional dependency.
 - `reader`: Reading mesh files, by the ending of their name.
-- `abaqus`: Meshes in input files.
-- `nastran`: Bulk data.
-- `gmsh`: Its files, and CAD files that it meshes.
-- `vtk`: Unstructured grids.
-- `exodus`: Exodus II.
-- `surfaces`: Files of faces without solids.
+- `surfaces`: Faces without solids in STL, PLY, OBJ, OFF and glTF files.
 """

@@ -6,7 +6,8 @@ its lines and points into node sets.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,13 +16,14 @@ import numpy.typing as npt
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.mesh.formats.numbering import FLAT_CORNERS, dimension_of
 from gpusim.mesh.mesh import Mesh
 
 __all__ = [
-    "DIMENSIONS",
     "RawBlock",
     "RawMesh",
     "assemble",
+    "in_numbers_of_file",
     "index_of",
     "match_faces",
     "padded",
@@ -31,15 +33,6 @@ __all__ = [
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
 Long = npt.NDArray[np.int64]
-
-# Corners of the cells below solids; what isn't here and no cell type is an unknown solid.
-_CORNERS = {
-    "point1": 1, "line2": 2, "line3": 2, "tri3": 3, "tri6": 3, "tri7": 3, "quad4": 4, "quad8": 4,
-    "quad9": 4,
-}  # fmt: skip
-DIMENSIONS = {"point1": 0, "line2": 1, "line3": 1} | {
-    kind: 2 for kind, corners in _CORNERS.items() if corners > 2
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +81,7 @@ def assemble(raw: RawMesh, source: str) -> Mesh:
         No solid cells, a solid of unknown type (named with its count), a node number out of range,
         surfaces that are no faces of the solids; and what `Mesh` raises.
     """
-    solids = [b for b in raw.blocks if b.kind not in _CORNERS and len(b.nodes)]
+    solids = [b for b in raw.blocks if b.kind not in FLAT_CORNERS and len(b.nodes)]
     unknown = [b for b in solids if b.kind not in CELL_TYPES]
     if unknown:
         counts: dict[str, int] = {}
@@ -130,7 +123,7 @@ def solid_nodes(raw: RawMesh) -> npt.NDArray[np.bool_]:
     """(N,) the nodes of the file that belong to solids: those that `assemble` keeps, in order."""
     used = np.zeros(len(raw.points), dtype=bool)
     for block in raw.blocks:
-        if block.kind not in _CORNERS:
+        if block.kind not in FLAT_CORNERS:
             used[block.nodes.ravel()] = True
     return used
 
@@ -160,7 +153,7 @@ def _solids(solids: list[RawBlock], number: Long) -> tuple[dict[str, Int], dict[
 def _node_sets(raw: RawMesh, used: npt.NDArray[np.bool_], number: Long) -> dict[str, Int]:
     parts = {name: [nodes] for name, nodes in raw.node_groups.items()}
     for block in raw.blocks:
-        if DIMENSIONS.get(block.kind, 3) < 2:
+        if dimension_of(block.kind) < 2:
             for name, rows in block.groups.items():
                 parts.setdefault(name, []).append(block.nodes[rows].ravel())
     sets = {name: distinct(np.concatenate(nodes)) for name, nodes in parts.items()}
@@ -170,14 +163,14 @@ def _node_sets(raw: RawMesh, used: npt.NDArray[np.bool_], number: Long) -> dict[
 def _face_sets(
     mesh: Mesh, raw: RawMesh, used: npt.NDArray[np.bool_], number: Long, source: str
 ) -> dict[str, Int]:
-    surfaces = [b for b in raw.blocks if DIMENSIONS.get(b.kind) == 2 and len(b.nodes)]
+    surfaces = [b for b in raw.blocks if dimension_of(b.kind) == 2 and len(b.nodes)]
     if not surfaces:
         return {}
     named = any(block.groups for block in surfaces)
     wanted: list[tuple[str, Long]] = []
     for block in surfaces:
         groups = block.groups if named else {"surface": np.arange(len(block.nodes))}
-        corners = padded(block.nodes[:, : _CORNERS[block.kind]])
+        corners = padded(block.nodes[:, : FLAT_CORNERS[block.kind]])
         wanted += [(name, corners[rows]) for name, rows in groups.items()]
     if not wanted:
         return {}
@@ -236,3 +229,21 @@ def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, npt.NDArray[np.bool_]]:
     return owner[np.where(hit, best[asked], 0)] if len(owner) else np.zeros(
         (len(wanted), 2), dtype=np.int64
     ), hit
+
+
+_CELLS = re.compile(r"(?<=got )(?:for example )?(?:faces of )?cells? (\d+(?:(?:, | and )\d+)*)")
+
+
+def in_numbers_of_file(message: str, named: Callable[[int], str]) -> str:
+    """A mesh counts cells from 0: their numbers in what it says are replaced by ``named`` ones.
+
+    Examples
+    --------
+    >>> in_numbers_of_file("Mesh.cells: 2 inverted cells; got cells 0, 3 (J < 0)", "e{}".format)
+    '2 inverted cells; got e0 and e3 (J < 0)'
+    """
+
+    def replaced(found: re.Match[str]) -> str:
+        return " and ".join(named(int(number)) for number in re.findall(r"\d+", found[1]))
+
+    return _CELLS.sub(replaced, message.replace("Mesh.cells: ", ""))

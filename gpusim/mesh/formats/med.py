@@ -16,19 +16,12 @@ from gpusim.errors import InputError
 from gpusim.files.hdf5_file import Hdf5Object, read_hdf5
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
-from gpusim.mesh.formats.handedness import right_handed_cells
+from gpusim.mesh.formats.numbering import MED_KINDS, NODES, right_handed_cells
 
 __all__ = ["read_med"]
 
 Long = npt.NDArray[np.int64]
 
-_KINDS = {
-    "PO1": ("point1", 1), "SE2": ("line2", 2), "SE3": ("line3", 3), "TR3": ("tri3", 3),
-    "TR6": ("tri6", 6), "TR7": ("tri7", 7), "QU4": ("quad4", 4), "QU8": ("quad8", 8),
-    "QU9": ("quad9", 9), "TE4": ("tet4", 4), "T10": ("tet10", 10), "HE8": ("hex8", 8),
-    "H20": ("hex20", 20), "PY5": ("pyramid5", 5), "P13": ("pyramid13", 13), "PE6": ("wedge6", 6),
-    "P15": ("wedge15", 15),
-}  # fmt: skip
 # numbers and names of nodes and cells, which groups don't refer to
 _HARMLESS = {"NUM", "NOM", "GLB", "FAM"}
 _NO_PROFILE = "MED_NO_PROFILE_INTERNAL"
@@ -122,11 +115,11 @@ class _Reader:
         self, cells: str, name: str, points: npt.NDArray[np.float64], families: dict[int, list[str]]
     ) -> RawBlock:
         path = f"{cells}/{name}"
-        if name not in _KINDS:
+        if name not in MED_KINDS:
             count = int(self.attribute(f"{path}/NOD", "NBR", 1)) if f"{path}/NOD" in self.objects \
                 else 1  # fmt: skip
             return RawBlock(f"MED {name}", np.zeros((max(count, 0), 0), np.int64))
-        kind, width = _KINDS[name]
+        kind, width = MED_KINDS[name], NODES[MED_KINDS[name]]
         self.refuse_others(path, "NOD")
         flat = self.array(f"{path}/NOD")
         if flat.ndim != 1 or len(flat) % width or flat.dtype.kind not in "iu":

@@ -11,14 +11,14 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.formats.abaqus.reader import read_inp
+from gpusim.mesh.formats.cad import CAD_SUFFIXES
 from gpusim.mesh.formats.cell_blocks import RawMesh, assemble
-from gpusim.mesh.formats.exodus.reader import read_exodus
-from gpusim.mesh.formats.gmsh.cad import CAD_SUFFIXES
-from gpusim.mesh.formats.gmsh.msh import read_msh
+from gpusim.mesh.formats.exodus import read_exodus
 from gpusim.mesh.formats.med import read_med
-from gpusim.mesh.formats.nastran.reader import read_bdf
-from gpusim.mesh.formats.vtk.vtk import read_vtk
-from gpusim.mesh.formats.vtk.vtu import VtuFile
+from gpusim.mesh.formats.msh import read_msh
+from gpusim.mesh.formats.nastran import read_bdf
+from gpusim.mesh.formats.vtk import read_vtk
+from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["MESH_SUFFIXES", "PARALLEL", "read_mesh"]

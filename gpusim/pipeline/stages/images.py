@@ -11,8 +11,7 @@ from typing import Any
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.images import write_image
-from gpusim.export.recent import keep
+from gpusim.export.images import keep, write_image
 from gpusim.files.atomic_files import write_text
 from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.files.output_folder import inside

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.export.stl import write_region_stls
-from gpusim.export.vtu import write_pvd, write_vtu
+from gpusim.export.meshes import write_pvd, write_region_stls, write_vtu
 from gpusim.files.output_folder import inside
 from gpusim.optics.rendering.local_origin import origin_near
 from gpusim.pipeline.build.build import BodyParts

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from gpusim.export.pictures import read_grey
+from gpusim.files.picture_file import read_grey
 from gpusim.measure import Calibration, Chessboard, Sighting, calibrate, find_chessboard
 
 FOLDER = Path(os.environ.get("GPUSIM_PHOTOGRAPHS", "/usr/share/doc/opencv-doc/examples/data"))

@@ -1,4 +1,4 @@
-"""Elements of an Abaqus or CalculiX file: given and generated."""
+"""Elements of an Abaqus or CalculiX file: their types, given and generated."""
 
 from __future__ import annotations
 
@@ -9,14 +9,47 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh.formats.abaqus.cards import Card, nearest
-from gpusim.mesh.formats.abaqus.element_types import NODES, SOLID_TYPES
+from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.mesh.formats.abaqus.cards import Card, is_plain, nearest, whole
 from gpusim.mesh.formats.abaqus.nodes import MAX_GENERATED
-from gpusim.mesh.formats.abaqus.values import is_plain, whole
 
-__all__ = ["ElementBlock", "read_elements"]
+__all__ = ["SOLID_TYPES", "ElementBlock", "read_elements"]
 
 Int = npt.NDArray[np.int64]
+
+# Solid element types that share nodes and node order with ours.
+SOLID_TYPES = {
+    "C3D8": "hex8", "C3D8I": "hex8", "C3D8R": "hex8", "C3D8H": "hex8",
+    "C3D8IH": "hex8", "C3D8RH": "hex8",
+    "C3D20": "hex20", "C3D20R": "hex20", "C3D20H": "hex20", "C3D20RH": "hex20",
+    "C3D27": "hex27",
+    "C3D4": "tet4", "C3D4H": "tet4", "C3D10": "tet10", "C3D10M": "tet10", "C3D10H": "tet10",
+    "C3D10T": "tet10", "C3D6": "wedge6", "C3D6H": "wedge6", "C3D15": "wedge15", "C3D15H": "wedge15",
+    "C3D5": "pyramid5",
+}  # fmt: skip
+
+# Nodes of element types that aren't solids; shells and plane elements may name faces.
+_FLAT_TYPES = {
+    "S3": 3, "S3R": 3, "STRI3": 3, "STRI65": 6, "S4": 4, "S4R": 4, "S6": 6, "S8": 8, "S8R": 8,
+    "CPS3": 3, "CPS4": 4, "CPS6": 6, "CPS8": 8, "CPE3": 3, "CPE4": 4, "CPE6": 6, "CPE8": 8,
+    "CPS4R": 4, "CPS8R": 8, "CPE4R": 4, "CPE8R": 8, "CAX3": 3, "CAX4": 4, "CAX6": 6, "CAX8": 8,
+    "CAX8R": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8, "SFM3D3": 3, "SFM3D4": 4,
+}  # fmt: skip
+_LINE_TYPES = {
+    "T3D2": 2, "T3D3": 3, "B31": 2, "B31R": 2, "B32": 3, "B32R": 3, "B31H": 2, "B32H": 3, "D": 3,
+    "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOT1": 1, "DASHPOT2": 2, "DASHPOTA": 2,
+    "CONN3D2": 2, "GAPUNI": 2, "MASS": 1, "ROTARYI": 1, "DCOUP3D": 1, "R3D3": 3, "R3D4": 4,
+}  # fmt: skip
+
+NODES = {
+    **{name: CELL_TYPES[kind].nodes for name, kind in SOLID_TYPES.items()},
+    **_FLAT_TYPES,
+    **_LINE_TYPES,
+}
+"""Number of nodes of every element type that can be read."""
+
+
+_ELGEN = "the master element, and three times a count, an increment of nodes and one of elements"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +86,7 @@ def read_elements(cards: Sequence[Card]) -> tuple[list[ElementBlock], list[tuple
             blocks.append(_elements(card))
             sets += [(name, blocks[-1].labels)] if name else []
         elif card.keyword == "ELGEN":
-            for line, row in card.rows():
-                where = card.where(line)
+            for where, row in card.records(2, 10, _ELGEN, counted=True):
                 master, block = _generated(card, where, row, blocks)
                 generated += len(block.labels)
                 if generated > MAX_GENERATED:
@@ -111,11 +143,6 @@ def _generated(
     """*ELGEN: master element; count and increments of nodes and elements in a row, over rows, over
     layers. Returns the master and the new elements."""
     values = [whole(text or "0", where) for text in row]
-    if not 2 <= len(values) <= 10:
-        raise InputError(
-            f"{where}: got {len(row)} fields; expected the master element, and three times a "
-            "count, an increment of nodes and one of elements"
-        )
     values += [0] * (10 - len(values))
     # what is left out is 1 in the first row; further counts are 1, their increments 0
     counts = [values[1], values[4] or 1, values[7] or 1]

@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh.formats.abaqus.cards import Card
-from gpusim.mesh.formats.abaqus.values import LARGEST, is_plain, number, whole
+from gpusim.mesh.formats.abaqus.cards import LARGEST, Card, is_plain, number, whole
 from gpusim.mesh.formats.coordinate_systems import Frame, from_cylindrical, rotation
 
 __all__ = ["MAX_GENERATED", "NODE_CARDS", "Nodes"]
@@ -87,13 +86,8 @@ class Nodes:
     def _lines(self, card: Card) -> None:
         """*NGEN: first and last node, increment, and the centre of an arc."""
         circle = card.parameters.get("LINE", "").upper() == "C"
-        for line, row in card.rows():
-            where = card.where(line)
-            if not 2 <= len(row) <= (10 if circle else 3):
-                raise InputError(
-                    f"{where}: got {len(row)} fields; expected first node, last node, increment"
-                    f"{', centre, normal' if circle else ''}"
-                )
+        expected = "first node, last node, increment" + circle * ", centre, normal"
+        for where, row in card.records(2, 10 if circle else 3, expected, counted=True):
             first, last = whole(row[0], where), whole(row[1], where)
             step = whole(row[2], where) if len(row) > 2 and row[2] else 1
             if step == 0 or (last - first) % step or (last - first) // step < 1:
@@ -123,13 +117,8 @@ class Nodes:
 
     def _filling(self, card: Card, members: Callable[[str, str], Int]) -> None:
         """*NFILL: two node sets, the number of intervals between them, increment."""
-        for line, row in card.rows():
-            where = card.where(line)
-            if len(row) not in (3, 4):
-                raise InputError(
-                    f"{where}: got {len(row)} fields; expected two node sets, the number of "
-                    "intervals, increment"
-                )
+        expected = "two node sets, the number of intervals, increment"
+        for where, row in card.records(3, 4, expected, counted=True):
             first, last = members(row[0], where), members(row[1], where)
             count = whole(row[2], where)
             step = whole(row[3], where) if len(row) == 4 and row[3] else 1
@@ -171,10 +160,10 @@ def _arc(
 
 def _system(card: Card) -> Frame | None:
     """*SYSTEM: origin, a point on x; a point on the side of y. Without data: the global one."""
-    rows = list(card.rows())
+    rows = list(card.records())
     if not rows:
         return None
-    values = [[number(text or "0", card.where(line)) for text in row] for line, row in rows]
+    values = [[number(text or "0", where) for text in row] for where, row in rows]
     first = values[0] + [0.0] * (3 - len(values[0]))
     second = values[1] if len(values) > 1 else []
     if len(values) > 2 or len(first) not in (3, 6) or len(second) not in (0, 3):
@@ -189,7 +178,7 @@ def _system(card: Card) -> Frame | None:
     if not second:  # z stays, x is seen along it
         x[2] = origin[2]
         second = (origin + np.cross([0.0, 0.0, 1.0], x - origin)).tolist()
-    return Frame.from_x(origin, x, np.array(second), card.where(rows[0][0]))
+    return Frame.from_x(origin, x, np.array(second), rows[0][0])
 
 
 def _node_table(card: Card) -> Float:
@@ -210,7 +199,7 @@ def _node_table(card: Card) -> Float:
             if (np.abs(table) <= LARGEST).all() and (np.abs(labels) < 2**53).all():
                 if (labels % 1.0 == 0.0).all():
                     return table
-    rows: Sequence[list[float]] = [_node_row(row, card.where(line)) for line, row in card.rows()]
+    rows: Sequence[list[float]] = [_node_row(row, where) for where, row in card.records()]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
 

@@ -8,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Source, read_cards
 from gpusim.mesh.formats.abaqus.content import InpContent
-from gpusim.mesh.formats.abaqus.element_types import SOLID_TYPES, face_table
-from gpusim.mesh.formats.abaqus.elements import ElementBlock
-from gpusim.mesh.formats.abaqus.geometry import read_content
+from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES, ElementBlock
 from gpusim.mesh.formats.abaqus.keywords import check_mesh_cards
-from gpusim.mesh.formats.cell_blocks import match_faces, padded
-from gpusim.mesh.formats.file_numbers import in_numbers_of_file
+from gpusim.mesh.formats.cell_blocks import in_numbers_of_file, index_of, match_faces, padded
+from gpusim.mesh.formats.numbering import ABAQUS_SIDES, local_faces
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["LabelledMesh", "label_mesh", "read_inp"]
@@ -36,22 +35,16 @@ class LabelledMesh:
 
     def cell_index(self, labels: Int) -> Int:
         """Global cell numbers of element labels; labels that aren't solids are left out."""
-        order = np.argsort(self.cell_labels, kind="stable")
-        known = self.cell_labels[order]
-        place = np.minimum(np.searchsorted(known, labels), len(known) - 1)
-        return np.asarray(order[place[known[place] == labels]])
+        cells = index_of(self.cell_labels, labels)
+        return cells[cells >= 0]
 
     def face_pairs(self, labelled: Int) -> Int:
         """(K,2) pairs (cell, local face) of (element label, Abaqus face 1…6) pairs."""
-        order = np.argsort(self.cell_labels, kind="stable")
-        known = self.cell_labels[order]
-        place = np.minimum(np.searchsorted(known, labelled[:, 0]), len(known) - 1)
-        found = known[place] == labelled[:, 0]
-        cell = order[place[found]]
-        side = labelled[found, 1] - 1
+        cells = index_of(self.cell_labels, labelled[:, 0])
+        cell, side = cells[cells >= 0], labelled[cells >= 0, 1] - 1
         local = np.full(len(cell), -1)
         for kind, first, block in self.mesh.blocks():
-            table = face_table(kind)
+            table = local_faces(kind, ABAQUS_SIDES)
             mine = (cell >= first) & (cell < first + len(block))
             wrong = side[mine] >= len(table)
             if wrong.any():

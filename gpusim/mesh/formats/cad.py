@@ -20,8 +20,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble
-from gpusim.mesh.formats.gmsh.element_sizes import SizeBox, check_sizes, set_sizes
-from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
+from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, set_sizes
+from gpusim.mesh.formats.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
 
@@ -45,20 +45,6 @@ class _Part:
 
     tag: int
     names: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Options:
-    """The arguments of `mesh_cad`."""
-
-    size: float
-    order: int
-    hexahedra: bool
-    hex_dominant: bool
-    curvature: int
-    sizes: Mapping[str, float]
-    boxes: Sequence[SizeBox]
-    scale: float
 
 
 def mesh_cad(
@@ -132,7 +118,7 @@ def mesh_cad(
         raise InputError(f"{file.path}: the file is empty; expected a CAD file")
     if not time_limit > 0.0:
         raise InputError(f"mesh_cad: time_limit; got {time_limit}; expected seconds > 0")
-    options = _Options(
+    options = CadOptions(
         size, order, hexahedra, hex_dominant, curvature, dict(sizes or {}), tuple(boxes), scale
     )
     _check_options(file, options)
@@ -141,7 +127,7 @@ def mesh_cad(
     return assemble(raw, str(file.path))
 
 
-def _check_options(file: InputFile, ask: _Options) -> None:
+def _check_options(file: InputFile, ask: CadOptions) -> None:
     if ask.order not in (1, 2):
         raise InputError(f"mesh_cad: order; got {ask.order}; expected 1 or 2")
     if file.suffix == ".stl":
@@ -153,7 +139,7 @@ def _check_options(file: InputFile, ask: _Options) -> None:
         )
     if ask.hexahedra and ask.hex_dominant:
         raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
-    check_sizes(ask.size, ask.curvature, ask.sizes, ask.boxes, ask.scale)
+    check_sizes(ask)
 
 
 def check_gmsh(file: str) -> None:
@@ -170,7 +156,7 @@ def check_gmsh(file: str) -> None:
         )
 
 
-def _raw_mesh(file: InputFile, options: _Options) -> RawMesh:
+def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
     """The work of the child, which has a Gmsh of its own."""
     gmsh = _gmsh()
     gmsh.initialize([], readConfigFiles=False, run=False, interruptible=False)
@@ -194,17 +180,16 @@ def _raw_mesh(file: InputFile, options: _Options) -> RawMesh:
             raise InputError(
                 f"{file.path}: no solid; got {len(surfaces)} faces; expected a closed body"
             )
-        size, scale = options.size, options.scale
-        _refuse_too_many(gmsh, file, size, scale)
+        _refuse_too_many(gmsh, file, options.size, options.scale)
         named = {
             name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
                    for part in group if name in part.names]
             for name in {n for part in (*volumes, *surfaces) for n in part.names}
         }  # fmt: skip
-        set_sizes(gmsh, size, options.curvature, options.sizes, options.boxes, scale, named)
-        _generate(gmsh, options.order, options.hexahedra, options.hex_dominant)
+        set_sizes(gmsh, options, named)
+        _generate(gmsh, options)
         _refuse_errors(gmsh, file.path)
-        return _collect(gmsh, volumes, surfaces, scale)
+        return _collect(gmsh, volumes, surfaces, options.scale)
     except InputError:
         raise
     except Exception as error:  # Gmsh's own have no type of their own
@@ -294,13 +279,13 @@ def _parts(gmsh: Any, dimension: int) -> list[_Part]:
     return parts
 
 
-def _generate(gmsh: Any, order: int, hexahedra: bool, hex_dominant: bool) -> None:
+def _generate(gmsh: Any, ask: CadOptions) -> None:
     mesh = gmsh.model.mesh
-    if hexahedra or hex_dominant:
+    if ask.hexahedra or ask.hex_dominant:
         mesh.setTransfiniteAutomatic(recombine=True)
         mesh.generate(3)
-        kinds = {GMSH_TYPES.get(int(type_)) for type_ in mesh.getElementTypes(3)}
-        if hexahedra and kinds != {"hex8"}:
+        kinds = {GMSH_KINDS.get(int(type_)) for type_ in mesh.getElementTypes(3)}
+        if ask.hexahedra and kinds != {"hex8"}:
             mesh.clear()
             mesh.removeConstraints()
             gmsh.option.setNumber("Mesh.SubdivisionAlgorithm", 2)
@@ -308,7 +293,7 @@ def _generate(gmsh: Any, order: int, hexahedra: bool, hex_dominant: bool) -> Non
             mesh.generate(3)
     else:
         mesh.generate(3)
-    if order == 2:
+    if ask.order == 2:
         mesh.setOrder(2)
 
 
@@ -330,10 +315,10 @@ def _collect(
             types, _, nodes = gmsh.model.mesh.getElements(dimension, part.tag)
             names = part.names[1:] if dimension == 3 and plain else part.names
             for type_, flat in zip(types, nodes, strict=True):
-                kind = GMSH_TYPES.get(int(type_), f"Gmsh type {type_}")
-                if kind not in GMSH_NODES:
+                kind = GMSH_KINDS.get(int(type_), f"Gmsh type {type_}")
+                if kind not in NODES:
                     raise InputError(f"mesh_cad: got elements of {kind}; expected order 1 or 2")
-                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, GMSH_NODES[kind])
+                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, NODES[kind])
                 every = np.arange(len(rows))
                 groups = {name: every for name in names}
                 blocks.append(RawBlock(kind, from_gmsh_order(kind, rows), groups))

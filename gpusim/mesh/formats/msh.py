@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import DIMENSIONS, RawBlock, RawMesh, index_of
-from gpusim.mesh.formats.gmsh.element_types import GMSH_NODES, GMSH_TYPES, from_gmsh_order
-from gpusim.mesh.formats.gmsh.msh_numbers import MshNumbers, MshSource
+from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, index_of
+from gpusim.mesh.formats.msh_numbers import MshNumbers, MshSource
+from gpusim.mesh.formats.numbering import GMSH_KINDS, NODES, dimension_of, from_gmsh_order
 
 __all__ = ["read_msh"]
 
@@ -192,7 +192,7 @@ class _Reader(MshSource):
             dimension, entity, type_ = (int(n) for n in numbers.ints(3))
             count = int(numbers.sizes(1)[0])
             kind = self._kind(type_)
-            rows = numbers.sizes(count * (1 + GMSH_NODES[kind])).reshape(count, -1)
+            rows = numbers.sizes(count * (1 + NODES[kind])).reshape(count, -1)
             labels.append(rows[:, 0])
             groups = self.physical.get((dimension, entity), _NONE)
             every = np.arange(count)
@@ -238,7 +238,7 @@ class _Reader(MshSource):
             if self.binary:
                 type_, rows, tags = (int(n) for n in numbers.ints(3))
                 kind = self._kind(type_, tags)
-                width = 1 + tags + GMSH_NODES[kind]
+                width = 1 + tags + NODES[kind]
                 if rows == 1:  # Gmsh gives each element a head of its own
                     self.at -= 12
                     table = self.equal_head_records(width + 3, count - done)[:, 3:]
@@ -247,7 +247,7 @@ class _Reader(MshSource):
             else:
                 type_, tags = (int(n) for n in numbers.whole(numbers.peek(3)[1:]))
                 kind = self._kind(type_, tags)
-                table = numbers.alike(3 + tags + GMSH_NODES[kind], count - done)
+                table = numbers.alike(3 + tags + NODES[kind], count - done)
                 table = np.delete(table, (1, 2), axis=1)
             labels.append(table[:, 0])
             table = table[:, 1:]
@@ -283,12 +283,12 @@ class _Reader(MshSource):
     def _kind(self, type_: int, tags: int = 0) -> str:
         if tags < 0:
             self.fail(f"an element with {tags} tags; expected 0 or more")
-        if type_ not in GMSH_TYPES:
+        if type_ not in GMSH_KINDS:
             self.fail(
                 f"element type {type_}; expected first or second order, one of "
-                f"{', '.join(f'{n} ({k})' for n, k in GMSH_TYPES.items())}"
+                f"{', '.join(f'{n} ({k})' for n, k in GMSH_KINDS.items())}"
             )
-        return GMSH_TYPES[type_]
+        return GMSH_KINDS[type_]
 
     def _raw(self, block: Block, tags: Long) -> RawBlock:
         kind, nodes, groups = block
@@ -297,7 +297,7 @@ class _Reader(MshSource):
         wrong = np.argwhere(numbers < 0)
         if len(wrong):
             self.fail(f"a {kind} names node {nodes[tuple(wrong[0])]}, which isn't there")
-        dimension = DIMENSIONS.get(kind, 3)
+        dimension = dimension_of(kind)
         named: dict[str, Long] = {}
         for tag, rows in groups:
             name = self.names.get((dimension, tag), f"{_KIND_NAMES[dimension]}_{tag}")

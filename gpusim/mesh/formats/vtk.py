@@ -1,4 +1,4 @@
-"""Legacy VTK files (.vtk): unstructured grids, versions 1 to 5, as text or binary.
+"""VTK's cells, and legacy VTK files (.vtk): unstructured grids, versions 1 to 5, as text or binary.
 
 Format: "VTK File Formats", docs.vtk.org, simple legacy formats.
 """
@@ -13,13 +13,52 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import RawMesh
-from gpusim.mesh.formats.vtk.cell_types import vtk_blocks
+from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
+from gpusim.mesh.formats.numbering import NODES, VTK_KINDS, right_handed_wedges
 
-__all__ = ["read_vtk"]
+__all__ = ["read_vtk", "vtk_blocks"]
 
 Float = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
+
+
+def vtk_blocks(points: Float, nodes: Long, ends: Long, types: Long, source: str) -> list[RawBlock]:
+    """One block for each run of cells of one type.
+
+    Parameters
+    ----------
+    nodes : node numbers of all cells, one cell after another.
+    ends : (M,) place behind the last node of each cell.
+    types : (M,) VTK's numbers.
+    source : what a message begins with.
+
+    Raises InputError for lists that don't fit each other.
+    """
+    if len(types) != len(ends):
+        raise InputError(f"{source}: got {len(types)} cell types; expected {len(ends)}, as cells")
+    starts = np.concatenate([np.zeros(1, np.int64), ends[:-1]])[: len(ends)]
+    if (ends < starts).any() or (ends[-1] if len(ends) else 0) != len(nodes):
+        raise InputError(f"{source}: the numbers of nodes per cell don't add up to {len(nodes)}")
+    if nodes.size and not (nodes.min() >= 0 and nodes.max() < len(points)):
+        wrong = nodes[(nodes < 0) | (nodes >= len(points))][0]
+        raise InputError(
+            f"{source}: a cell names node {wrong}, which isn't there; expected 0 … "
+            f"{len(points) - 1}"
+        )
+    blocks = []
+    runs = np.flatnonzero(np.diff(types, prepend=types[:1] - 1)) if len(types) else types
+    for first, after in zip(runs, [*runs[1:], len(types)], strict=True):
+        kind = VTK_KINDS.get(int(types[first]), f"VTK type {types[first]}")
+        width = NODES.get(kind, 0)
+        if not width:
+            blocks.append(RawBlock(kind, np.zeros((after - first, 0), dtype=np.int64)))
+            continue
+        if (ends[first:after] - starts[first:after] != width).any():
+            raise InputError(f"{source}: a {kind} hasn't got {width} nodes")
+        rows = nodes[starts[first] : ends[after - 1]].reshape(-1, width)
+        blocks.append(RawBlock(kind, right_handed_wedges(kind, points, rows)))
+    return blocks
+
 
 _TYPES = {
     "double": ">f8", "float": ">f4", "int": ">i4", "unsigned_int": ">u4", "long": ">i8",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,24 +12,113 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.formats.abaqus.cards import Source
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble, index_of
-from gpusim.mesh.formats.file_numbers import in_numbers_of_file
-from gpusim.mesh.formats.nastran.card_names import ELEMENTS, SYSTEMS, check_card
-from gpusim.mesh.formats.nastran.cards import BdfCard, read_bdf_cards
-from gpusim.mesh.formats.nastran.coordinate_systems import Systems
-from gpusim.mesh.formats.nastran.values import integer, integers, reals
+from gpusim.mesh.formats.cell_blocks import (
+    RawBlock,
+    RawMesh,
+    assemble,
+    in_numbers_of_file,
+    index_of,
+)
+from gpusim.mesh.formats.coordinate_systems import Frame, from_cylindrical, from_spherical
+from gpusim.mesh.formats.nastran_cards import (
+    ELEMENTS,
+    SYSTEMS,
+    BdfCard,
+    check_card,
+    integer,
+    integers,
+    read_bdf_cards,
+    real,
+    reals,
+)
+from gpusim.mesh.formats.numbering import from_upright_first
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["read_bdf"]
 
 Float = npt.NDArray[np.float64]
+
+_LONGEST_CHAIN = 100
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """``kind`` R, C or S; three points in the system ``reference``, or at three grid points."""
+
+    card: BdfCard
+    kind: str
+    reference: int
+    points: Float | None
+    grids: tuple[int, ...] = ()
+
+
+class Systems:
+    """CORD1R, CORD1C, CORD1S, CORD2R, CORD2C and CORD2S; 0 is the basic system.
+
+    ``grids`` maps a grid point to its system and its coordinates there.
+    """
+
+    def __init__(self) -> None:
+        self.known: dict[int, _System] = {}
+        self.grids: Mapping[int, tuple[int, Float]] = {}
+        self._frames: dict[int, Frame] = {}
+
+    def read(self, card: BdfCard) -> None:
+        """One card; CORD1 may define two systems. Raises InputError."""
+        kind = card.name[5]
+        if card.name[4] == "1":
+            for start in (0, 4):
+                if card.field(start):
+                    numbers = [integer(card.field(start + k), card) for k in range(4)]
+                    one = _System(card, kind, 0, None, tuple(numbers[1:]))
+                    self._add(numbers[0], one)
+            return
+        points = np.array([real(card.field(k), card) for k in range(2, 11)]).reshape(3, 3)
+        reference = integer(card.field(1) or "0", card)
+        self._add(integer(card.field(0), card), _System(card, kind, reference, points))
+
+    def _add(self, number: int, system: _System) -> None:
+        if number in self.known or number == 0:
+            system.card.fail(f"a second coordinate system {number}; expected numbers of their own")
+        self.known[number] = system
+
+    def place(
+        self, number: int, points: Float, card: BdfCard, chain: tuple[int, ...] = ()
+    ) -> Float:
+        """Basic coordinates (N,3) of points (N,3) in a system, for ``card``. Raises InputError."""
+        if number == 0:
+            return points
+        if number not in self.known:
+            card.fail(f"in coordinate system {number}; expected 0 or one that a CORD card defines")
+        if number in chain or len(chain) > _LONGEST_CHAIN:
+            card.fail(
+                f"coordinate system {number} is defined by itself; expected a chain that ends"
+            )
+        system = self.known[number]
+        if system.kind == "C":
+            points = from_cylindrical(points)
+        elif system.kind == "S":
+            points = from_spherical(points)
+        if number not in self._frames:
+            self._frames[number] = self._frame(system, (*chain, number))
+        return self._frames[number].place(points)
+
+    def _frame(self, system: _System, chain: tuple[int, ...]) -> Frame:
+        if system.points is not None:
+            corners = self.place(system.reference, system.points, system.card, chain)
+        else:
+            rows = []
+            for grid in system.grids:
+                if grid not in self.grids:
+                    system.card.fail(f"names node {grid}, which isn't there")
+                number, point = self.grids[grid]
+                rows.append(self.place(number, point[None], system.card, chain)[0])
+            corners = np.array(rows)
+        return Frame.from_z(corners[0], corners[1], corners[2], system.card.where)
+
+
 Long = npt.NDArray[np.int64]
 
-# Nastran numbers the upright edges before those on top.
-_ORDER = {
-    "hex20": [*range(12), *range(16, 20), *range(12, 16)],
-    "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
-}
 _SHELLS = ("CTRIA", "CQUAD")
 
 
@@ -141,7 +230,7 @@ def _rows(kind: str, found: _Cells, labels: Long) -> Long:
     if len(wrong):
         card = found.cards[wrong[0, 0]]
         card.fail(f"{card.field(0)} names node {nodes[tuple(wrong[0])]}, which isn't there")
-    return rows[:, _ORDER[kind]] if kind in _ORDER else rows
+    return from_upright_first(kind, rows)
 
 
 def _groups(kind: str, found: _Cells) -> dict[str, Long]:

@@ -1,0 +1,330 @@
+"""Exodus II files: meshes, and the nodal results that a solver wrote over time.
+
+Classic netCDF is read through SciPy, netCDF-4 through HDF5. Node and side orders are those
+of the Exodus II manual (Schoof & Yarberry, SAND92-2137, section 4.8 and 4.9).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.io import netcdf_file
+
+from gpusim.errors import InputError
+from gpusim.files.hdf5_file import read_hdf5
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.formats.numbering import EXODUS_SIDES, from_upright_first, local_faces
+from gpusim.mesh.mesh import Mesh
+
+__all__ = ["ExodusSteps", "read_exodus", "read_exodus_steps"]
+
+T = TypeVar("T")
+
+# What the readers of the containers raise on damaged files, whatever place the damage is in.
+_DAMAGE = (
+    ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, RuntimeError,
+    SyntaxError, TypeError, ValueError,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ExodusContent:
+    """Variables of the file as plain arrays, and the element type of each block's connectivity."""
+
+    file: InputFile
+    arrays: Mapping[str, npt.NDArray[Any]]
+    element_types: Mapping[str, str]
+
+    @property
+    def path(self) -> str:
+        return str(self.file.path)
+
+    def nodal(self, numbers: Sequence[int]) -> list[npt.NDArray[Any]]:
+        """(T,N) values of each of these nodal variables, as they are stored."""
+        arrays = self.arrays
+        if _is_hdf5(self.file):  # where they were left until now
+            each = "|".join(str(number + 1) for number in numbers)
+            found = read_hdf5(self.file, f"vals_nod_var({each})?")
+            arrays = {name: one.data for name, one in found.items() if one.data is not None}
+        if "vals_nod_var" in arrays:
+            return [arrays["vals_nod_var"][:, number] for number in numbers]
+        names = [f"vals_nod_var{number + 1}" for number in numbers]
+        return [ExodusContent(self.file, arrays, {}).array(name) for name in names]
+
+    def array(self, name: str) -> npt.NDArray[Any]:
+        if name not in self.arrays:
+            raise InputError(f"{self.path}: not a complete Exodus file; got no variable {name!r}")
+        return self.arrays[name]
+
+    def names(self, name: str, ids: str, default: str, count: int) -> list[str]:
+        given = strings(self.arrays[name]) if name in self.arrays else []
+        given += [""] * (count - len(given))
+        numbers = self.arrays.get(ids, np.arange(1, count + 1))
+        return [
+            text or f"{default}_{int(number)}"
+            for text, number in zip(given[:count], numbers[:count], strict=True)
+        ]
+
+    def numbered(self, prefix: str) -> list[str]:
+        """Names of the variables ``prefix1``, ``prefix2``, … as far as they go."""
+        found = [name for name in self.arrays if name[len(prefix) :].isdigit()]
+        found = [name for name in found if name.startswith(prefix)]
+        return sorted(found, key=lambda name: int(name[len(prefix) :]))
+
+
+def guarded(file: InputFile, read: Callable[[], T]) -> T:
+    try:
+        return read()
+    except InputError as error:
+        text = str(error)
+        raise InputError(
+            text if text.startswith(str(file.path)) else f"{file.path}: {text}"
+        ) from None
+    except (OSError, *_DAMAGE) as error:
+        # SciPy meets damage in many ways
+        raise InputError(
+            f"{file.path}: damaged or cut off ({type(error).__name__}: {str(error)[:200]}); "
+            "expected a complete Exodus file"
+        ) from None
+
+
+def _is_hdf5(file: InputFile) -> bool:
+    return file.data[:8] == b"\x89HDF\r\n\x1a\n"
+
+
+def exodus_content(file: InputFile) -> ExodusContent:
+    """The variables; of HDF5 files without the values over time."""
+    if file.data[:4] in (b"CDF\x01", b"CDF\x02"):
+        with netcdf_file(file.stream(), "r", mmap=False) as classic:
+            kinds = {
+                name: _text(one.elem_type)
+                for name, one in classic.variables.items()
+                if name.startswith("connect") and hasattr(one, "elem_type")
+            }
+            arrays = {name: np.asarray(one.data) for name, one in classic.variables.items()}
+    elif _is_hdf5(file):
+        found = read_hdf5(file, "(?!vals_)[^/]*")
+        kinds = {
+            name: _text(one.attributes["elem_type"])
+            for name, one in found.items()
+            if name.startswith("connect") and "elem_type" in one.attributes
+        }
+        arrays = {name: one.data for name, one in found.items() if one.data is not None}
+    else:
+        raise InputError(
+            f"{file.path}: not an Exodus file; got first bytes {file.data[:8]!r}; expected netCDF "
+            "(classic, 64-bit offset, or netCDF-4)"
+        )
+    light = {
+        name: array if name.startswith("vals_") else native(array) for name, array in arrays.items()
+    }
+    return ExodusContent(file, light, kinds)
+
+
+def native(data: Any) -> npt.NDArray[Any]:
+    array = np.asarray(data)
+    return array.astype(array.dtype.newbyteorder("="))
+
+
+def _text(value: Any) -> str:
+    return value.decode("ascii", "replace") if isinstance(value, bytes) else str(value)
+
+
+def strings(letters: npt.NDArray[Any]) -> list[str]:
+    # as bytes, for NumPy's strings hide the zero that ends a text (rubbish may follow it)
+    rows = np.ascontiguousarray(letters).reshape(-1, letters.shape[-1])
+    texts = [row.tobytes().split(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
+    return ["".join(c if c.isprintable() else "?" for c in text) for text in texts]
+
+
+PathLike = str | os.PathLike[str] | InputFile
+Float = npt.NDArray[np.float64]
+Int = npt.NDArray[np.int32]
+
+# Family and nodes of an element -> our type; Exodus writes "HEX", "HEX8", "TETRA10", "TET4", ...
+_TYPE = {
+    ("HEX", 8): "hex8", ("HEX", 20): "hex20", ("HEX", 27): "hex27",
+    ("TET", 4): "tet4", ("TET", 10): "tet10",
+    ("WED", 6): "wedge6", ("WED", 15): "wedge15",
+    ("PYR", 5): "pyramid5", ("PYR", 13): "pyramid13",
+}  # fmt: skip
+
+_KNOWN = ", ".join(sorted(_TYPE.values()))
+
+# Elements that are no solids: their blocks are left out. Any other kind is refused.
+_FLAT = (
+    "SHE", "QUA", "TRI", "BAR", "BEA", "TRU", "EDG", "SPH", "CIR", "NOD", "POI", "LIN", "NUL",
+    "ROD",
+)  # fmt: skip
+
+
+class ExodusSteps:
+    """Nodal results, unpacked when they are asked for.
+
+    ``times`` (T,) float64, ``names`` of the nodal variables. ``info`` holds the information
+    records, in which some solvers keep their whole input.
+    """
+
+    def __init__(self, content: ExodusContent) -> None:
+        self._content = content
+        arrays = content.arrays
+        self.times = np.asarray(arrays.get("time_whole", np.zeros(0)), dtype=np.float64)
+        self.names = tuple(strings(arrays["name_nod_var"]) if "name_nod_var" in arrays else ())
+        records = arrays.get("info_records", np.zeros(0))
+        self.info = tuple(strings(records)) if records.ndim == 2 else ()
+        self._kept: dict[str, npt.NDArray[Any]] = {}
+
+    def values(self, names: Sequence[str], step: int) -> Float:
+        """(N, names) float64 of variables at a step. Raises InputError for damage."""
+
+        def read() -> Float:
+            new = [name for name in names if name not in self._kept]
+            if new:
+                found = self._content.nodal([self.names.index(name) for name in new])
+                self._kept.update(zip(new, found, strict=True))
+            columns = [native(self._kept[name][step]) for name in names]
+            return np.stack(columns, axis=1).astype(np.float64)
+
+        return guarded(self._content.file, read)
+
+
+def read_exodus(path: PathLike) -> Mesh:
+    """The mesh: element blocks as cell sets, node sets, side sets as face sets.
+
+    Sets without a name are called ``block_<id>``, ``nodeset_<id>``, ``sideset_<id>``. Sides of
+    blocks that aren't solids are left out. Raises InputError: not an Exodus file, cut off, no
+    solid elements, an element type that isn't known.
+    """
+    file = read_input(path, "an Exodus file")
+    return guarded(file, lambda: _mesh(exodus_content(file)))
+
+
+def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
+    """The mesh, and its nodal variables over time. Raises InputError as ``read_exodus``."""
+    file = read_input(path, "an Exodus file")
+
+    def both() -> tuple[Mesh, ExodusSteps]:
+        content = exodus_content(file)
+        return _mesh(content), ExodusSteps(content)
+
+    return guarded(file, both)
+
+
+def _points(content: ExodusContent) -> Float:
+    if "coord" in content.arrays:
+        points = np.asarray(content.array("coord"), dtype=np.float64).T
+    else:
+        axes = [f"coord{axis}" for axis in "xyz" if f"coord{axis}" in content.arrays]
+        if not axes:
+            content.array("coordx")
+        points = np.stack([content.array(axis).astype(np.float64) for axis in axes], axis=1)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(
+            f"{content.path}: not a solid mesh; got {points.shape[-1]} coordinates per node; "
+            "expected 3"
+        )
+    return points
+
+
+def _mesh(content: ExodusContent) -> Mesh:
+    points = _points(content)
+    connects = content.numbered("connect")
+    names = content.names("eb_names", "eb_prop1", "block", len(connects))
+    kinds, sizes = [], []  # of each block; "" for what isn't a solid
+    parts: dict[str, list[npt.NDArray[np.int64]]] = {}
+    for connect in connects:
+        nodes = content.array(connect)
+        kinds.append(_kind(content, connect, nodes.shape[1]))
+        sizes.append(len(nodes))
+        if kinds[-1]:
+            rows = from_upright_first(kinds[-1], nodes.astype(np.int64) - 1)
+            parts.setdefault(kinds[-1], []).append(rows)
+    if not parts:
+        written = {content.element_types.get(name, "").upper() or "unnamed" for name in connects}
+        raise InputError(
+            f"{content.path}: no solid elements; got {', '.join(sorted(written)) or 'none'}; "
+            f"expected one of {_KNOWN}"
+        )
+    cells = {kind: np.concatenate(rows).astype(np.int32) for kind, rows in parts.items()}
+    kind_of = np.repeat(
+        np.array(kinds), sizes
+    )  # by element number of the file, as its cell: -1 for none
+    cell_of = np.full(len(kind_of), -1, dtype=np.int64)
+    first = 0
+    for kind, block in cells.items():
+        cell_of[kind_of == kind] = first + np.arange(len(block))
+        first += len(block)
+    of_block = np.split(cell_of, np.cumsum(sizes)[:-1])
+    cell_sets = {
+        name: numbers.astype(np.int32)
+        for name, kind, numbers in zip(names, kinds, of_block, strict=True)
+        if kind
+    }
+    return Mesh(
+        points, cells, _node_sets(content), _face_sets(content, kind_of, cell_of), cell_sets
+    )
+
+
+def _kind(content: ExodusContent, connect: str, width: int) -> str:
+    """Our type of a block's elements, "" for what isn't a solid. Raises InputError."""
+    written = content.element_types.get(connect, "").upper()
+    kind = _TYPE.get((written[:3], width), "")
+    if not kind and written[:3] in {family for family, _ in _TYPE}:
+        raise InputError(
+            f"{content.path}: {connect}: element type {written} with {width} nodes; expected one "
+            f"of {_KNOWN}"
+        )
+    if not kind and written and not written.startswith(_FLAT):
+        raise InputError(
+            f"{content.path}: {connect}: elements of type {written[:40]}; expected one of {_KNOWN}"
+        )
+    return kind
+
+
+def _node_sets(content: ExodusContent) -> dict[str, Int]:
+    lists = content.numbered("node_ns")
+    ids = [int(name[len("node_ns") :]) for name in lists]
+    names = content.names("ns_names", "ns_prop1", "nodeset", max(ids, default=0))
+    return {
+        names[number - 1]: np.unique(content.array(name)).astype(np.int32) - 1
+        for name, number in zip(lists, ids, strict=True)
+    }
+
+
+def _face_sets(
+    content: ExodusContent, kinds: npt.NDArray[np.str_], cells: npt.NDArray[np.int64]
+) -> dict[str, Int]:
+    lists = content.numbered("elem_ss")
+    ids = [int(name[len("elem_ss") :]) for name in lists]
+    names = content.names("ss_names", "ss_prop1", "sideset", max(ids, default=0))
+    found = {}
+    for name, number in zip(lists, ids, strict=True):
+        element = content.array(name).astype(np.int64) - 1
+        side = content.array(f"side_ss{number}").astype(np.int64) - 1
+        if len(element) and not (0 <= element.min() and element.max() < len(kinds)):
+            raise InputError(
+                f"{content.path}: {name}: got elements {element.min() + 1} to {element.max() + 1}; "
+                f"expected 1 to {len(kinds)}"
+            )
+        local = np.full(len(side), -1)
+        for kind in np.unique(kinds[element]):
+            if not kind:
+                continue
+            mine = kinds[element] == kind
+            table = local_faces(str(kind), EXODUS_SIDES)
+            if side[mine].min() < 0 or side[mine].max() >= len(table):
+                raise InputError(
+                    f"{content.path}: side_ss{number}: got side {side[mine].max() + 1}; "
+                    f"expected 1 … {len(table)} for {kind}"
+                )
+            local[mine] = table[side[mine]]
+        solid = local >= 0
+        found[names[number - 1]] = np.stack([cells[element[solid]], local[solid]], axis=1).astype(
+            np.int32
+        )
+    return found

@@ -1,0 +1,390 @@
+"""Surfaces: faces without solids in STL, PLY, OBJ, OFF and glTF files.
+
+Each format has a function that takes a file and returns points (P, 3) float64 and faces (F, 4)
+int64 as they are written there, -1 as the last corner of a triangle. All refuse, with the line
+where there are lines, what they don't know.
+
+trimesh reads glTF alone: of the others it takes files that are cut off or say what it doesn't know,
+and its triangles are the halves of quadrilaterals.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile, read_input
+
+__all__ = ["read_surface"]
+
+Surface = tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]
+
+# what gives groups, looks and curves to an OBJ, and neither points nor faces
+_OBJ_HARMLESS = {"vt", "vn", "g", "o", "s", "usemtl", "mtllib", "l", "p", "mg", "lod"}
+
+
+def fail(file: InputFile, problem: str, line: int | None = None) -> NoReturn:
+    where = f":{line}" if line else ""
+    raise InputError(f"{file.path}{where}: {problem}")
+
+
+def text_lines(file: InputFile) -> Iterator[tuple[int, list[str]]]:
+    """Number and words of every line that has some, without comments (#)."""
+    for number, line in enumerate(file.data.decode("latin-1").splitlines(), start=1):
+        words = line.split("#", 1)[0].split()
+        if words:
+            yield number, words
+
+
+def stl(file: InputFile) -> Surface:
+    """All solids of a text file, or the triangles of a binary one."""
+    data = file.data
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) == 84 + 50 * count:
+        rows = np.frombuffer(data, np.uint8, offset=84).reshape(count, 50)
+        corners = rows[:, 12:48].copy().view("<f4").astype(np.float64).reshape(-1, 3)
+    elif data.lstrip()[:5].lower() == b"solid":
+        corners = _stl_corners(file)
+    else:
+        fail(file, f"an STL of {len(data)} bytes; got {count} triangles, which need "
+                   f"{84 + 50 * count}: cut off, or no STL")  # fmt: skip
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return corners, np.column_stack([faces, np.full(len(faces), -1)])
+
+
+def _stl_corners(file: InputFile) -> npt.NDArray[np.float64]:
+    corners: list[Sequence[float]] = []
+    solids, open_facet = 0, False
+    number = 0
+    for number, line in enumerate(file.data.decode("latin-1").splitlines(), start=1):
+        words = line.split()
+        word = words[0].lower() if words else ""
+        if word == "vertex":
+            corners.append(_numbers(file, words[1:], 3, number))
+        elif word in ("facet", "endfacet"):
+            if open_facet == (word == "facet") or len(corners) % 3:
+                fail(file, f"{word}; got {len(corners)} corners so far; expected 3 of each", number)
+            open_facet = word == "facet"
+        elif word in ("solid", "endsolid"):
+            solids += 1 if word == "solid" else -1
+        elif word not in ("", "outer", "endloop"):
+            fail(file, f"got {word[:40]!r}; expected vertex, facet, solid …", number)
+    if solids or open_facet:
+        fail(file, "no endsolid: the file is cut off", number)
+    return np.array(corners, dtype=np.float64).reshape(-1, 3)
+
+
+def _numbers(file: InputFile, words: Sequence[str], count: int, line: int) -> list[float]:
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError as error:
+        fail(file, f"{error}; expected {count} numbers", line)
+    if len(numbers) != count:
+        fail(file, f"got {len(numbers)} numbers; expected {count}", line)
+    return numbers
+
+
+def _whole(file: InputFile, words: Sequence[str], count: int, line: int) -> list[int]:
+    numbers = _numbers(file, words, count, line)
+    if not all(abs(number) < 2**53 and number == int(number) for number in numbers):
+        fail(file, f"got {' '.join(words)[:60]}; expected whole numbers", line)
+    return [int(number) for number in numbers]
+
+
+def obj(file: InputFile) -> Surface:
+    """Points and faces of all groups."""
+    points: list[list[float]] = []
+    faces: list[list[int]] = []
+    before: list[str] = []
+    for number, line in text_lines(file):
+        words = before + line
+        before = []
+        if words[-1] == "\\":  # goes on
+            before = words[:-1]
+            continue
+        if words[0] == "v":
+            values = _numbers(file, words[1:], len(words) - 1, number)
+            if len(values) not in (3, 4, 6, 7) or (len(values) in (4, 7) and values[3] != 1.0):
+                fail(file, f"got v {' '.join(words[1:])[:60]}; expected x, y, z", number)
+            points.append(values[:3])
+        elif words[0] == "f":
+            first = [word.split("/")[0] for word in words[1:]]
+            corners = _whole(file, first, len(first), number)
+            # a negative number counts from the last point so far
+            places = [corner - 1 if corner > 0 else len(points) + corner for corner in corners]
+            if 0 in corners:
+                fail(file, "a face names point 0; expected 1 and above, or below 0", number)
+            faces.append(_padded(file, places, number))
+        elif words[0] not in _OBJ_HARMLESS:
+            fail(file, f"got {words[0][:40]!r}; expected v, f, vt, vn, g, o, s, usemtl …", number)
+    return np.array(points).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 4)
+
+
+def _padded(file: InputFile, corners: list[int], line: int | None) -> list[int]:
+    if len(corners) not in (3, 4) or min(corners) < 0:
+        fail(file, f"a face of {len(corners)} corners, {corners[:6]}; expected 3 or 4 points that "
+                   "are there (triangulate the surface first)", line)  # fmt: skip
+    return [*corners, -1][:4]
+
+
+def off(file: InputFile) -> Surface:
+    """OFF and COFF (colours are passed over)."""
+    lines = text_lines(file)
+    number, words = next(lines, (1, [""]))
+    kind = words.pop(0)
+    if kind not in ("OFF", "COFF"):
+        fail(file, f"got {kind[:40]!r}; expected OFF or COFF", number)
+    if not words:
+        number, words = next(lines, (number, []))
+    points, faces = _whole(file, words[:2], 2, number)
+    rows = list(lines)
+    if min(points, faces) < 0 or len(rows) < points + faces:
+        fail(file, f"{points} points and {faces} faces; got {len(rows)} lines", number)
+    if len(rows) > points + faces:
+        fail(file, "more lines than its counts say", rows[points + faces][0])
+    width = 3 if kind == "OFF" else 7
+    place = [_numbers(file, words, width, line)[:3] for line, words in rows[:points]]
+    corners = []
+    for line, words in rows[points:]:
+        (size,) = _whole(file, words[:1], 1, line)
+        corners.append(_padded(file, _whole(file, words[1 : 1 + size], size, line), line))
+    return np.array(place).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 4)
+
+
+def gltf(file: InputFile) -> Surface:
+    """All meshes of a glTF where its nodes place them; a .gltf holds its buffers itself."""
+    import trimesh  # takes a second, for one format
+
+    kind = file.path.suffix.lower()[1:]
+    try:
+        scene = trimesh.load_scene(file.stream(), file_type=kind, process=False)
+        placed = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
+        found: Any = trimesh.util.concatenate(placed) if placed else trimesh.Trimesh()
+        points, faces = np.asarray(found.vertices), np.asarray(found.faces, np.int64)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, MemoryError) as error:
+        said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        fail(file, f"damaged, no glTF, or with buffers in other files (save as .glb); got {said}")
+    return points.reshape(-1, 3), np.column_stack([faces.reshape(-1, 3), np.full(len(faces), -1)])
+
+
+_TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
+    "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8", "int64": "i8", "uint64": "u8",
+}  # fmt: skip
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_CORNERS = ("vertex_indices", "vertex_index")
+
+
+@dataclass
+class _Element:
+    """Name and count; each property's name, type, and that of its count where it is a list."""
+
+    name: str
+    count: int
+    properties: list[tuple[str, str, str]] = field(default_factory=list)
+
+
+def ply(file: InputFile) -> Surface:
+    """Points and faces; colours, normals, edges and other elements are passed over."""
+    order, elements, start = _header(file)
+    for element in elements:
+        if element.name in ("tristrips", "multi_patch"):
+            fail(file, f"got element {element.name}; expected faces")
+    reader = _Text(file, start) if not order else _Binary(file, start, order)
+    points = np.zeros((0, 3))
+    faces: list[npt.NDArray[np.int64]] = []
+    for element in elements:
+        if element.count > len(file.data):
+            fail(
+                file, f"{element.count} entries {element.name} in {len(file.data)} bytes: cut off?"
+            )
+        columns = reader.rows(element)
+        if element.name == "vertex":
+            lacking = [axis for axis in "xyz" if not isinstance(columns.get(axis), np.ndarray)]
+            if lacking:
+                fail(file, f"no property {', '.join(lacking)} of vertex; expected x, y, z")
+            points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
+        elif element.name == "face":
+            lists = [columns[name] for name in _CORNERS if name in columns]
+            if not lists:
+                fail(file, "no property list vertex_indices of face; expected one")
+            for row in lists[0]:
+                if len(row) not in (3, 4):
+                    fail(file, f"a face of {len(row)} corners; expected 3 or 4 (triangulate first)")
+            faces += [np.append(row, -1)[:4].astype(np.int64) for row in lists[0]]
+    return points, np.array(faces, dtype=np.int64).reshape(-1, 4)
+
+
+def _header(file: InputFile) -> tuple[str, list[_Element], int]:
+    mark = file.data.find(b"end_header", 0, 100_000)
+    if not file.data.startswith(b"ply") or mark < 0:
+        fail(file, f"got {file.data[:12]!r}; expected ply … end_header")
+    order: str | None = None
+    elements: list[_Element] = []
+    for number, line in enumerate(file.data[:mark].decode("latin-1").splitlines(), start=1):
+        words = line.split()
+        if not words or words[0] in ("ply", "comment", "obj_info"):
+            continue
+        if words[0] == "format" and len(words) == 3 and words[1] in _ORDERS and words[2] == "1.0":
+            order = _ORDERS[words[1]]
+        elif words[0] == "element" and len(words) == 3 and words[2].isdigit():
+            elements.append(_Element(words[1], int(words[2][:18])))
+        elif words[0] == "property" and elements and len(words) == 3 and words[1] in _TYPES:
+            elements[-1].properties.append((words[2], _TYPES[words[1]], ""))
+        elif (
+            words[:2] == ["property", "list"] and elements and len(words) == 5
+            and {words[2], words[3]} <= _TYPES.keys() and "f" not in _TYPES[words[2]]
+        ):  # fmt: skip
+            elements[-1].properties.append((words[4], _TYPES[words[3]], _TYPES[words[2]]))
+        else:
+            fail(file, f"got {line.strip()[:60]!r}; expected format, element or property", number)
+    for element in elements:
+        names = [name for name, _, _ in element.properties]
+        if len(set(names)) < len(names):
+            fail(file, f"a property of {element.name} is there twice; got {', '.join(names)[:80]}")
+    if len({element.name for element in elements}) < len(elements):
+        fail(file, "an element is there twice")
+    if order is None:
+        fail(file, "no format; expected ascii, binary_little_endian or binary_big_endian 1.0")
+    end = file.data.find(b"\n", mark)
+    return order, elements, len(file.data) if end < 0 else end + 1
+
+
+class _Text:
+    """Entries of a text file: one after another, whatever their lines."""
+
+    def __init__(self, file: InputFile, start: int) -> None:
+        self.file, self.words, self.at = file, file.data[start:].split(), 0
+
+    def rows(self, element: _Element) -> dict[str, Any]:
+        found: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
+        for _ in range(element.count):
+            for name, _, counted in element.properties:
+                size = int(self.take(1, whole=True)[0]) if counted else 1
+                values = self.take(size, whole=bool(counted))
+                found[name].append(values if counted else values[0])
+        lists = {name for name, _, counted in element.properties if counted}
+        return {n: rows if n in lists else np.array(rows) for n, rows in found.items()}
+
+    def take(self, count: int, whole: bool = False) -> npt.NDArray[np.float64]:
+        words = self.words[self.at : self.at + count]
+        if count < 0 or len(words) != count:
+            fail(self.file, f"ends before its numbers do: got {len(words)}; expected {count}")
+        self.at += count
+        try:
+            values = np.array(words, dtype=np.float64)
+        except ValueError as error:
+            fail(self.file, f"{error}; expected numbers")
+        if whole and not ((np.abs(values) < 2.0**53).all() and (values == np.rint(values)).all()):
+            fail(self.file, f"got {values}; expected whole numbers")
+        return values
+
+
+class _Binary:
+    def __init__(self, file: InputFile, start: int, order: str) -> None:
+        self.file, self.at, self.order = file, start, order
+
+    def rows(self, element: _Element) -> dict[str, Any]:
+        if not any(counted for _, _, counted in element.properties):
+            return self.table(element, element.count, {})
+        found: dict[str, list[Any]] = {name: [] for name, _, _ in element.properties}
+        done = 0
+        while done < element.count:
+            # most files have lists of one length only: try as many rows as are like this one
+            sizes, start = {}, self.at
+            for name, kind, counted in element.properties:
+                if counted:
+                    sizes[name] = int(self.take(np.dtype(self.order + counted), 1)[0])
+                    if sizes[name] < 0:
+                        fail(self.file, f"a list of {sizes[name]} entries in {element.name}")
+                self.take(np.dtype(self.order + kind), sizes.get(name, 1))
+            rows = (len(self.file.data) - start) // (self.at - start)
+            self.at = start
+            table = self.table(element, min(rows, element.count - done), sizes)
+            alike = np.ones(len(table[element.properties[0][0]]), dtype=bool)
+            for name, size in sizes.items():
+                alike &= table[f"{name} count"] == size
+            count = len(alike) if alike.all() else int(np.argmin(alike))
+            for name in found:
+                found[name] += list(table[name][:count])
+            self.at = start + count * self.width
+            done += count
+        return found
+
+    def table(self, element: _Element, count: int, sizes: dict[str, int]) -> dict[str, Any]:
+        fields: list[Any] = []
+        for name, kind, counted in element.properties:
+            if counted:
+                fields += [(f"{name} count", self.order + counted),
+                           (name, self.order + kind, (sizes[name],))]  # fmt: skip
+            else:
+                fields.append((name, self.order + kind))
+        try:
+            dtype = np.dtype(fields)
+        except ValueError as error:
+            fail(self.file, f"properties of {element.name}: {error}")
+        self.width = dtype.itemsize
+        rows = self.take(dtype, count)
+        return {name: rows[name] for name in rows.dtype.names or ()}
+
+    def take(self, dtype: np.dtype[Any], count: int) -> npt.NDArray[Any]:
+        if self.at + count * dtype.itemsize > len(self.file.data):
+            fail(self.file, f"byte {self.at}: ends before its {count} entries do: cut off")
+        rows = np.frombuffer(self.file.data, dtype, count, self.at)
+        self.at += count * dtype.itemsize
+        return rows
+
+
+_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf, ".gltf": gltf}
+_FARTHEST = 1e15
+
+
+def read_surface(
+    path: str | os.PathLike[str] | InputFile,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
+    """Points (P, 3) and faces (F, 4), the last column -1 for triangles; any unit of length.
+
+    Points at the same place (an STL repeats them for every triangle) become one; faces that are
+    no faces then are left out. Raises InputError, naming the file, and the line of a text: faces of
+    more than four corners, and whatever else the format has that would change the surface.
+
+    Examples
+    --------
+    >>> cube = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
+    >>> gs.export.write_stl("cube.stl", cube.points, gs.mesh.boundary_faces(cube).nodes).name
+    'cube.stl'
+    >>> points, faces = gs.mesh.read_surface("cube.stl")
+    >>> points.shape, faces.shape
+    ((8, 3), (12, 4))
+    """
+    name = path.path if isinstance(path, InputFile) else Path(path)
+    kind = _FORMATS.get(name.suffix.lower())
+    if kind is None:
+        raise InputError(f"{name}: got {name.suffix!r}; expected one of {', '.join(_FORMATS)}")
+    file = read_input(path, "a file of faces")
+    points, faces = kind(file)
+    if not len(faces):
+        raise InputError(f"{name}: no triangles or quadrilaterals in space; expected some")
+    if not (np.abs(points) < _FARTHEST).all():
+        raise InputError(f"{name}: a coordinate isn't finite; expected numbers below {_FARTHEST:g}")
+    if faces.max() >= len(points) or faces[:, :3].min() < 0 or faces.min() < -1:
+        raise InputError(
+            f"{name}: a face names point {faces.max()}; got {len(points)} points, from 0"
+        )
+    points, merged = np.unique(points, axis=0, return_inverse=True)
+    faces = np.where(faces < 0, -1, merged.reshape(-1)[np.maximum(faces, 0)])
+    last = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
+    a, b, c, d = (points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]], points[last])
+    flat = ~(np.linalg.norm(np.cross(c - a, np.where((faces[:, 3] < 0)[:, None], b - a, d - b)),
+                            axis=1) > 0.0)  # fmt: skip
+    if flat.all():
+        raise InputError(f"{name}: {len(flat)} faces without area; expected some with")
+    return points, faces[~flat].astype(np.int32)
