@@ -14,22 +14,19 @@ from gpusim.arrays.congruence import noise
 from gpusim.errors import NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System, finest_matrix
-from gpusim.fem.device.arena import Arena
-from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
+from gpusim.fem.device.node_texels import Arena
 from gpusim.fem.device.tet_elements import TetElements
+from gpusim.fem.device.tet_forces import device_tets, operator_bytes, upload_operator
 from gpusim.fem.device.v_cycle import compile_kernels
 from gpusim.fem.direct_solvers.iterative_refinement import refine
-from gpusim.fem.direct_solvers.solver_choice import Direct
 from gpusim.fem.incompressibility.mixed_formulation import mixed_solver
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
-from gpusim.fem.krylov.error_estimates import Norm
-from gpusim.fem.krylov.load_cases import Progress, each_case
-from gpusim.fem.krylov.outer_iteration import Outcome, iterate
-from gpusim.fem.krylov.rounding_error import RoundingError
+from gpusim.fem.krylov.error_estimates import Norm, RoundingError
+from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
-from gpusim.fem.solve_plan import Options, SolvePlan
+from gpusim.fem.solve_plan import Direct, Options, SolvePlan
 from gpusim.gpu import Device
 
 __all__ = ["Result", "solve_system"]

@@ -12,14 +12,12 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.block_rows import BlockRows
-from gpusim.fem.assembly.node_numbering import Numbering
+from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.methods import Result, solve_system
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.model import Model
-from gpusim.fem.model.rigid_body_modes import check_supports
-from gpusim.fem.model.solution import Solution
+from gpusim.fem.model.model import Model, Solution, resolve_formulation
+from gpusim.fem.model.supports import check_supports
 from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -60,7 +58,7 @@ def solve(
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
     tolerance : relative displacement error to reach, in (0, 1); the estimates are documented in
-        ``gpusim.fem.krylov.stopping_criterion`` and
+        ``gpusim.fem.krylov.error_estimates`` and
         ``gpusim.fem.direct_solvers.iterative_refinement``.
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.

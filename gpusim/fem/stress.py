@@ -16,8 +16,7 @@ from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.fem.elements.strain import point_stress
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
 from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES

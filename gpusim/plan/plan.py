@@ -18,8 +18,7 @@ from typing import Any
 
 from gpusim._version import __version__
 from gpusim.plan.machine_speed import Speed
-from gpusim.plan.run_options import RunOptions
-from gpusim.plan.stages import Plan, PlannedStage, State, timed, works_of
+from gpusim.plan.stages import Plan, PlannedStage, RunOptions, State, timed, works_of
 from gpusim.plan.state import StateFile, variant_folder
 from gpusim.scene import Scene, plausibility
 from gpusim.scene.amplitudes import LoadHistory

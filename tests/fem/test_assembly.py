@@ -9,15 +9,14 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import assemble, assemble_groups, group_matrix
-from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.assembly.diagonal_blocks import invert_blocks
+from gpusim.fem.assembly.block_rows import block_matrix, invert_blocks
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
-from gpusim.fem.assembly.element_deformation import Deformation
 from gpusim.fem.assembly.matrix_product import RowsProduct
 from gpusim.fem.assembly.node_graph import NodeGraph
+from gpusim.fem.assembly.stiffness_rounding import Deformation
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
-from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.multigrid.transfer import NodeTransfer, in_single

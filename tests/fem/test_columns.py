@@ -12,10 +12,9 @@ from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.element_batches import Elements
 from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.rigid_body_modes import rigid_modes
-from gpusim.fem.multigrid.cell_stacks import thin_axes
-from gpusim.fem.multigrid.column_blocks import Columns, columns_across
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.model.supports import rigid_modes
+from gpusim.fem.multigrid.column_blocks import Columns, columns_across, thin_axes
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator

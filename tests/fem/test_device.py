@@ -12,17 +12,14 @@ from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.device.arena import Arena
-from gpusim.fem.device.block_product import DeviceProduct
-from gpusim.fem.device.block_texels import BlockTexels, rows_of_matrix
-from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
-from gpusim.fem.device.operator_form import device_tets, upload_operator
+from gpusim.fem.device.block_texels import SLICE, BlockTexels, RowSlices, rows_of_matrix
+from gpusim.fem.device.node_texels import Arena, node_texels, pair, read_nodes, vector_texels
 from gpusim.fem.device.relaxation import ColumnRelaxation, relaxation
-from gpusim.fem.device.row_slices import SLICE, RowSlices
-from gpusim.fem.device.stiffness import DeviceStiffness
+from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness
+from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.krylov.cg import DeviceCG
 from gpusim.fem.methods import _memory
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid

@@ -8,10 +8,10 @@ import pytest
 import gpusim.fem.lattice.lattice_cycle as lattice_cycle
 from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.lattice.equal_boxes import equal_boxes
+from gpusim.fem.lattice.lattice import equal_boxes
 from gpusim.fem.lattice.lattice_cycle import AggregateTransfer, cycle_dtype
 from gpusim.fem.lattice.stencil import stencil_of
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.mesh import Mesh, box

@@ -17,9 +17,8 @@ from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.krylov.cg import NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm
-from gpusim.fem.krylov.load_cases import each_case
-from gpusim.fem.krylov.outer_iteration import Outcome, iterate
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.krylov.outer_iteration import Outcome, each_case, iterate
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.mesh import Mesh, box
 from gpusim.parallel.cpu_budget import limited
 

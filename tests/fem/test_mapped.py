@@ -14,12 +14,11 @@ from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.geometric_coarsening import coarse_lattice
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
-from gpusim.fem.multigrid.transfer import NodeTransfer
+from gpusim.fem.multigrid.transfer import NodeTransfer, PlaneWeights
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic
 

@@ -15,7 +15,7 @@ from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.fem.krylov.cg import NumpyCG
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.gpu import Device, compare
 from gpusim.mesh import Mesh, box, select_faces
 

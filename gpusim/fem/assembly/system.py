@@ -11,10 +11,13 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.assembly.definiteness import check_finite
-from gpusim.fem.assembly.element_deformation import Deformation
 from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.assembly.stiffness_rounding import rounding_forces, signed
+from gpusim.fem.assembly.stiffness_rounding import (
+    Deformation,
+    check_finite,
+    rounding_forces,
+    signed,
+)
 from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.lattice.stencil import Stencil, stencil_of
 from gpusim.fem.model.model import Model
@@ -73,7 +76,7 @@ class System:
 
     def by_deformation(self) -> System:
         """The same with products that the rounding of turned elements' matrices doesn't reach
-        (see `gpusim.fem.assembly.element_deformation`); they take several times as long. ``apply``
+        (see `gpusim.fem.assembly.stiffness_rounding`); they take several times as long. ``apply``
         adds what is prescribed itself then, and ``right`` is the loads alone."""
         elements, scale = self.elements, self.scale
         factor = self.load_scale[:, None, None]

@@ -11,8 +11,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
 from gpusim.fem.assembly.block_rows import ranges
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import row_threads
+from gpusim.fem.device.node_texels import Allocator, row_threads
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 

@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import Pair
+from gpusim.fem.device.node_texels import Allocator, Pair
 from gpusim.gpu import Bindings, Recording
 
 __all__ = ["DeviceSum", "weighted_sum"]

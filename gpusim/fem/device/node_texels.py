@@ -1,26 +1,93 @@
-"""Nodal vectors as texels: (x, y, z, 0) per node, each load case followed by one texel of zeros.
+"""Device memory of one solve, and nodal vectors in it as texels.
 
-The zero texel is a node that doesn't move: a neighbour that carries what a row of blocks lacks to
-a sum of zero (see ``block_texels``).
+A vector has a texel (x, y, z, 0) per node, each load case followed by one texel of zeros. The zero
+texel is a node that doesn't move: a neighbour that carries what a row of blocks lacks to a sum of
+zero (see ``block_texels``).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
+from gpusim.gpu import Device, Kernel, Recording
+from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["Pair", "node_texels", "pair", "read_nodes", "row_threads", "vector_texels"]
+__all__ = [
+    "Allocator",
+    "Arena",
+    "Pair",
+    "node_texels",
+    "pair",
+    "read_nodes",
+    "row_threads",
+    "vector_texels",
+]
 
 Float = npt.NDArray[np.float64]
 
-
 # workgroups of the kernels that go by ``row_and_case``
 _GROUP = 64
+
+
+class Arena:
+    """A device whose buffers are remembered; ``release`` frees them. Use as a context manager."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self._buffers: list[Buffer | Texels] = []
+
+    def __enter__(self) -> Arena:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    @property
+    def limits(self) -> dict[str, int]:
+        return self.device.limits
+
+    @property
+    def real(self) -> str:
+        return self.device.real
+
+    def buffer(self, array: npt.NDArray[Any], label: str) -> Buffer:
+        """See ``Device.buffer``."""
+        result = self.device.buffer(array, label=label)
+        self._buffers.append(result)
+        return result
+
+    def real_buffer(self, array: npt.NDArray[np.float64], label: str) -> RealBuffer:
+        """See ``Device.real_buffer``."""
+        result = self.device.real_buffer(array, label=label)
+        self._buffers.append(result)
+        return result
+
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """See ``Device.texels``."""
+        result = self.device.texels(count, fmt, label)
+        self._buffers.append(result)
+        return result
+
+    def kernel(self, name: str, entry: str, constants: dict[str, float] | None = None) -> Kernel:
+        """See ``Device.kernel``."""
+        return self.device.kernel(name, entry=entry, constants=constants)
+
+    def recording(self, stage: str) -> Recording:
+        """See ``Device.recording``."""
+        return self.device.recording(stage)
+
+    def release(self) -> None:
+        """Free everything allocated so far."""
+        while self._buffers:
+            self._buffers.pop().release()
+
+
+Allocator = Device | Arena
 
 
 @dataclass(frozen=True, eq=False)

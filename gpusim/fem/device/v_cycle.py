@@ -12,19 +12,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import bsr_matrix
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_product import DeviceProduct, dense_blocks, product_bytes
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.interpolation import DeviceWeights
 from gpusim.fem.device.linear_combination import DeviceSum
-from gpusim.fem.device.node_texels import Pair, pair
+from gpusim.fem.device.node_texels import Allocator, Pair, pair
 from gpusim.fem.device.relaxation import (
     ColumnRelaxation,
     DeviceRelaxation,
     column_bytes,
     relaxation,
 )
-from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.device.stiffness import DeviceProduct, dense_blocks, product_bytes
+from gpusim.fem.device.tet_elements import TetTexels
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
 from gpusim.fem.multigrid.smoothers import Relaxation

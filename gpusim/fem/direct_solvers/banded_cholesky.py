@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
 from gpusim.arrays.path_sums import along_paths
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
-from gpusim.fem.assembly.definiteness import indefinite
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 
 __all__ = ["BandedFactor", "Ordering", "band_ordering"]
 

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.definiteness import indefinite
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor
+from gpusim.fem.krylov.error_estimates import VISIBLE, rounded
 from gpusim.fem.krylov.outer_iteration import Outcome
-from gpusim.fem.krylov.rounding_error import VISIBLE, rounded
 
 __all__ = ["refine"]
 

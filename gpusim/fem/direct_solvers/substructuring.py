@@ -24,9 +24,9 @@ from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from gpusim.arrays.congruence import unique_rows
-from gpusim.fem.assembly.definiteness import indefinite
 from gpusim.fem.assembly.element_batches import Group
 from gpusim.fem.assembly.matrix_product import shared
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 
 __all__ = ["Slabs", "SubstructuredFactor", "cut_slabs"]

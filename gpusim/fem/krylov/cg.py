@@ -16,10 +16,9 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import Pair, pair, vector_texels
-from gpusim.fem.device.operator_form import DeviceOperator
+from gpusim.fem.device.node_texels import Allocator, Pair, pair, vector_texels
 from gpusim.fem.device.relaxation import relaxation
+from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.buffer import RealBuffer
 from gpusim.gpu.texture_array import Texels

@@ -19,11 +19,10 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
 from gpusim.fem.lattice.lattice_runs import RunLayout, RunPattern
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
 from gpusim.fem.multigrid.smoothers import Relaxation
-from gpusim.fem.multigrid.transfer import MatrixTransfer
+from gpusim.fem.multigrid.transfer import MatrixTransfer, PlaneWeights
 
 __all__ = ["LatticeCycle", "LatticeLevel", "PlaneTransfer", "cycle_dtype"]
 

@@ -16,13 +16,13 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.lattice.lattice import Lattice
-from gpusim.fem.lattice.lattice_runs import RunLayout, RunPattern, numbering_axes
-from gpusim.fem.lattice.run_sums import RowSums
+from gpusim.fem.lattice.lattice_runs import RowSums, RunLayout, RunPattern, numbering_axes
 
 __all__ = ["Stencil", "StencilProduct", "stencil_of"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
+Real = npt.NDArray[np.floating]
 
 # fewer nodes aren't worth the trouble
 _LEAST = 4000

@@ -11,9 +11,8 @@ from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.elements.strain import internal_force, point_stress
-from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.fem.model.material import Material
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread

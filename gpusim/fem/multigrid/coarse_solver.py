@@ -16,7 +16,7 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from gpusim.fem.assembly.block_rows import pattern
-from gpusim.fem.assembly.definiteness import indefinite
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 
 __all__ = ["CoarseSolver", "narrow_order"]
 

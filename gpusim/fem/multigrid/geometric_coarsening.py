@@ -25,7 +25,7 @@ from gpusim.fem.assembly.element_batches import (
 )
 from gpusim.fem.elements.straight_tetrahedra import StraightTets
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights, plane_shares
+from gpusim.fem.multigrid.transfer import PlaneWeights, plane_shares
 from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes", "has_midsides"]

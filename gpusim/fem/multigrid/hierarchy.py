@@ -13,14 +13,17 @@ from scipy.sparse import bsr_matrix
 from gpusim.arrays.congruence import noise
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import group_matrix, lattice_stencil
-from gpusim.fem.assembly.block_rows import BlockRows
-from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks, invert_blocks, invert_repeated
+from gpusim.fem.assembly.block_rows import (
+    BlockRows,
+    diagonal_blocks,
+    invert_blocks,
+    invert_repeated,
+)
 from gpusim.fem.assembly.element_batches import Elements, Group, only_group
 from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.lattice.lattice import Lattice, find_lattice
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct
-from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.coarse_solver import CoarseSolver, narrow_order
 from gpusim.fem.multigrid.column_blocks import Columns, columns_across
 from gpusim.fem.multigrid.geometric_coarsening import (
@@ -32,7 +35,7 @@ from gpusim.fem.multigrid.geometric_coarsening import (
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
-from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, Transfer
+from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
 
 __all__ = ["Hierarchy", "Level", "build_hierarchy"]
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.fem.assembly.matrix_product import Product
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.operator_form import DeviceOperator
+from gpusim.fem.device.node_texels import Allocator
+from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
 from gpusim.fem.lattice.lattice_cycle import LatticeCycle
 from gpusim.fem.lattice.stencil import StencilProduct

@@ -13,8 +13,7 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
 from gpusim.arrays.congruence import noise
-from gpusim.fem.assembly.block_rows import pattern, ranges
-from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks
+from gpusim.fem.assembly.block_rows import diagonal_blocks, pattern, ranges
 from gpusim.fem.assembly.matrix_product import Product, RowsProduct, ahead, row_shares, shared
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns

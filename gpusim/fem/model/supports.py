@@ -1,4 +1,4 @@
-"""Which rigid-body motions do the supports leave free? Asked before anything is solved."""
+"""Supports: planes of symmetry, and which rigid-body motions supports leave free."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
-from gpusim.mesh import Mesh
+from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["check_supports", "rigid_modes"]
+__all__ = ["check_supports", "rigid_modes", "symmetry"]
 
 Float = npt.NDArray[np.float64]
 
@@ -27,6 +27,41 @@ _HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
 _MOST_PARTS = 60
 _THINNEST = 1e-7  # of its length: squared, a side's part in the rows is rounding
+
+
+def symmetry(mesh: Mesh, faces: Faces) -> npt.NDArray[np.bool_]:
+    """(N,3) bool for ``Model.fixed``: the displacement along the normal of flat ``faces``.
+
+    The faces must lie in one plane x, y or z = constant (1e-6 of the mesh's extent): supports are
+    along the axes. Raises InputError otherwise, saying what the faces look like.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.fem.symmetry(bar, gs.mesh.select_faces(bar, name="y_min")).sum(axis=0)
+    array([0, 6, 0])
+    """
+    if len(faces) == 0:
+        raise InputError("symmetry: no faces; got an empty selection; expected at least one face")
+    normals = faces.normals
+    mean = normals.mean(axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    nodes = faces.node_numbers()
+    along = mesh.points[nodes, axis]
+    extent = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    thickness = float(along.max() - along.min())
+    if not thickness <= 1e-6 * extent:
+        tilted = normals[np.argmin(np.abs(normals[:, axis]))]
+        shown = ", ".join(f"{value:.4g}" for value in tilted)
+        raise InputError(
+            f"symmetry: the {len(faces)} faces aren't in one plane across an axis; got "
+            f"{'xyz'[axis]} from {along.min():.6g} to {along.max():.6g}, a normal ({shown}); "
+            "expected a flat selection that looks along x, y or z (turn the mesh so that the "
+            "plane of symmetry does)"
+        )
+    fixed = np.zeros((mesh.node_count, 3), dtype=bool)
+    fixed[nodes, axis] = True
+    return fixed
 
 
 def rigid_modes(points: Float, origin: Float, length: float) -> Float:
