@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.congruence import noise
 from gpusim.errors import NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.system import System, finest_matrix
+from gpusim.fem.assembly.system import System
 from gpusim.fem.device.node_texels import Arena
 from gpusim.fem.device.tet_elements import TetElements
 from gpusim.fem.device.tet_forces import device_tets, operator_bytes, upload_operator
@@ -31,7 +31,6 @@ from gpusim.gpu import Device
 
 __all__ = ["Result", "solve_system"]
 
-Float = npt.NDArray[np.float64]
 
 # of conjugate gradients with pressures; with more something is wrong
 _MOST_WITH_PRESSURES = 600
@@ -193,13 +192,9 @@ def _multigrid(
 ) -> tuple[Multigrid, Callable[..., Outcome]]:
     """The preconditioner, and ``iterate`` with what it needs to know of it."""
     hierarchy = build_hierarchy(
-        finest_matrix(assembled.rows, system),
-        assembled.groups,
-        assembled.lattice,
-        system.free,
+        assembled,
+        system,
         model.mesh.points,
-        assembled.rows,
-        system.scale,
         stiff_in_bulk=plan.stiff_in_bulk,
         inverted=plan.on_device,
         uneven_stiffness=plan.uneven_stiffness,

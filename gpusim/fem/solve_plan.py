@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from functools import cache, partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System
@@ -37,7 +37,6 @@ __all__ = [
     "plan_solve",
 ]
 
-Float = npt.NDArray[np.float64]
 
 # operations per second
 _CHAIN_RATE = 1.2e10
@@ -81,8 +80,8 @@ class Direct:
 
 def direct_solver(
     assembled: Assembled,
-    free: npt.NDArray[np.bool_],
-    points: npt.NDArray[np.float64],
+    free: Bool,
+    points: Float,
     scale: float,
 ) -> Direct | None:
     """The cheaper of the direct solvers, or None where neither is to be thought of."""
@@ -123,7 +122,7 @@ def direct_solver(
     return min(found, key=lambda one: one.seconds, default=None)
 
 
-def least_seconds(assembled: Assembled, free: npt.NDArray[np.bool_]) -> float:
+def least_seconds(assembled: Assembled, free: Bool) -> float:
     """Less than ``direct_solver`` estimates, found by counting the unknowns of a lattice's planes;
     0 where there is no lattice, or that of a frame. Bodies as thick as they are long needn't be
     looked at any closer.

@@ -9,6 +9,7 @@ from numbers import Integral, Real
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.block_rows import BlockRows
@@ -24,8 +25,6 @@ from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
 __all__ = ["METHODS", "solve"]
-
-Float = npt.NDArray[np.float64]
 
 
 @unmasked()

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.assembly.matrix_product import shared
@@ -26,8 +27,6 @@ from gpusim.validation import unmasked
 
 __all__ = ["Stress", "principal", "stress", "von_mises"]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 _CHUNK = 4096
 # up to here a table over all keys is faster than sorting them
@@ -191,7 +190,7 @@ class _Part:
     kind: str
     cells: slice  # in the block
     numbers: slice  # global
-    block: npt.NDArray[np.int32]
+    block: Int
 
 
 class _Recovery:

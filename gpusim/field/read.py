@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.frd import read_frd
@@ -48,7 +49,6 @@ __all__ = [
     "vector_name",
 ]
 
-Float = npt.NDArray[np.float64]
 
 _VECTORS = ("displacement", "displacements", "disp", "displ", "u", "dis", "depl", "def")
 _SCALARS = ("disp", "displ", "displacement", "d", "u", "dis")
@@ -96,7 +96,7 @@ def read_exodus_field(file: InputFile, name: str | None = None) -> Field:
         raise InputError(f"{file.path}: no time steps; got a mesh without results")
     names = scalar_names(steps.names, name)
 
-    def step(number: int) -> npt.NDArray[np.float64]:
+    def step(number: int) -> Float:
         return steps.values(names, number)
 
     return Field(mesh, steps.times, step, name=str(file.path))

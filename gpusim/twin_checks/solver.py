@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix, random_array
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import invert_blocks
 from gpusim.fem.device.block_texels import BlockTexels
 from gpusim.fem.device.interpolation import DeviceWeights, apply_weights
 from gpusim.fem.device.linear_combination import _NAMES, DeviceSum, weighted_sum
 from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
-from gpusim.fem.device.relaxation import Float, relax_nodes, relaxation
+from gpusim.fem.device.relaxation import relax_nodes, relaxation
 from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness, apply_stiffness
 from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements
 from gpusim.fem.device.tet_forces import DeviceTets, apply_tets, element_forces

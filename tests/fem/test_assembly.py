@@ -11,7 +11,7 @@ from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import assemble, assemble_groups, group_matrix
 from gpusim.fem.assembly.block_rows import block_matrix, invert_blocks
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
-from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.assembly.stiffness_rounding import Deformation
 from gpusim.fem.elements.element_matrix import element_stiffness
@@ -150,7 +150,7 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     inverse = invert_blocks(rows.diagonal / scale, free)
     near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
     coarser = []
-    for matrix in (RowsProduct(rows, scale), block_matrix(rows, scale)):
+    for matrix in (RowsProduct(rows, scale), Product(block_matrix(rows, scale))):
         p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free, False)
         coarser.append((p, galerkin(matrix, p), mask))
     apart, whole = coarser

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
+from gpusim.fem.assembly.block_rows import BlockRows
+from gpusim.fem.assembly.system import make_system
 from gpusim.fem.device.block_texels import SLICE, BlockTexels, RowSlices, rows_of_matrix
 from gpusim.fem.device.node_texels import Arena, node_texels, pair, read_nodes, vector_texels
 from gpusim.fem.device.relaxation import ColumnRelaxation, relaxation
@@ -79,18 +81,9 @@ def bent_tetrahedra() -> Mesh:
 def assembled_and_hierarchy(model: Model) -> tuple[Assembled, Hierarchy, np.ndarray]:
     assert model.fixed is not None
     assembled = assemble(model, resolve_formulation(model, None))
-    matrix = block_matrix(assembled.rows, 1024.0)
-    free = ~model.fixed
-    hierarchy = build_hierarchy(
-        matrix,
-        assembled.groups,
-        assembled.lattice,
-        free,
-        model.mesh.points,
-        assembled.rows,
-        1024.0,
-    )
-    return assembled, hierarchy, free
+    system = replace(make_system(model, assembled), scale=1024.0, stencil=None)
+    hierarchy = build_hierarchy(assembled, system, model.mesh.points)
+    return assembled, hierarchy, ~model.fixed
 
 
 MESHES = {

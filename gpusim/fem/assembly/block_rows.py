@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix
+
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 
 __all__ = [
     "BlockRows",
@@ -31,10 +32,6 @@ __all__ = [
     "pattern",
     "ranges",
 ]
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +140,7 @@ def diagonal_blocks(matrix: bsr_matrix) -> Float:
     return blocks
 
 
-def invert_blocks(blocks: Float, free: npt.NDArray[np.bool_]) -> Float:
+def invert_blocks(blocks: Float, free: Bool) -> Float:
     """Inverse of the free sub-block of each symmetric (B,s,s) block, zeros elsewhere.
 
     ``free`` (B,s). Blocks that are singular on their free unknowns get a pseudo-inverse.
@@ -157,9 +154,7 @@ def invert_blocks(blocks: Float, free: npt.NDArray[np.bool_]) -> Float:
     return result
 
 
-def invert_repeated(
-    blocks: Float, kind: npt.NDArray[np.int32], free: npt.NDArray[np.bool_]
-) -> Float:
+def invert_repeated(blocks: Float, kind: Int, free: Bool) -> Float:
     """The same for blocks ``blocks[kind]``: each distinct one is inverted once for all nodes where
     the same unknowns are free. ``blocks`` (C,s,s), ``kind`` (B,), ``free`` (B,s)."""
     size = free.shape[1]
@@ -187,7 +182,7 @@ def _regular(blocks: Float) -> Float:
     return np.where(good[:, None, None], inverse, np.nan)
 
 
-def _careful(blocks: Float, free: npt.NDArray[np.bool_]) -> Float:
+def _careful(blocks: Float, free: Bool) -> Float:
     size = blocks.shape[1]
     both = free[:, :, None] & free[:, None, :]
     diagonal = np.where(free, np.einsum("bii->bi", blocks), 1.0)

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.congruence import congruence_classes, mix, unique_rows
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element_matrix import element_stiffness
@@ -35,10 +36,6 @@ __all__ = [
     "repeating",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36

@@ -10,15 +10,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import _sparsetools, bsr_matrix
 
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
+from gpusim.arrays.array_types import Bool, Float, Int, Real
+from gpusim.fem.assembly.block_rows import (
+    BlockRows,
+    block_matrix,
+    diagonal_blocks,
+    invert_blocks,
+)
 from gpusim.parallel.cpu_budget import processors
 
 __all__ = [
@@ -33,9 +38,6 @@ __all__ = [
     "transpose_pattern",
 ]
 
-Float = npt.NDArray[np.float64]
-Real = npt.NDArray[np.floating]
-Int = npt.NDArray[np.int32]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -130,7 +132,13 @@ def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:
 
 
 class Product:
-    """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype."""
+    """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype.
+
+    A is (``others``, and ``diagonal`` (B,s,s) beside it if that is stored ``apart``) / ``scale``.
+    """
+
+    apart = False
+    scale = 1.0
 
     def __init__(self, matrix: bsr_matrix) -> None:
         self._matrix = matrix
@@ -142,6 +150,18 @@ class Product:
     @property
     def matrix(self) -> bsr_matrix:
         return self._matrix
+
+    @property
+    def others(self) -> bsr_matrix:
+        return self._matrix
+
+    @cached_property
+    def diagonal(self) -> Float:
+        return diagonal_blocks(self._matrix)
+
+    def block_inverse(self, free: Bool) -> Float:
+        """Inverted diagonal blocks (B,s,s) of A, zero where not ``free`` (B,s)."""
+        return invert_blocks(np.asarray(self.diagonal / self.scale), free)
 
     @property
     def unknowns(self) -> int:
@@ -184,6 +204,8 @@ class RowsProduct(Product):
     """x (L,3N) -> K x / scale for block rows that are all of their own kind: their table is the
     matrix, but for the diagonal, and isn't stored a second time. ``scale`` is a power of two."""
 
+    apart = True
+
     def __init__(self, rows: BlockRows, scale: float) -> None:
         count = rows.node_count
         shape = (3 * count, 3 * count)
@@ -205,13 +227,7 @@ class RowsProduct(Product):
         return block_matrix(self._rows, self.scale)
 
     @property
-    def others(self) -> bsr_matrix:
-        """K without its diagonal blocks."""
-        return self._matrix
-
-    @property
     def diagonal(self) -> Float:
-        """(N,3,3) diagonal blocks of K."""
         return self._rows.diagonal
 
     def _add(self, part: _Rows, x: Float, into: Float) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.congruence import mix, unique_hashes
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
@@ -27,9 +28,6 @@ from gpusim.mesh import Mesh
 
 __all__ = ["NodeGraph", "Numbering", "row_sums"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 # elements whose blocks are formed and added at a time: they should stay in the cache
 _PORTION = 512
@@ -166,7 +164,7 @@ class NodeGraph:
         self,
         table: Float,
         place: Int,
-        wanted: npt.NDArray[np.bool_] | None,
+        wanted: Bool | None,
         own: Int | None = None,
     ) -> None:
         """Add the elements' blocks, the lesser node's row, to the rows ``place`` (edges,) of
@@ -196,7 +194,7 @@ class NodeGraph:
             part = slice(first, first + _MIRRORED)
             table[below[part]] = np.take(table[above[part]], _TRANSPOSED, axis=1)
 
-    def _ends_of_rows(self) -> tuple[Int, npt.NDArray[np.bool_]]:
+    def _ends_of_rows(self) -> tuple[Int, Bool]:
         """Edge of every block of the pattern, and whether its row is the greater node's."""
         edge_of = np.empty(2 * self._edges, dtype=np.int32)
         edge_of[self._above] = edge_of[self._below] = np.arange(self._edges, dtype=np.int32)

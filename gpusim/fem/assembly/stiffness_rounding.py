@@ -24,8 +24,8 @@ from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.congruence import mix
 from gpusim.arrays.error_free_sums import high_half, two_sum
 from gpusim.errors import NotConverged
@@ -49,8 +49,6 @@ __all__ = [
     "signed",
 ]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 # elements that are taken at a time, so that their numbers stay in the cache
 _PORTION = 1024
@@ -64,7 +62,7 @@ _FLAT = 64.0 * np.finfo(np.float64).eps
 _OWN_ROUNDING = 1.0
 
 
-def check_finite(values: npt.NDArray[np.float64], what: str) -> None:
+def check_finite(values: Float, what: str) -> None:
     """Raise NotConverged unless all ``values`` are finite."""
     if not np.isfinite(values).all():
         raise NotConverged(

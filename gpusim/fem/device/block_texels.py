@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.arrays.congruence import mix
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import ahead
@@ -39,9 +40,6 @@ __all__ = [
     "rows_of_matrix",
 ]
 
-Long = npt.NDArray[np.int64]
-Single = npt.NDArray[np.float32]
-Float = npt.NDArray[np.float64]
 
 SLICE = 8
 # nodes are sorted by the length of their rows within as many of them

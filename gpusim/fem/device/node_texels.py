@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Real, Single
 from gpusim.gpu import Device, Kernel, Recording
 from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.texture_array import Texels
@@ -28,7 +29,6 @@ __all__ = [
     "vector_texels",
 ]
 
-Float = npt.NDArray[np.float64]
 
 # workgroups of the kernels that go by ``row_and_case``
 _GROUP = 64
@@ -61,7 +61,7 @@ class Arena:
         self._buffers.append(result)
         return result
 
-    def real_buffer(self, array: npt.NDArray[np.float64], label: str) -> RealBuffer:
+    def real_buffer(self, array: Float, label: str) -> RealBuffer:
         """See ``Device.real_buffer``."""
         result = self.device.real_buffer(array, label=label)
         self._buffers.append(result)
@@ -129,7 +129,7 @@ def vector_texels(device: Allocator, cases: int, nodes: int, label: str) -> Texe
     return device.texels(cases * (nodes + 1), "rgba32float", label)
 
 
-def node_texels(values: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+def node_texels(values: Real) -> Single:
     """(L,N,3) as (L (N+1), 4) float32."""
     cases, nodes = values.shape[:2]
     result = np.zeros((cases, nodes + 1, 4), dtype=np.float32)
@@ -143,7 +143,7 @@ def pair(device: Allocator, cases: int, nodes: int, label: str, *, rounded: bool
     return Pair(high, None if rounded else vector_texels(device, cases, nodes, f"{label}.low"))
 
 
-def read_nodes(texels: Texels, cases: int) -> npt.NDArray[np.float32]:
+def read_nodes(texels: Texels, cases: int) -> Single:
     """The (L,N,3) values of a vector."""
     return texels.read().reshape(cases, -1, 4)[:, :-1, :3]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.linear_combination import DeviceSum
 from gpusim.fem.device.node_texels import Allocator, Pair, row_threads, vector_texels
@@ -23,8 +23,6 @@ from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
-
-Float = npt.NDArray[np.float64]
 
 
 def relax_nodes(

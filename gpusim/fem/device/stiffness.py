@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.device.block_texels import BlockTexels, RowPart, block_texels_bytes
@@ -32,8 +32,6 @@ __all__ = [
     "product_bytes",
 ]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 _CHUNK = 1024
 

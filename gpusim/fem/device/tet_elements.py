@@ -25,6 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Single
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import DistinctGroup, Elements, Integrated
 from gpusim.fem.device.block_texels import WINDOW
@@ -36,9 +37,6 @@ from gpusim.gpu.texture_array import Texels, most_texels
 
 __all__ = ["TetElements", "TetTexels", "tet_elements", "tet_texels_bytes"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 _RULE = ELEMENTS["tet10"].rule("full")
 _CELL, _ROOTS, _FORCES = 3, 5, 15
@@ -171,7 +169,7 @@ def _cell_texels(elements: TetElements) -> npt.NDArray[np.uint32]:
     return result.reshape(-1, 4)
 
 
-def _root_texels(elements: TetElements, scale: float) -> npt.NDArray[np.float32]:
+def _root_texels(elements: TetElements, scale: float) -> Single:
     # the kernels' k-th point is the one next to corner k
     points = ELEMENTS["tet10"].rule("full").points
     near = np.argmax(np.column_stack([1.0 - points.sum(axis=1), points]), axis=1)

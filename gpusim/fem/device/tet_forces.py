@@ -8,8 +8,8 @@ an assembled K are 40, 3 kB. Curved elements differ by three more sets of gradie
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.device.block_texels import block_texels_bytes
 from gpusim.fem.device.node_texels import Allocator, Pair, pair
@@ -27,8 +27,6 @@ __all__ = [
     "operator_bytes",
     "upload_operator",
 ]
-
-Float = npt.NDArray[np.float64]
 
 
 def element_forces(elements: TetElements, u: Float) -> Float:

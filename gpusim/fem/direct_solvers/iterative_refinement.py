@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.assembly.system import System
@@ -17,7 +17,6 @@ from gpusim.fem.krylov.outer_iteration import Outcome
 
 __all__ = ["refine"]
 
-Float = npt.NDArray[np.float64]
 
 _MOST = 20
 # a correction that is not at least this much smaller than the one before has met rounding

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.mesh import Faces
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -28,8 +28,6 @@ __all__ = [
     "face_groups",
     "mode_gradient",
 ]
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +141,7 @@ class FaceElement:
     """
 
     name: str
-    columns: npt.NDArray[np.int64]
+    columns: Long
     shape: Float
     gradient: Float
     weight: Float
@@ -166,7 +164,7 @@ FACE_ELEMENTS: dict[str, FaceElement] = {name: _face_element(name) for name in F
 
 def face_groups(
     faces: Faces,
-) -> Iterator[tuple[FaceElement, npt.NDArray[np.int64], npt.NDArray[np.int32]]]:
+) -> Iterator[tuple[FaceElement, Long, Int]]:
     """Yield (face type, rows (K,) of ``faces``, nodes (K,n)) for each type that occurs."""
     for name, rows in faces.kinds():
         element = FACE_ELEMENTS[name]

@@ -8,8 +8,8 @@ instead of forming strain matrices, so 300,000 hexahedra take about two seconds.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import (
     determinant,
@@ -21,7 +21,6 @@ from gpusim.fem.elements.isoparametric_map import (
 
 __all__ = ["internal_force", "point_stress"]
 
-Float = npt.NDArray[np.float64]
 
 # the pairs of axes of a strain's components xx yy zz xy yz zx
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))

@@ -21,11 +21,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.assembly.system import System, finest_matrix, make_system
+from gpusim.fem.assembly.system import System, make_system
 from gpusim.fem.incompressibility.pressure_preconditioners import PressureChebyshev, PressureScaling
 from gpusim.fem.incompressibility.volume_split import VolumeSplit, split_volume
 from gpusim.fem.krylov.cg import NumpyCG
@@ -36,8 +36,6 @@ from gpusim.fem.multigrid.preconditioner import Multigrid
 
 __all__ = ["MixedFormulation", "SaddleCG", "mixed_solver"]
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 # <z,z> relative to when z was last formed from the residuals, below which it is formed anew:
 # multigrid in float32 isn't quite linear, and what z has collected of that mustn't matter
@@ -50,28 +48,43 @@ _BELOW = 0.7
 _PROBES, _FIRST, _SHARP = 160, 5, 1.1
 
 
+@dataclass(frozen=True, eq=False)
+class MixedFormulation:
+    """``multigrid`` is A's, ``theta`` what to scale it by; ``split`` has B and C, ``pressures`` is
+    Q^-1, in A's units, which are ``unit`` times K's. ``norm`` is K's; ``probed`` iterations went
+    into A's least eigenvalues."""
+
+    multigrid: Multigrid
+    split: VolumeSplit
+    pressures: PressureScaling | PressureChebyshev
+    theta: float
+    unit: float
+    norm: Norm
+    probed: int
+
+    @property
+    def lowest(self) -> float:
+        """About the least eigenvalue of K / scale."""
+        return self.norm.lowest
+
+    def loop(self, cases: int) -> SaddleCG:
+        """Conjugate gradients for some load cases."""
+        return SaddleCG(self, cases)
+
+    def apply(self, r: Float) -> Float:
+        """About (A/scale)^-1 r for (L,3N), which is no less than K's inverse."""
+        return self.multigrid.apply(r) / self.unit
+
+
 class SaddleCG:
-    """The loop of ``cg`` for K = A + B^T C^-1 B; residuals and histories are K's.
+    """The loop of ``cg`` for K = A + B^T C^-1 B; residuals and histories are K's."""
 
-    ``multigrid`` is A's, ``theta`` what to scale it by, ``divergence`` B, ``compliance`` C and
-    ``pressures`` Q^-1 in A's units, which are ``unit`` times K's.
-    """
-
-    def __init__(
-        self,
-        multigrid: Multigrid,
-        theta: float,
-        divergence: csr_matrix,
-        compliance: Float,
-        pressures: PressureScaling | PressureChebyshev,
-        unit: float,
-        cases: int,
-    ) -> None:
-        self._multigrid, self._theta, self._unit = multigrid, theta, unit
-        self._b, self._back = divergence, csr_matrix(divergence.T)
-        self._c, self._pressures = compliance, pressures
+    def __init__(self, mixed: MixedFormulation, cases: int) -> None:
+        self._multigrid, self._theta, self._unit = mixed.multigrid, mixed.theta, mixed.unit
+        self._b, self._c = mixed.split.divergence, mixed.split.compliance
+        self._back, self._pressures = csr_matrix(self._b.T), mixed.pressures
         # C p - B u of everything that has been solved for so far
-        self._known = np.zeros((cases, len(compliance)))
+        self._known = np.zeros((cases, len(self._c)))
 
     def begin(self, residual: Float) -> Float:
         """Start from a zero correction; returns <z,z> per case (L,)."""
@@ -153,36 +166,6 @@ def _dot(a: Float, b: Float) -> Float:
     return np.asarray(np.einsum("ln,ln->l", a, b))
 
 
-@dataclass(frozen=True, eq=False)
-class MixedFormulation:
-    """What ``SaddleCG`` takes. ``unit`` is A's over K's, ``norm`` K's; ``probed`` iterations went
-    into A's least eigenvalues."""
-
-    multigrid: Multigrid
-    split: VolumeSplit
-    pressures: PressureScaling | PressureChebyshev
-    theta: float
-    unit: float
-    norm: Norm
-    probed: int
-
-    @property
-    def lowest(self) -> float:
-        """About the least eigenvalue of K / scale."""
-        return self.norm.lowest
-
-    def loop(self, cases: int) -> SaddleCG:
-        """Conjugate gradients for some load cases."""
-        return SaddleCG(
-            self.multigrid, self.theta, self.split.divergence, self.split.compliance,
-            self.pressures, self.unit, cases,
-        )  # fmt: skip
-
-    def apply(self, r: Float) -> Float:
-        """About (A/scale)^-1 r for (L,3N), which is no less than K's inverse."""
-        return self.multigrid.apply(r) / self.unit
-
-
 def mixed_solver(
     model: Model, formulation: Mapping[str, str], assembled: Assembled, system: System
 ) -> MixedFormulation | None:
@@ -195,10 +178,7 @@ def mixed_solver(
         return None
     parts = assemble(split.model, formulation, assembled.lattice)
     own = make_system(split.model, parts)
-    hierarchy = build_hierarchy(
-        finest_matrix(parts.rows, own), parts.groups, parts.lattice, system.free,
-        model.mesh.points, parts.rows, own.scale,
-    )  # fmt: skip
+    hierarchy = build_hierarchy(parts, own, model.mesh.points)
     multigrid = Multigrid(hierarchy)
     found = probe(own.case(0), NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP)
     if not found.settled.all():

@@ -22,16 +22,14 @@ of 27 numbers per cell: a Chebyshev iteration of some twenty steps costs less th
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix, diags
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.incompressibility.volume_split import VolumeSplit
 from gpusim.fem.multigrid.smoothers import chebyshev
 
 __all__ = ["PressureChebyshev", "PressureScaling"]
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 # axes along which a pressure alternates
 _FAMILIES = ((True, True, False), (False, True, True), (True, False, True), (True, True, True))
@@ -116,7 +114,7 @@ def _along(values: Float, factors: list[Float | None], transposed: bool) -> Floa
     return np.asarray(values)
 
 
-def _touched(cells: Bool) -> npt.NDArray[np.int64]:
+def _touched(cells: Bool) -> Long:
     """(X+1,Y+1,Z+1): how many of the cells around each node are set."""
     padded = np.pad(cells.astype(np.int64), 1)
     for axis in range(3):

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.device.node_texels import Allocator, Pair, pair, vector_texels
 from gpusim.fem.device.relaxation import relaxation
 from gpusim.fem.device.tet_forces import DeviceOperator
@@ -25,7 +25,6 @@ from gpusim.gpu.texture_array import Texels
 
 __all__ = ["DeviceCG", "NumpyCG", "Preconditioner"]
 
-Float = npt.NDArray[np.float64]
 
 _GROUPS = 128
 _CAPACITY = 512
@@ -79,7 +78,7 @@ class NumpyCG:
         self._rz = self._precondition.down(self._r, range(len(residual)))
         return np.array(self._rz)
 
-    def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
+    def run(self, count: int, active: Bool) -> Float:
         """``count`` iterations; history (count,L,4): r.z, alpha, beta, p.q."""
         history = np.empty((count, len(self._r), 4))
         on = np.flatnonzero(active).tolist()
@@ -169,7 +168,7 @@ class DeviceCG:
             self._turn(recording)
         return self._scalars.read()[:, 0]
 
-    def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
+    def run(self, count: int, active: Bool) -> Float:
         """``count`` iterations in one submit per 512; history (count,L,4)."""
         parts = []
         for first in range(0, count, _CAPACITY):

@@ -31,9 +31,9 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigvalsh_tridiagonal
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.arrays.congruence import noise
 from gpusim.fem.assembly.stiffness_rounding import check_finite, indefinite
 from gpusim.fem.assembly.system import System
@@ -52,7 +52,6 @@ __all__ = [
     "smallest_ritz_value",
 ]
 
-Float = npt.NDArray[np.float64]
 
 # share of the tolerance beyond which forces by deformation are worth their time
 VISIBLE = 0.1
@@ -157,7 +156,7 @@ class Probed:
     a Rayleigh quotient of A near its least eigenvalue, and the ``iterations`` that it took."""
 
     mu: Float
-    settled: npt.NDArray[np.bool_]
+    settled: Bool
     lowest: float
     iterations: int
 

@@ -16,8 +16,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.stiffness_rounding import check_finite
 from gpusim.fem.assembly.system import System
@@ -35,7 +35,6 @@ from gpusim.parallel.processes import in_copies
 
 __all__ = ["UNEVEN_STIFFNESS", "Outcome", "Progress", "each_case", "iterate"]
 
-Float = npt.NDArray[np.float64]
 
 # share of the tolerance up to which rounding leaves conjugate gradients enough of it
 _LITTLE = 0.5
@@ -243,7 +242,7 @@ def _run(
     state: Estimates,
     x: Float,
     rz: Float,
-    near: npt.NDArray[np.bool_],
+    near: Bool,
     tolerance: float,
     enough: float,
     most: int,
@@ -298,7 +297,7 @@ def _shifted(progress: Callable[[int, float], None], done: int, now: int, error:
     progress(done + now, error)
 
 
-def _refuse_indefinite(system: System, bad: npt.NDArray[np.bool_]) -> None:
+def _refuse_indefinite(system: System, bad: Bool) -> None:
     """``bad`` (L,): where r.z is negative."""
     if bad.any():
         raise NotConverged(

@@ -14,20 +14,18 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
+
 __all__ = [
     "CORNERS",
     "OFFSETS",
     "Lattice",
     "crowded",
-    "equal_boxes",
     "filled_grids",
     "find_lattice",
     "node_offsets",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 T = TypeVar("T", bound=np.generic)
 
 # lattice position of the hex8 corners, VTK order
@@ -90,7 +88,7 @@ class Lattice:
             into[:] = corner[filled]
         return np.flatnonzero(filled), nodes
 
-    def touching(self, nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def touching(self, nodes: Bool) -> Bool:
         """(M,) whether cells, in the order of ``corner_nodes``, touch any ``nodes`` (X,Y,Z)."""
         result = np.zeros(self.cell.shape, dtype=bool)
         for corner in self._at_corners(nodes):
@@ -126,7 +124,7 @@ class Lattice:
         own = (place.astype(np.int64) + 1) @ step
         return np.asarray(padded.ravel()[own[:, None] - CORNERS @ step])
 
-    def linked(self, nodes: Long) -> npt.NDArray[np.bool_]:
+    def linked(self, nodes: Long) -> Bool:
         """(K,27) whether a cell joins each of ``nodes`` (K,) and another one at ``OFFSETS``."""
         present = self.around((self.cell >= 0).astype(np.int64), 0, nodes) == 1
         result = np.zeros((len(nodes), 27), dtype=bool)
@@ -234,26 +232,3 @@ def _lowest_corners(place: Int, block: Int) -> Int | None:
             return None
         result[start : start + _CHUNK] = place[np.take_along_axis(cells, lowest, axis=1)[:, 0]]
     return result
-
-
-def equal_boxes(label: Long, wanted: npt.NDArray[np.bool_]) -> Long:
-    """(B,7) boxes that cover the ``wanted`` places of ``label`` (X,Y,Z), each of one label.
-
-    A line is the label, then first and stop along x, y and z. Equal neighbours are joined along
-    z, stretches of the same extent along y, and these along x; the boxes don't overlap.
-    """
-    x, y, z = np.nonzero(wanted)
-    value = label[wanted]
-    boxes = np.stack([value, x, x + 1, y, y + 1, z, z + 1], axis=1).astype(np.int64)
-    for axis in (2, 1, 0):
-        first, stop = 1 + 2 * axis, 2 + 2 * axis
-        others = [column for column in range(7) if column not in (first, stop)]
-        boxes = boxes[np.lexsort([boxes[:, first], *(boxes[:, column] for column in others)])]
-        joined = (boxes[1:, others] == boxes[:-1, others]).all(axis=1)
-        joined &= boxes[1:, first] == boxes[:-1, stop]
-        begins = np.concatenate([[True], ~joined])[: len(boxes)]
-        ends = np.concatenate([~joined, [True]])[: len(boxes)]
-        merged = boxes[begins]
-        merged[:, stop] = boxes[ends, stop]
-        boxes = merged
-    return boxes

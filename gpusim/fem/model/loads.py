@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, face_groups
@@ -29,8 +30,6 @@ __all__ = [
     "traction",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 _CHUNK = 16384
 # Gauss points on [-1, 1]; the nodes of an edge are at -1, 1 and, if it has a midside node, 0
@@ -319,7 +318,7 @@ def node_line(mesh: Mesh, nodes: npt.ArrayLike) -> Int:
     return edges
 
 
-def _edges_between(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Int:
+def _edges_between(mesh: Mesh, chosen: Bool) -> Int:
     """(E,3) cell edges with all of their nodes chosen, ends ascending, midside or -1."""
     found = [np.zeros((0, 3), dtype=np.int32)]
     for kind, _, block in mesh.blocks():

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.material import Material
@@ -17,8 +17,6 @@ from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
 __all__ = ["Model", "Solution", "resolve_formulation"]
-
-Float = npt.NDArray[np.float64]
 
 
 @unmasked()
@@ -52,9 +50,9 @@ class Model:
 
     mesh: Mesh
     materials: Sequence[Material]
-    fixed: npt.NDArray[np.bool_] | None = None
+    fixed: Bool | None = None
     forces: Float | None = None
-    material_of_cell: npt.NDArray[np.int32] | None = None
+    material_of_cell: Int | None = None
     prescribed: Float | None = None
     __repr__ = field_summary
 
@@ -189,7 +187,7 @@ def _check_stiffness(materials: Sequence[Material]) -> None:
         )
 
 
-def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int32]:
+def _material_numbers(value: Any, cells: int, count: int) -> Int:
     numbers = np.asarray(value)
     if numbers.shape != (cells,) or numbers.dtype.kind not in "iu":
         raise InputError(
@@ -204,7 +202,7 @@ def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int3
     return np.array(numbers, dtype=np.int32)
 
 
-def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: npt.NDArray[np.bool_]) -> None:
+def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: Bool) -> None:
     nodes = mesh.dangling_nodes
     loads = forces if forces.ndim == 3 else forces[None]
     loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~fixed[nodes]).any(axis=1)]

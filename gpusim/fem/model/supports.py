@@ -10,6 +10,7 @@ from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.congruence import mix
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
@@ -20,7 +21,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["check_supports", "rigid_modes", "symmetry"]
 
-Float = npt.NDArray[np.float64]
 
 # models that have passed: they and their arrays can't change
 _HELD: WeakSet[Model] = WeakSet()
@@ -29,7 +29,7 @@ _MOST_PARTS = 60
 _THINNEST = 1e-7  # of its length: squared, a side's part in the rows is rounding
 
 
-def symmetry(mesh: Mesh, faces: Faces) -> npt.NDArray[np.bool_]:
+def symmetry(mesh: Mesh, faces: Faces) -> Bool:
     """(N,3) bool for ``Model.fixed``: the displacement along the normal of flat ``faces``.
 
     The faces must lie in one plane x, y or z = constant (1e-6 of the mesh's extent): supports are
@@ -114,7 +114,7 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
             _check_body(model, node[inside], local, part[inside], len(own))
 
 
-def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
+def _lattice_parts(lattice: Lattice) -> Long:
     """The same as ``_parts``, by cells beside one another."""
     present = lattice.cell >= 0
     if present.all():
@@ -125,12 +125,12 @@ def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
     return result
 
 
-def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
+def _parts(mesh: Mesh) -> Long:
     """(M,) number of the face-connected part of each cell."""
     # a face is known by the sum of its corners' hashes, whatever their order
     code = np.append(mix(np.arange(mesh.node_count), 6), np.uint64(0))
     keys: list[npt.NDArray[np.uint64]] = []
-    owner: list[npt.NDArray[np.int64]] = []
+    owner: list[Long] = []
     for kind, first, block in mesh.blocks():
         template = CELL_TYPES[kind].faces[:, :4]
         total = np.zeros((len(block), len(template)), dtype=np.uint64)
@@ -149,9 +149,7 @@ def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
     return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)
 
 
-def _incidence(
-    mesh: Mesh, part_of_cell: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _incidence(mesh: Mesh, part_of_cell: Long) -> tuple[Long, Long]:
     """Distinct (node, part) pairs, sorted by node."""
     parts = int(part_of_cell.max()) + 1
     keys = [
@@ -164,9 +162,9 @@ def _incidence(
 
 def _check_body(
     model: Model,
-    node: npt.NDArray[np.int64],
-    local: npt.NDArray[np.int64],
-    part: npt.NDArray[np.int64] | None,
+    node: Long,
+    local: Long,
+    part: Long | None,
     parts: int,
 ) -> None:
     if part is None:
@@ -217,7 +215,7 @@ def _placed(
     origin: Float,
     length: float,
     axis: int,
-    local: npt.NDArray[np.int64],
+    local: Long,
     parts: int,
 ) -> Float:
     """Rows of one displacement component in the columns of its part."""

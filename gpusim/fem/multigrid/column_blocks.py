@@ -20,17 +20,14 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 
 __all__ = ["EDGES", "Columns", "columns_across", "thin_axes"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
     "hex8": (
@@ -188,9 +185,7 @@ def _mostly(cells: int, groups: Sequence[Elements]) -> bool:
     return cells >= _MOSTLY * sum(len(group.cells) for group in groups)
 
 
-def _mean_length(
-    points: Float, cells: npt.NDArray[np.int32], edges: Sequence[tuple[int, int]]
-) -> Float:
+def _mean_length(points: Float, cells: Int, edges: Sequence[tuple[int, int]]) -> Float:
     lengths = [np.linalg.norm(points[cells[:, b]] - points[cells[:, a]], axis=1) for a, b in edges]
     return np.asarray(np.mean(lengths, axis=0))
 
@@ -198,7 +193,7 @@ def _mean_length(
 class Columns:
     """r -> D^-1 r with the blocks of a matrix that belong to one column each."""
 
-    def __init__(self, matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> None:
+    def __init__(self, matrix: Product, free: Bool, column: Long) -> None:
         self.column = column
         self._inverse = Product(_inverse(matrix, free, column))
 
@@ -216,7 +211,7 @@ class Columns:
         return chebyshev(largest / _RANGE, largest, _DEGREE)
 
 
-def _inverse(matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> bsr_matrix:
+def _inverse(matrix: Product, free: Bool, column: Long) -> bsr_matrix:
     count = len(column)
     size = np.bincount(column)
     members = np.argsort(column, kind="stable")
@@ -253,14 +248,14 @@ def _inverse(matrix: bsr_matrix | RowsProduct, free: Bool, column: Long) -> bsr_
     return bsr_matrix((data, indices, pointer), shape=(3 * count, 3 * count))
 
 
-def _inner_blocks(matrix: bsr_matrix | RowsProduct, column: Long) -> tuple[Int, Int, Float]:
+def _inner_blocks(matrix: Product, column: Long) -> tuple[Int, Int, Float]:
     """Rows, columns and values (B,3,3) of the blocks between nodes of one column."""
-    off = matrix.others if isinstance(matrix, RowsProduct) else matrix
+    off = matrix.others
     row = np.repeat(np.arange(len(column), dtype=np.int32), np.diff(off.indptr))
     short = column.astype(np.int32)
     same = np.flatnonzero(short[row] == short[off.indices])
     row, other, value = row[same], off.indices[same], off.data[same]
-    if isinstance(matrix, RowsProduct):
+    if matrix.apart:
         own = np.arange(len(column), dtype=np.int32)
         row, other = np.concatenate([row, own]), np.concatenate([other, own])
         value = np.concatenate([value, matrix.diagonal]) / matrix.scale

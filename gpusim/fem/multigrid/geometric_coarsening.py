@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.congruence import unique_rows
 from gpusim.fem.assembly.element_batches import (
     DistinctGroup,
@@ -30,10 +30,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes", "has_midsides"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # planes are left out along an axis while its spacing is below this multiple of the finest one
 _STRETCHED = 1.9

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.device.tet_forces import DeviceOperator
@@ -20,7 +20,6 @@ from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev, columns, relax
 
 __all__ = ["Multigrid", "smoothing_steps"]
 
-Float = npt.NDArray[np.float64]
 
 _DEGREE = 2
 # eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many

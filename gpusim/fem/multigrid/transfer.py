@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 
@@ -20,10 +20,6 @@ __all__ = [
     "in_single",
     "plane_shares",
 ]
-
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 
 def plane_shares(planes: Float, keep: Long) -> tuple[Long, Float]:
@@ -43,7 +39,7 @@ class PlaneWeights:
     keep: list[Long]
 
     @cached_property
-    def kept(self) -> npt.NDArray[np.int32]:
+    def kept(self) -> Int:
         """(K,) numbers of the coarse nodes on the fine lattice."""
         node = self.fine.node[np.ix_(*self.keep)]
         return np.asarray(node[tuple(self.coarse.place.T)])
