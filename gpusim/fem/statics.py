@@ -16,7 +16,8 @@ from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
-from gpusim.fem.methods import Result, solve_system
+from gpusim.fem.krylov.outer_iteration import Outcome
+from gpusim.fem.methods import solve_system
 from gpusim.fem.model.model import Model, Solution, resolve_formulation
 from gpusim.fem.model.supports import check_supports
 from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
@@ -112,8 +113,8 @@ def solve(
         system = _system(model, assembled, formulations)
         plan = plan_solve(model, assembled, system, options)
         clock.mark("choice")
-        result = solve_system(plan, model, assembled, system, options)
-        solution = _solution(model, system, assembled.rows, result, plan, clock)
+        outcome = solve_system(plan, model, assembled, system, options)
+        solution = _solution(model, system, assembled.rows, outcome, plan, clock)
         return solution if numbering is None else numbering.back(solution)
 
 
@@ -172,11 +173,10 @@ def _solution(
     model: Model,
     system: System,
     rows: BlockRows,
-    result: Result,
+    outcome: Outcome,
     plan: SolvePlan,
     clock: Clock,
 ) -> Solution:
-    outcome = result.outcome
     u, message = outcome.u, outcome.message
     if not outcome.converged:
         cause = extremes(model)
@@ -208,9 +208,9 @@ def _solution(
         message=message,
         warnings=tuple(warnings),
         timings=clock.timings,
-        method=result.method,
-        backend=result.backend,
-        real=result.real,
+        method=outcome.method,
+        backend=outcome.backend,
+        real=outcome.real,
         element_classes=rows.element_classes,
         row_classes=rows.class_count,
         reasons=plan.lines,

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +24,7 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.arrays.congruence import mix
+from gpusim.arrays.ragged import batches
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import ahead
 from gpusim.fem.device.node_texels import Allocator
@@ -74,15 +74,10 @@ class RowSlices:
 
     def parts(self, most: int) -> list[RowSlices]:
         """Slices that take at most ``most`` texels of blocks together."""
-        total = np.cumsum(_FOUR * SLICE * self.head)
-        cuts = [0]
-        while cuts[-1] < len(self.head):
-            before = int(total[cuts[-1] - 1]) if cuts[-1] else 0
-            cuts.append(max(int(np.searchsorted(total, before + most, side="right")), cuts[-1] + 1))
-        return [self._some(first, last) for first, last in pairwise(cuts)]
+        return [self._some(part) for part in batches(_FOUR * SLICE * self.head, most)]
 
-    def _some(self, first: int, last: int) -> RowSlices:
-        part = slice(SLICE * first, SLICE * last)
+    def _some(self, slices: slice) -> RowSlices:
+        part = slice(SLICE * slices.start, SLICE * slices.stop)
         return _sliced(self.nodes[part], self.fours[part])
 
     @property
@@ -115,17 +110,13 @@ class RowSlices:
     ) -> Iterator[tuple[int, list[Single]]]:
         """(first texel, (t,4) texels) one after the other: blocks over ``scale`` by columns, as
         float32 and, if ``exact``, what that leaves of them."""
-        cuts = [0]
-        while cuts[-1] < len(self.head):
-            end = int(self.start[cuts[-1]]) + _CHUNK // (_FOUR * SLICE)
-            last = int(np.searchsorted(self.start + self.head, end, side="right"))
-            cuts.append(max(last, cuts[-1] + 1))
-        return ahead(partial(self._halves, rows, scale, exact), list(pairwise(cuts)))
+        parts = list(batches(self.head, _CHUNK // (_FOUR * SLICE)))
+        return ahead(partial(self._halves, rows, scale, exact), parts)
 
     def _halves(
-        self, rows: BlockRows, scale: float, exact: bool, ends: tuple[int, int]
+        self, rows: BlockRows, scale: float, exact: bool, part: slice
     ) -> tuple[int, list[Single]]:
-        some = self._some(*ends)
+        some = self._some(part)
         own = rows.row_class[some.nodes]
         degree = rows.table_start[own + 1] - rows.table_start[own]
         source = ranges(rows.table_start[own], degree)
@@ -141,7 +132,7 @@ class RowSlices:
         if exact:
             halves.append((blocks - halves[0]).astype(np.float32))
         texels = [_interleaved(half, places) for half in halves]
-        return _FOUR * SLICE * int(self.start[ends[0]]), texels
+        return _FOUR * SLICE * int(self.start[part.start]), texels
 
     def _places(self) -> tuple[Long, Long]:
         """Four within the slices' sum, and lane, of each four of each node."""
@@ -215,8 +206,8 @@ class BlockTexels:
             )
             return
         self.parts = tuple(
-            _upload(device, rows, first, last, scale, label, exact)
-            for first, last in _ranges(rows, most)
+            _upload(device, rows, part.start, part.stop, scale, label, exact)
+            for part in _parts(rows, most)
         )
 
 
@@ -301,16 +292,11 @@ def _hashes(words: Long, start: Long) -> npt.NDArray[np.uint64]:
     return np.asarray(total[edge[1:]] - total[edge[:-1]])
 
 
-def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
+def _parts(rows: BlockRows, most: int) -> Iterator[slice]:
     """Ranges of nodes whose neighbours and blocks fit a texture each."""
     fours = -(-rows.degree // 4)
     shared = _FOUR * int(-(-np.diff(rows.table_start) // 4).sum()) <= most
-    total = np.cumsum(fours if shared else _FOUR * fours)
-    cuts = [0]
-    while cuts[-1] < rows.node_count:
-        before = int(total[cuts[-1] - 1]) if cuts[-1] else 0
-        cuts.append(max(int(np.searchsorted(total, before + most, side="right")), cuts[-1] + 1))
-    return list(pairwise(cuts))
+    return batches(fours if shared else _FOUR * fours, most)
 
 
 def _blocks(device: Allocator, size: int, label: str, exact: bool) -> tuple[Texels, int]:
@@ -383,19 +369,14 @@ def _upload(
 def _write_blocks(
     part: RowPart, rows: BlockRows, used: Long, class_start: Long, scale: float
 ) -> None:
-    ends = np.append(class_start[1:], part.low or part.blocks.count)
-    first = 0
-    while first < len(used):
-        last = int(np.searchsorted(ends, class_start[first] + _CHUNK, side="right"))
-        last = max(last, first + 1)
-        some = used[first:last]
+    texels = np.diff(np.append(class_start, part.low or part.blocks.count))
+    for piece in batches(texels, _CHUNK):
+        some, first = used[piece], class_start[piece.start]
         degree = rows.table_start[some + 1] - rows.table_start[some]
-        texels = int(ends[last - 1] - class_start[first])
-        blocks = np.zeros((texels // _FOUR * 4, 3, 3))
+        blocks = np.zeros((int(texels[piece].sum()) // _FOUR * 4, 3, 3))
         # four blocks are nine texels
-        at = ranges((class_start[first:last] - class_start[first]) // _FOUR * 4, degree)
+        at = ranges((class_start[piece] - first) // _FOUR * 4, degree)
         source = ranges(rows.table_start[some], degree)
         blocks[at] = rows.table[source].transpose(0, 2, 1)
         blocks /= scale
-        part.write(blocks.reshape(-1, 4), int(class_start[first]))
-        first = last
+        part.write(blocks.reshape(-1, 4), int(first))

@@ -8,13 +8,13 @@ zero (see ``block_texels``).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Real, Single
-from gpusim.gpu import Device, Kernel, Recording
+from gpusim.gpu import Device
 from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.texture_array import Texels
 
@@ -34,57 +34,39 @@ __all__ = [
 _GROUP = 64
 
 
+Memory = TypeVar("Memory", bound=Buffer | Texels)
+
+
 class Arena:
-    """A device whose buffers are remembered; ``release`` frees them. Use as a context manager."""
+    """A device whose buffers are freed together at the end of a ``with`` block."""
 
     def __init__(self, device: Device) -> None:
-        self.device = device
+        self.device, self.limits, self.real = device, device.limits, device.real
+        self.kernel, self.recording = device.kernel, device.recording
         self._buffers: list[Buffer | Texels] = []
 
     def __enter__(self) -> Arena:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.release()
-
-    @property
-    def limits(self) -> dict[str, int]:
-        return self.device.limits
-
-    @property
-    def real(self) -> str:
-        return self.device.real
+        while self._buffers:
+            self._buffers.pop().release()
 
     def buffer(self, array: npt.NDArray[Any], label: str) -> Buffer:
         """See ``Device.buffer``."""
-        result = self.device.buffer(array, label=label)
-        self._buffers.append(result)
-        return result
+        return self._kept(self.device.buffer(array, label))
 
     def real_buffer(self, array: Float, label: str) -> RealBuffer:
         """See ``Device.real_buffer``."""
-        result = self.device.real_buffer(array, label=label)
-        self._buffers.append(result)
-        return result
+        return self._kept(self.device.real_buffer(array, label))
 
     def texels(self, count: int, fmt: str, label: str) -> Texels:
         """See ``Device.texels``."""
-        result = self.device.texels(count, fmt, label)
-        self._buffers.append(result)
-        return result
+        return self._kept(self.device.texels(count, fmt, label))
 
-    def kernel(self, name: str, entry: str, constants: dict[str, float] | None = None) -> Kernel:
-        """See ``Device.kernel``."""
-        return self.device.kernel(name, entry=entry, constants=constants)
-
-    def recording(self, stage: str) -> Recording:
-        """See ``Device.recording``."""
-        return self.device.recording(stage)
-
-    def release(self) -> None:
-        """Free everything allocated so far."""
-        while self._buffers:
-            self._buffers.pop().release()
+    def _kept(self, memory: Memory) -> Memory:
+        self._buffers.append(memory)
+        return memory
 
 
 Allocator = Device | Arena

@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,8 @@ _LEAST_UNKNOWNS = 5_000
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """Displacements (L,N,3) in the model's units, and how the iteration ended; ``forces`` are
-    K u (L,N,3), if they were formed for the last estimate."""
+    K u (L,N,3), if they were formed for the last estimate. ``method``, ``backend`` and ``real``
+    tell how it came about."""
 
     u: Float
     converged: bool
@@ -72,6 +72,9 @@ class Outcome:
     residuals: Float
     message: str
     forces: Float | None = None
+    method: str = "multigrid"
+    backend: str = "numpy"
+    real: str = "f64"
 
 
 def iterate(
@@ -195,16 +198,12 @@ class _Refinement:
                 break
             _refuse_indefinite(system, rz < 0.0)
             aim = _LATER_AIM if refinement else _AIM
-            report = self._progress
-            if report is not None:
-                report = partial(_shifted, report, self.iterations)
             off = state.apart(residual, np.zeros_like(residual), x)
             near = off <= _NEAR * tolerance
             state.floor = np.where(near & ~np.isfinite(state.mu), off, state.floor)
-            correction, history, inside = _run(
-                system, loop, state, x, rz, near, aim * self._inside, _ENOUGH * tolerance,
-                most - self.iterations, report,
-            )  # fmt: skip
+            correction, history, inside = self._conjugate_gradients(
+                system, rz, near, aim * self._inside, _ENOUGH * tolerance
+            )
             self._x, self._image, self._begun = x + correction, None, True
             loop.keep()
             left = state.left(history, rz, self._x)
@@ -217,6 +216,55 @@ class _Refinement:
                 self._inside = tolerance  # they are known now
         else:
             self._message = f"stopped after {_MOST_REFINEMENTS} refinements"
+
+    def _conjugate_gradients(
+        self, system: System, rz: Float, near: Bool, aim: float, enough: float
+    ) -> tuple[Float, Float, Float]:
+        """One run from the residual that the loop holds, whose r.z are ``rz``; returns (correction,
+        history, estimate).
+
+        It ends where the sharp bound is at ``aim``, and the plain one by r.z, which the caller goes
+        by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
+        there is a start, a first one must have come far for its own correction, too: beside a far
+        motion, or a start that is nearly right, any correction is small, and its Ritz values would
+        tell nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
+        """
+        loop, state, x, most = self._loop, self._state, self._x, self._most - self.iterations
+        history = np.zeros((0, len(rz), 4))
+        moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
+        fresh = ~np.isfinite(state.mu) & moved & ~near
+        active = rz > 0.0
+        estimate = np.full(len(rz), np.inf)
+        estimate[~active] = 0.0
+        plain = estimate.copy()
+        correction, base = np.zeros_like(system.right), x + state.given
+        while active.any() and len(history) < most:
+            lines = loop.run(1, active)
+            check_finite(lines, "conjugate gradients")
+            bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
+            if bent.any():
+                case = system.first_case + np.flatnonzero(bent)[0]
+                raise NotConverged(
+                    f"conjugate gradients: negative curvature in load case {case}; got "
+                    f"p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
+                )
+            _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
+            history = np.concatenate([history, lines])
+            state.learn(history)
+            correction = loop.correction().reshape(x.shape)
+            energy, left = np.zeros(len(rz)), np.zeros(len(rz))
+            for case in np.flatnonzero(active):
+                energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
+                last = history[-1, case]
+                left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
+            size = state.size(base + correction)
+            estimate = np.where(active, state.over(energy, size), estimate)
+            plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
+            told = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
+            active &= ~((estimate <= aim) & (plain <= enough) & told)
+            if self._progress is not None:
+                self._progress(self.iterations + len(history), float(estimate.max()))
+        return correction, history, estimate
 
     def outcome(self, system: System, rounding: float) -> Outcome:
         """By the form of the system refined last; ``rounding`` is added to the estimate."""
@@ -234,67 +282,6 @@ class _Refinement:
         return Outcome(
             u, converged, estimate, self.iterations, residuals, message + self._note, forces
         )
-
-
-def _run(
-    system: System,
-    loop: Any,
-    state: Estimates,
-    x: Float,
-    rz: Float,
-    near: Bool,
-    tolerance: float,
-    enough: float,
-    most: int,
-    progress: Callable[[int, float], None] | None,
-) -> tuple[Float, Float, Float]:
-    """One run from the residual that the loop holds; returns (correction, history, estimate).
-
-    It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
-    goes by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
-    there is a start, a first one must have come far for its own correction, too: beside a far
-    motion, or a start that is nearly right, any correction is small, and its Ritz values would tell
-    nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
-    """
-    history = np.zeros((0, len(rz), 4))
-    moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
-    fresh = ~np.isfinite(state.mu) & moved & ~near
-    active = rz > 0.0
-    estimate = np.full(len(rz), np.inf)
-    estimate[~active] = 0.0
-    plain = estimate.copy()
-    correction, base = np.zeros_like(system.right), x + state.given
-    while active.any() and len(history) < most:
-        lines = loop.run(1, active)
-        check_finite(lines, "conjugate gradients")
-        bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
-        if bent.any():
-            case = system.first_case + np.flatnonzero(bent)[0]
-            raise NotConverged(
-                f"conjugate gradients: negative curvature in load case {case}; got "
-                f"p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
-            )
-        _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
-        history = np.concatenate([history, lines])
-        state.learn(history)
-        correction = loop.correction().reshape(x.shape)
-        energy, left = np.zeros(len(rz)), np.zeros(len(rz))
-        for case in np.flatnonzero(active):
-            energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
-            last = history[-1, case]
-            left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
-        size = state.size(base + correction)
-        estimate = np.where(active, state.over(energy, size), estimate)
-        plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
-        told = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
-        active &= ~((estimate <= tolerance) & (plain <= enough) & told)
-        if progress is not None:
-            progress(len(history), float(estimate.max()))
-    return correction, history, estimate
-
-
-def _shifted(progress: Callable[[int, float], None], done: int, now: int, error: float) -> None:
-    progress(done + now, error)
 
 
 def _refuse_indefinite(system: System, bad: Bool) -> None:

@@ -12,6 +12,7 @@ from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
+from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.lattice.lattice_cycle import LatticeCycle
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
@@ -42,7 +43,7 @@ def _from_zero(step: Relaxation) -> Relaxation:
     return Relaxation(step.keep, step.gain, 0.0)
 
 
-class Multigrid:
+class Multigrid(Preconditioner):
     """One symmetric cycle: Chebyshev smoothing before and after, dense inverse at the bottom.
 
     Aggregated levels are gone through twice (Axelsson & Vassilevski, Numer. Math. 56 (1989) 157):
