@@ -133,7 +133,7 @@ def test_midsides_left_out_of_unequal_tetrahedra() -> None:
     groups = model_groups(Model(mesh, [WOOD], fixed), RULE)
     coarser = drop_midsides(groups, ~fixed)
     assert {type(one) for one in coarser.groups} == {Group, DistinctGroup}
-    transfer = NodeTransfer(coarser.weights, ~fixed, ~fixed[coarser.kept]).blocks().tocsr()
+    transfer = NodeTransfer(coarser.interpolation, ~fixed, ~fixed[coarser.kept]).blocks().tocsr()
     fine = block_matrix(assemble_groups(groups, mesh.node_count))
     wanted = (transfer.T @ fine @ transfer).toarray()
     found = group_matrix(coarser.groups, len(coarser.kept)).toarray()

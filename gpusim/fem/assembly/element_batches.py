@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -89,23 +88,13 @@ class Group:
         return pair_blocks(self.at(which), diagonal)
 
 
-class Source(Protocol):
-    """Matrices of M elements of a cell type, formed when they are asked for."""
-
-    def __len__(self) -> int: ...
-
-    def at(self, which: Long) -> Float: ...
-
-    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]: ...
-
-
 @dataclass(frozen=True, eq=False)
 class DistinctGroup:
     """Elements no two of which are taken to be equal: ``cells`` (M,k), ``source`` of as many."""
 
     name: str
     cells: Int
-    source: Source
+    source: StraightTets | Integrated
 
     @property
     def distinct(self) -> int:

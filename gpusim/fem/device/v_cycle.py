@@ -71,8 +71,9 @@ class DeviceMultigrid:
         finest: BlockTexels | TetTexels,
         cases: int,
     ) -> None:
-        below: _NodeLevel | _BlockLevel | _CoarsestSolve
-        below = _CoarsestSolve(device, hierarchy, cases)
+        below: _NodeLevel | _BlockLevel | DeviceProduct
+        inverse = dense_blocks(hierarchy.coarsest.inverse)
+        below = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
         for number in reversed(range(len(hierarchy.levels))):
             level, label = hierarchy.levels[number], f"fem.multigrid.{number}"
             if level.inverse.shape[1] != 3:
@@ -134,17 +135,6 @@ def _diagonal(level: Level) -> bsr_matrix:
     return bsr_matrix((level.inverse, np.arange(count), np.arange(count + 1)), shape=shape)
 
 
-class _CoarsestSolve:
-    """The dense inverse."""
-
-    def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
-        inverse = dense_blocks(hierarchy.coarsest.inverse)
-        self._inverse = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
-
-    def record(self, recording: Recording, b: Pair, x: Pair) -> None:
-        self._inverse.record(recording, b, x)
-
-
 class _BlockLevel:
     """An aggregated level: six unknowns a node, float64."""
 
@@ -153,7 +143,7 @@ class _BlockLevel:
         device: Allocator,
         level: Level,
         steps: Steps,
-        below: _BlockLevel | _CoarsestSolve,
+        below: _BlockLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:
@@ -225,7 +215,7 @@ class _NodeLevel:
         level: Level,
         steps: Steps,
         texels: BlockTexels | TetTexels,
-        below: _NodeLevel | _BlockLevel | _CoarsestSolve,
+        below: _NodeLevel | _BlockLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:
@@ -281,7 +271,7 @@ class _ByWeights:
         self,
         device: Allocator,
         transfer: NodeTransfer,
-        below: _NodeLevel | _CoarsestSolve,
+        below: _NodeLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:
@@ -298,7 +288,7 @@ class _ByWeights:
     def record(self, recording: Recording, r: Texels, x: Texels, out: Texels) -> None:
         """Record out = x + P (below) P^T r."""
         self._restriction.record(recording, r, self._b.high)
-        if isinstance(self._level, _CoarsestSolve):
+        if isinstance(self._level, DeviceProduct):
             # low halves are zero going down, and below float32 coming up
             self._level.record(recording, self._b, self._x)
         else:
@@ -313,7 +303,7 @@ class _ByMatrix:
         self,
         device: Allocator,
         transfer: MatrixTransfer,
-        below: _BlockLevel | _CoarsestSolve,
+        below: _BlockLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:

@@ -56,7 +56,8 @@ def point_stress(
         strain[..., :3] += ((mean[:, None] - change) / 3.0)[..., None]
     if free is not None:
         strain -= free
-    stress = elastic(strain, moduli)
+    # moduli are symmetric
+    stress = np.matmul(strain, moduli)
     if formulation == "incompatible":
         stress += _mode_stress(local, rule, det, stress, moduli)
     return stress, volume
@@ -83,11 +84,6 @@ def internal_force(kind: str, formulation: str, nodes: Float, stress: Float) -> 
     table = rule.gradient.transpose(0, 2, 1).reshape(3 * points, -1)
     flat = flux.transpose(0, 2, 3, 1).reshape(3 * count, 3 * points) @ table
     return np.ascontiguousarray(flat.reshape(3, count, -1).transpose(1, 2, 0))
-
-
-def elastic(strain: Float, moduli: Float) -> Float:
-    """(M,Q,6) moduli (6,6) or (M,6,6) times strain (M,Q,6); both are symmetric matrices."""
-    return np.asarray(np.matmul(strain, moduli))
 
 
 def _mode_stress(nodes: Float, rule: Rule, det: Float, stress: Float, moduli: Float) -> Float:

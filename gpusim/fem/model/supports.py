@@ -98,7 +98,7 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     if parts == 1:
         used = np.ones(count, dtype=bool)
         used[model.mesh.dangling_nodes] = False
-        _check_body(model, np.flatnonzero(used), np.zeros(0, dtype=np.int64), None, 1)
+        _check_body(model, np.flatnonzero(used))
         return
     node, part = _incidence(model.mesh, part_of_cell)
     graph = coo_matrix((np.ones(len(node)), (node, count + part)), shape=(count + parts,) * 2)
@@ -108,10 +108,10 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
         own = np.flatnonzero(body_of_part == body)
         inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
         if len(own) > _MOST_PARTS:
-            _check_body(model, distinct(node[inside]), np.zeros(0, dtype=np.int64), None, 1)
+            _check_body(model, distinct(node[inside]))
         else:
             local = np.searchsorted(own, part[inside])
-            _check_body(model, node[inside], local, part[inside], len(own))
+            _check_body(model, node[inside], local, len(own))
 
 
 def _lattice_parts(lattice: Lattice) -> Long:
@@ -160,15 +160,9 @@ def _incidence(mesh: Mesh, part_of_cell: Long) -> tuple[Long, Long]:
     return key // parts, key % parts
 
 
-def _check_body(
-    model: Model,
-    node: Long,
-    local: Long,
-    part: Long | None,
-    parts: int,
-) -> None:
-    if part is None:
-        local = np.zeros(len(node), dtype=np.int64)
+def _check_body(model: Model, node: Long, local: Long | None = None, parts: int = 1) -> None:
+    """``node`` (n,) of the body, ascending, once for each of its ``parts``, ``local`` (n,)."""
+    local = np.zeros(len(node), dtype=np.int64) if local is None else local
     first = np.concatenate([[True], node[1:] != node[:-1]])
     points = model.mesh.points[node[first]]
     origin = points.mean(axis=0)
@@ -211,12 +205,7 @@ def _check_body(
 
 
 def _placed(
-    points: Float,
-    origin: Float,
-    length: float,
-    axis: int,
-    local: Long,
-    parts: int,
+    points: Float, origin: Float, length: float, axis: int, local: Long, parts: int
 ) -> Float:
     """Rows of one displacement component in the columns of its part."""
     result = np.zeros((len(points), parts, 6))

@@ -7,7 +7,7 @@ matrix product is needed, and congruent elements stay congruent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -49,12 +49,6 @@ class Coarser:
     kept: Int
     groups: list[Elements]
     lattice: Lattice | None
-
-    @property
-    def weights(self) -> csr_matrix:
-        """(N,K) weights of the coarse nodes."""
-        own = self.interpolation
-        return own.matrix if isinstance(own, PlaneWeights) else own
 
 
 def has_midsides(groups: Sequence[Elements]) -> bool:
@@ -111,23 +105,23 @@ def _linear(group: Elements, free: Bool, number: Int) -> Group:
     if isinstance(group, DistinctGroup):
         held = ~free[group.cells].reshape(-1, 3 * kind.nodes)
         of_cell = np.arange(len(group.cells))
-        matrices = np.empty((len(group.cells), spread.shape[1], spread.shape[1]))
-        for first in range(0, len(matrices), _CHUNK):
-            which = of_cell[first : first + _CHUNK]
-            own = group.at(which)
-            own *= ~(held[which, :, None] | held[which, None, :])
-            matrices[which] = np.matmul(spread.T, np.matmul(own, spread))
-        return Group(kind.linear, cells, of_cell, matrices)
+
+        def without_held(which: Long) -> Float:
+            return group.at(which) * ~(held[which, :, None] | held[which, None, :])
+
+        return Group(kind.linear, cells, of_cell, _galerkin(without_held, len(of_cell), spread))
     of_cell, extra = held_matrices(group, free)
-    count = len(group.matrices)
-    matrices = np.empty((count + len(extra), spread.shape[1], spread.shape[1]))
-    for source, start in ((group.matrices, 0), (extra, count)):
-        for first in range(0, len(source), _CHUNK):
-            part = source[first : first + _CHUNK]
-            matrices[start + first : start + first + len(part)] = np.matmul(
-                spread.T, np.matmul(part, spread)
-            )
-    return Group(kind.linear, cells, of_cell, matrices)
+    parts = [_galerkin(own.__getitem__, len(own), spread) for own in (group.matrices, extra)]
+    return Group(kind.linear, cells, of_cell, np.concatenate(parts))
+
+
+def _galerkin(at: Callable[[Long], Float], count: int, spread: Float) -> Float:
+    """(count,m,m) Q^T K Q of matrices K that ``at`` gives of some numbers, with ``spread`` Q."""
+    result = np.empty((count, spread.shape[1], spread.shape[1]))
+    for first in range(0, count, _CHUNK):
+        which = np.arange(first, min(first + _CHUNK, count))
+        result[which] = np.matmul(spread.T, np.matmul(at(which), spread))
+    return result
 
 
 def _joined(groups: list[Group]) -> list[Group]:
