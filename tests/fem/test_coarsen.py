@@ -169,7 +169,9 @@ def test_planes_left_out_give_the_galerkin_matrix(graded: bool) -> None:
     galerkin_matches(coarser.interpolation.matrix, fine, coarse, free, coarser.kept)
     # linear displacements are interpolated exactly, graded planes included
     field = mesh.points @ np.array([[1.0, 2.0, -1.0], [0.5, 0.0, 3.0], [0.0, 1.0, 1.0]])
-    np.testing.assert_allclose(coarser.interpolation.matrix @ field[coarser.kept], field, atol=1e-12)
+    np.testing.assert_allclose(
+        coarser.interpolation.matrix @ field[coarser.kept], field, atol=1e-12
+    )
 
 
 def test_an_l_shape_keeps_its_inner_corner() -> None:

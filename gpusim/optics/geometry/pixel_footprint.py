@@ -23,7 +23,11 @@ from gpusim.surface.plane import used_vertices
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = ["RegionPaint", "regions_of", "with_reach"]
+__all__ = [
+    "RegionPaint",
+    "regions_of",
+    "with_reach",
+]
 
 Array = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]

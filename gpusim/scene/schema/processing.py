@@ -10,7 +10,12 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from .base import Table, Words, fault
 
-__all__ = ["AnalysisTable", "OutputTable", "RenderTable", "SolverTable"]
+__all__ = [
+    "AnalysisTable",
+    "OutputTable",
+    "RenderTable",
+    "SolverTable",
+]
 
 TruthLayer = Literal[
     "reference",

@@ -26,7 +26,13 @@ from gpusim.mesh.formats.exodus.variables import (
 )
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["ExodusFields", "ExodusSteps", "read_exodus", "read_exodus_fields", "read_exodus_steps"]
+__all__ = [
+    "ExodusFields",
+    "ExodusSteps",
+    "read_exodus",
+    "read_exodus_fields",
+    "read_exodus_steps",
+]
 
 PathLike = str | os.PathLike[str] | InputFile
 Float = npt.NDArray[np.float64]
