@@ -2,6 +2,7 @@
 
 In the order in which data passes:
 
+- `array_types`: Names for arrays by the kind of their numbers; docstrings give shapes.
 - `sorted_unique`: Each value once: NumPy 2.3's `unique` goes through a table of hashes, ten times
   slower.
 - `congruence`: Finding equal things: congruent elements and equal rows, by 64-bit hashes of

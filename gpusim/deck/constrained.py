@@ -17,10 +17,9 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.fem import Model, Solution
 from gpusim.fem.assembly.assembly import group_matrix
 from gpusim.fem.assembly.element_batches import model_groups
-from gpusim.fem.assembly.element_deformation import Deformation
-from gpusim.fem.assembly.stiffness_rounding import signed
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.assembly.stiffness_rounding import Deformation, signed
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.model.supports import rigid_modes
 
 __all__ = ["Equations", "solve_constrained"]
 
@@ -156,7 +155,7 @@ def solve_constrained(
 
     Each equation gives up one unknown, u = T q + s, so that T'KT q = T'(f - K s) is symmetric and
     positive definite; it is factorised in float64 and refined with residuals by deformation (see
-    `gpusim.fem.assembly.element_deformation`) until a correction is below 1e-12 of u (five at
+    `gpusim.fem.assembly.stiffness_rounding`) until a correction is below 1e-12 of u (five at
     most). The last correction over u, and what the rounding of element matrices leaves open, is the
     error estimate. ``reactions`` holds the forces of supports and equations.
 

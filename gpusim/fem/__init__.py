@@ -20,20 +20,19 @@ In the order in which data passes:
 
 from __future__ import annotations
 
-from gpusim.fem.model.line_loads import line_force
 from gpusim.fem.model.loads import (
     body_force,
     centrifugal,
     face_force,
+    line_force,
     nodal_force,
     pressure,
     traction,
 )
 from gpusim.fem.model.mass import lumped_mass, mass_matrix
 from gpusim.fem.model.material import Isotropic, Material, Orthotropic
-from gpusim.fem.model.model import Model
-from gpusim.fem.model.solution import Solution
-from gpusim.fem.model.symmetry import symmetry
+from gpusim.fem.model.model import Model, Solution
+from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
 from gpusim.fem.statics import METHODS, solve
 from gpusim.fem.stress import Stress, principal, stress, von_mises

@@ -4,37 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.congruence import noise
 from gpusim.errors import NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.system import System, finest_matrix
-from gpusim.fem.device.arena import Arena
-from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
+from gpusim.fem.assembly.system import System
+from gpusim.fem.device.node_texels import Arena
 from gpusim.fem.device.tet_elements import TetElements
+from gpusim.fem.device.tet_forces import device_tets, operator_bytes, upload_operator
 from gpusim.fem.device.v_cycle import compile_kernels
 from gpusim.fem.direct_solvers.iterative_refinement import refine
-from gpusim.fem.direct_solvers.solver_choice import Direct
 from gpusim.fem.incompressibility.mixed_formulation import mixed_solver
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
-from gpusim.fem.krylov.error_estimates import Norm
-from gpusim.fem.krylov.load_cases import Progress, each_case
-from gpusim.fem.krylov.outer_iteration import Outcome, iterate
-from gpusim.fem.krylov.rounding_error import RoundingError
+from gpusim.fem.krylov.error_estimates import Norm, RoundingError
+from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
-from gpusim.fem.solve_plan import Options, SolvePlan
+from gpusim.fem.solve_plan import Direct, Options, SolvePlan
 from gpusim.gpu import Device
 
-__all__ = ["Result", "solve_system"]
+__all__ = ["solve_system"]
 
-Float = npt.NDArray[np.float64]
 
 # of conjugate gradients with pressures; with more something is wrong
 _MOST_WITH_PRESSURES = 600
@@ -48,28 +44,20 @@ _INVERSE_STEPS = 8
 _FEW_CASES = 4
 
 
-@dataclass(frozen=True)
-class Result:
-    """An outcome and how it came about."""
-
-    outcome: Outcome
-    method: str
-    backend: str
-    real: str
-
-
 def solve_system(
     plan: SolvePlan, model: Model, assembled: Assembled, system: System, options: Options
-) -> Result:
+) -> Outcome:
     """What the plan says, in its order, until an attempt has converged."""
     if plan.attempts == ("none",):
         u = np.broadcast_to(system.prescribed, system.right.shape).copy()
-        trivial = Outcome(u, True, 0.0, 0, np.zeros((0, len(system.right))), "no load: exact")
-        return Result(trivial, "none", options.backend, "none")
+        none = np.zeros((0, len(system.right)))
+        return Outcome(
+            u, True, 0.0, 0, none, "no load: exact", None, "none", options.backend, "none"
+        )
     if plan.attempts == ("direct",):
         return _factorised(plan.direct(), system, options, "")
 
-    def instead(reason: str) -> Result | None:
+    def instead(reason: str) -> Outcome | None:
         direct = plan.direct() if "direct" in plan.attempts else None
         if direct is None or not (direct.fits and direct.seconds <= _PATIENCE):
             return None
@@ -86,12 +74,12 @@ def solve_system(
         if other is None:
             raise
         return other
-    if result.outcome.converged:
+    if result.converged:
         return result
-    return instead(result.outcome.message) or result
+    return instead(result.message) or result
 
 
-def _factorised(direct: Direct | None, system: System, options: Options, note: str) -> Result:
+def _factorised(direct: Direct | None, system: System, options: Options, note: str) -> Outcome:
     assert direct is not None
     factor, clock = direct.build(), options.clock
     clock.mark("factorisation")
@@ -106,12 +94,12 @@ def _factorised(direct: Direct | None, system: System, options: Options, note: s
         outcome = one(system, None, options.progress)
     clock.mark("iterations")
     message = f"{outcome.message} ({direct.description}{note})"
-    return Result(replace(outcome, message=message), "direct", "numpy", "f64")
+    return replace(outcome, message=message, method="direct")
 
 
 def _with_multigrid(
     plan: SolvePlan, model: Model, assembled: Assembled, system: System, options: Options
-) -> Result:
+) -> Outcome:
     clock = options.clock
     if not plan.on_device:
         multigrid, run = _multigrid(plan, model, assembled, system, options)
@@ -123,7 +111,7 @@ def _with_multigrid(
 
         outcome = each_case(one, system, options.start, options.progress)
         clock.mark("iterations")
-        return Result(outcome, "multigrid", "numpy", "f64")
+        return outcome
     device = plan.adapter()
     elements = device_tets(device, assembled)
     # the operator and the vectors at least; what multigrid adds is known once it is set up
@@ -143,12 +131,12 @@ def _with_multigrid(
         clock.mark("upload")
         outcome = run(system, loop, start=options.start, progress=options.progress)
         clock.mark("iterations")
-        return Result(outcome, "multigrid", "gpu", arena.real)
+        return replace(outcome, backend="gpu", real=arena.real)
 
 
 def _with_pressures(
     model: Model, assembled: Assembled, system: System, options: Options
-) -> Result | None:
+) -> Outcome | None:
     """None where the bodies aren't fit for it, or it has failed; on the host."""
     clock = options.clock
 
@@ -175,7 +163,7 @@ def _with_pressures(
         return None
     note = f"displacements and pressures: a nearly incompressible material; {mixed.probed} more"
     message = f"{outcome.message} ({note} iterations looked for soft modes)"
-    return Result(replace(outcome, message=message), "multigrid", "numpy", "f64")
+    return replace(outcome, message=message)
 
 
 def _ask(device: Device, nbytes: int, system: System) -> None:
@@ -196,13 +184,9 @@ def _multigrid(
 ) -> tuple[Multigrid, Callable[..., Outcome]]:
     """The preconditioner, and ``iterate`` with what it needs to know of it."""
     hierarchy = build_hierarchy(
-        finest_matrix(assembled.rows, system),
-        assembled.groups,
-        assembled.lattice,
-        system.free,
+        assembled,
+        system,
         model.mesh.points,
-        assembled.rows,
-        system.scale,
         stiff_in_bulk=plan.stiff_in_bulk,
         inverted=plan.on_device,
         uneven_stiffness=plan.uneven_stiffness,

@@ -9,25 +9,23 @@ from numbers import Integral, Real
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.block_rows import BlockRows
-from gpusim.fem.assembly.node_numbering import Numbering
+from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
-from gpusim.fem.methods import Result, solve_system
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.model import Model
-from gpusim.fem.model.rigid_body_modes import check_supports
-from gpusim.fem.model.solution import Solution
+from gpusim.fem.krylov.outer_iteration import Outcome
+from gpusim.fem.methods import solve_system
+from gpusim.fem.model.model import Model, Solution, resolve_formulation
+from gpusim.fem.model.supports import check_supports
 from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
 __all__ = ["METHODS", "solve"]
-
-Float = npt.NDArray[np.float64]
 
 
 @unmasked()
@@ -60,7 +58,7 @@ def solve(
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
     tolerance : relative displacement error to reach, in (0, 1); the estimates are documented in
-        ``gpusim.fem.krylov.stopping_criterion`` and
+        ``gpusim.fem.krylov.error_estimates`` and
         ``gpusim.fem.direct_solvers.iterative_refinement``.
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
@@ -115,8 +113,8 @@ def solve(
         system = _system(model, assembled, formulations)
         plan = plan_solve(model, assembled, system, options)
         clock.mark("choice")
-        result = solve_system(plan, model, assembled, system, options)
-        solution = _solution(model, system, assembled.rows, result, plan, clock)
+        outcome = solve_system(plan, model, assembled, system, options)
+        solution = _solution(model, system, assembled.rows, outcome, plan, clock)
         return solution if numbering is None else numbering.back(solution)
 
 
@@ -175,11 +173,10 @@ def _solution(
     model: Model,
     system: System,
     rows: BlockRows,
-    result: Result,
+    outcome: Outcome,
     plan: SolvePlan,
     clock: Clock,
 ) -> Solution:
-    outcome = result.outcome
     u, message = outcome.u, outcome.message
     if not outcome.converged:
         cause = extremes(model)
@@ -211,9 +208,9 @@ def _solution(
         message=message,
         warnings=tuple(warnings),
         timings=clock.timings,
-        method=result.method,
-        backend=result.backend,
-        real=result.real,
+        method=outcome.method,
+        backend=outcome.backend,
+        real=outcome.real,
         element_classes=rows.element_classes,
         row_classes=rows.class_count,
         reasons=plan.lines,

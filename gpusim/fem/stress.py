@@ -10,14 +10,14 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.fem.elements.strain import point_stress
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
 from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
@@ -27,8 +27,6 @@ from gpusim.validation import unmasked
 
 __all__ = ["Stress", "principal", "stress", "von_mises"]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 _CHUNK = 4096
 # up to here a table over all keys is faster than sorting them
@@ -192,7 +190,7 @@ class _Part:
     kind: str
     cells: slice  # in the block
     numbers: slice  # global
-    block: npt.NDArray[np.int32]
+    block: Int
 
 
 class _Recovery:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
 __all__ = ["Field"]
 
-Float = npt.NDArray[np.float64]
 Step = Callable[[int], npt.NDArray[Any]]
 
 _KEPT = 2  # steps in memory: those between which a time lies

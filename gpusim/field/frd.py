@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.files.input_file import InputFile
@@ -20,8 +21,6 @@ from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble, index_o
 
 __all__ = ["read_frd"]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 # Element types by number: kind and nodes. GraphiX counts vertical edges before top edges.
 _TYPES = {

@@ -1,56 +1,236 @@
-"""Reading displacement fields, by the ending of the file's name."""
+"""Reading displacement fields: VTU and its series, Exodus, CalculiX, and NumPy's .npz.
+
+An .npz is the form in which a program of one's own hands a field over:
+
+============== ============================================================================
+``points``     (N, 3) reference position of the nodes
+``cells_TYPE`` (M, k) node numbers from 0 per type of cell: ``cells_hex8``, ``cells_tet10`` …
+               (`gpusim.mesh.CELL_TYPES`, node order of VTK and Abaqus)
+``displacement`` (T, N, 3), or (N, 3) for one time
+``times``      (T,) growing; may be left out for one time, which is 1 then
+============== ============================================================================
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+import math
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field.field import Field
-from gpusim.files.input_file import InputFile, read_input
+from gpusim.field.frd import read_frd
+from gpusim.files.input_file import SERIES_SUFFIXES, InputFile, read_input, read_series
 from gpusim.mesh import Mesh
+from gpusim.mesh.formats.cell_blocks import assemble, solid_nodes
+from gpusim.mesh.formats.exodus import read_exodus_steps
 from gpusim.mesh.formats.reader import PARALLEL
+from gpusim.mesh.formats.vtu import VtuFile
+from gpusim.parallel.main_memory import memory_limit
 
-__all__ = ["FIELD_SUFFIXES", "read_field"]
-
-
-def _vtu(file: InputFile, name: str | None) -> Field:
-    from gpusim.field.vtu import read_vtu_field
-
-    return read_vtu_field(file, name)
-
-
-def _exodus(file: InputFile, name: str | None) -> Field:
-    from gpusim.field.exodus import read_exodus_field
-
-    return read_exodus_field(file, name)
+__all__ = [
+    "FIELD_SUFFIXES",
+    "read_exodus_field",
+    "read_field",
+    "read_npz",
+    "read_vtu_field",
+    "scalar_names",
+    "vector_name",
+]
 
 
-def _frd(file: InputFile, name: str | None) -> Field:
-    from gpusim.field.frd import read_frd
+_VECTORS = ("displacement", "displacements", "disp", "displ", "u", "dis", "depl", "def")
+_SCALARS = ("disp", "displ", "displacement", "d", "u", "dis")
+_ENDINGS = (("x", "y", "z"), ("1", "2", "3"))
+_CELLS = "cells_"
+_GREATEST_RATIO = 1040.0  # of bytes unpacked to those packed: deflate can't do better
+_DAMAGE = (
+    ArithmeticError, EOFError, LookupError, OSError, RuntimeError, SyntaxError, TypeError,
+    ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
-    return read_frd(file, name)
+
+def vector_name(known: Sequence[str], wanted: str | None) -> str | None:
+    """The name among ``known`` that is ``wanted``, or a usual one for displacements; else None."""
+    if wanted is not None:
+        return wanted if wanted in known else None
+    by_fold = {name.casefold(): name for name in reversed(known)}
+    return next((by_fold[usual] for usual in _VECTORS if usual in by_fold), None)
 
 
-def _npz(file: InputFile, name: str | None) -> Field:
-    from gpusim.field.npz import read_npz
+def scalar_names(known: Sequence[str], wanted: str | None) -> tuple[str, str, str]:
+    """Three names that are one scalar per axis: ``disp_x``, ``disp_y``, ``disp_z`` or the like.
 
-    return read_npz(file, name)
+    Raises InputError listing what there is.
+    """
+    by_fold = {name.casefold(): name for name in reversed(known)}
+    for start in _SCALARS if wanted is None else (wanted.casefold(),):
+        for between in ("", "_", "-", " ", "."):
+            for x, y, z in _ENDINGS:
+                names = [f"{start}{between}{end}" for end in (x, y, z)]
+                if all(name in by_fold for name in names):
+                    return by_fold[names[0]], by_fold[names[1]], by_fold[names[2]]
+    if wanted in known:
+        raise InputError(f"{wanted!r} has one number per node; expected a vector of three")
+    raise InputError(
+        f"no displacement among the nodal variables; got {', '.join(known) or 'none'}; expected "
+        + (repr(wanted) if wanted is not None else "one called displacement, disp, U …: say which")
+    )
+
+
+def read_exodus_field(file: InputFile, name: str | None = None) -> Field:
+    """The field of an Exodus file; ``name`` is what the three variables begin with."""
+    mesh, steps = read_exodus_steps(file)
+    if not len(steps.times):
+        raise InputError(f"{file.path}: no time steps; got a mesh without results")
+    names = scalar_names(steps.names, name)
+
+    def step(number: int) -> Float:
+        return steps.values(names, number)
+
+    return Field(mesh, steps.times, step, name=str(file.path))
+
+
+def read_vtu_field(file: InputFile, name: str | None = None) -> Field:
+    """The field of a .vtu (a single state, at time 1) or of a series of them.
+
+    The mesh is that of the first file; the others must have as many nodes. All pieces of a file
+    are read, one after another.
+    """
+    if file.suffix in SERIES_SUFFIXES:
+        steps = read_series(file)
+        for _, path in steps:
+            if path.suffix.lower() != ".vtu":
+                raise InputError(f"{file.path}: names {path.name}; expected .vtu files")
+            if not path.is_file():
+                raise InputError(f"{file.path}: names {path.name}, which isn't there")
+        times = [time for time, _ in steps]
+        # the first step is read now, the others, of a size that memory may not hold, when needed
+        first_file = file.beside(steps[0][1].absolute(), "a .vtu file")
+    else:
+        times, first_file = [1.0], file
+        steps = [(1.0, file.path)]
+    first = VtuFile(first_file)
+    raw = first.mesh()
+    mesh = assemble(raw, str(first_file.path))
+    used = solid_nodes(raw)
+    _vtu_displacement(first, name)  # a wrong name shows at once
+
+    hashes: dict[int, str] = {}  # of the steps that were read before
+
+    def step(number: int) -> Float:
+        path = steps[number][1]
+        content = first
+        if number:
+            later = read_input(
+                file.beside(path.absolute(), "a .vtu file"), sha256=hashes.get(number)
+            )
+            hashes[number] = later.sha256
+            content = VtuFile(later)
+        u = _vtu_displacement(content, name)
+        if len(u) != len(used):
+            raise InputError(
+                f"{path}: got {len(u)} nodes; expected {len(used)}, as in {steps[0][1].name}"
+            )
+        return u[used]
+
+    return Field(mesh, times, step, name=str(file.path))
+
+
+def _vtu_displacement(content: VtuFile, name: str | None) -> Float:
+    """(N, 3) of all nodes in the file."""
+    known = content.point_data()
+    which = vector_name([key for key, (_, columns) in known.items() if columns > 1], name)
+    if which is None:
+        try:
+            names = scalar_names([key for key, (_, columns) in known.items() if columns <= 1], name)
+        except InputError as error:
+            had = ", ".join(f"{key} ({columns})" for key, (_, columns) in known.items())
+            content.arrays.fail(f"{error}; point data: {had or 'none'}")
+        return np.stack([content.point_values(key).astype(np.float64) for key in names], axis=1)
+    u = content.point_values(which).astype(np.float64)
+    if u.ndim != 2 or u.shape[1] != 3:
+        content.arrays.fail(f"{which}; got shape {u.shape}; expected (N, 3)")
+    return u
+
+
+def read_npz(file: InputFile, name: str | None = None) -> Field:
+    """The field of an .npz file; ``name`` is that of the displacement array."""
+    path = file.path
+    try:
+        with zipfile.ZipFile(file.stream()) as archive:
+            arrays = {
+                info.filename.removesuffix(".npy"): _array(archive, info)
+                for info in archive.infolist()
+            }
+    except MemoryError:
+        raise InputError(f"{path}: larger than the memory") from None
+    except _DAMAGE as error:
+        raise InputError(f"{path}: not an .npz of plain arrays ({str(error)[:200]!r})") from None
+    which = vector_name(list(arrays), name)
+    cells = {key[len(_CELLS) :]: array for key, array in arrays.items() if key.startswith(_CELLS)}
+    missing = [
+        text
+        for text, there in (
+            ("points", "points" in arrays),
+            ("cells_hex8 or the like", bool(cells)),
+            (name or "displacement", which is not None),
+        )
+        if not there
+    ]
+    if missing:
+        raise InputError(
+            f"{path}: no array {', '.join(missing)}; got {', '.join(arrays) or 'none'}"
+        )
+    assert which is not None
+    u = arrays[which]
+    single = u.ndim == 2
+    if "times" not in arrays and not single and len(u) != 1:
+        raise InputError(f"{path}: no array times; got {which} of shape {u.shape}")
+    times = arrays.get("times", np.ones(1))
+    if times.dtype.kind not in "iuf" or u.dtype.kind not in "iuf":
+        raise InputError(
+            f"{path}: times and {which}; got {times.dtype} and {u.dtype}; expected numbers"
+        )
+    return Field(Mesh(arrays["points"], cells), times, u, name=str(path))
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> npt.NDArray[Any]:
+    """An array of the archive. Raises ValueError for one that isn't as large as it claims."""
+    if info.file_size > min(_GREATEST_RATIO * info.compress_size + 1e5, memory_limit()):
+        raise ValueError(f"{info.filename} claims {info.file_size} bytes")
+    data = io.BytesIO(archive.read(info))
+    version = np.lib.format.read_magic(data)
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else \
+        np.lib.format.read_array_header_2_0  # fmt: skip
+    shape, _, dtype = header(data)
+    claimed = math.prod(shape) * dtype.itemsize
+    if claimed != len(data.getvalue()) - data.tell():
+        raise ValueError(f"{info.filename} of shape {shape} isn't of {claimed} bytes")
+    data.seek(0)
+    return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
 
 
 _READERS: dict[str, Callable[[InputFile, str | None], Field]] = {
-    ".vtu": _vtu,
-    ".pvd": _vtu,
-    ".series": _vtu,
-    ".e": _exodus,
-    ".ex2": _exodus,
-    ".exo": _exodus,
-    ".exodus": _exodus,
-    ".frd": _frd,
-    ".npz": _npz,
+    ".vtu": read_vtu_field,
+    ".pvd": read_vtu_field,
+    ".series": read_vtu_field,
+    ".e": read_exodus_field,
+    ".ex2": read_exodus_field,
+    ".exo": read_exodus_field,
+    ".exodus": read_exodus_field,
+    ".frd": read_frd,
+    ".npz": read_npz,
 }
 FIELD_SUFFIXES = tuple(_READERS)
 
@@ -69,7 +249,7 @@ def read_field(
     path
         ``.vtu`` (one state, time 1), ``.pvd`` and ``.vtu.series`` (ParaView: a ``.vtu`` per time),
         ``.e``/``.ex2``/``.exo``/``.exodus`` (Exodus), ``.frd`` (CalculiX, text),
-        ``.npz`` (see `gpusim.field.npz`), or what `gpusim.files.input_file.read_input` has read of
+        ``.npz`` (see `gpusim.field.read`), or what `gpusim.files.input_file.read_input` has read of
         one. Steps are unpacked when they are needed.
     name
         Of the nodal variable, where it isn't called displacement, disp, U or the like. Exodus and

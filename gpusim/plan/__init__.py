@@ -2,11 +2,8 @@
 
 In the order in which data passes:
 
-- `run_options`: How a scene is run: on which backend, with which earlier results, and by which
-  shortcuts.
-- `machine_speed`: How fast this machine is: measured once in a moment, then learned from each
-  run.
-- `stages`: A plan as data: its stages, what they cost, what they are by kinds of work.
+- `machine_speed`: How fast this machine is: measured once in a moment, then learned from each run.
+- `stages`: A plan as data: how a scene is run, its stages, and what they cost by kinds of work.
 - `state`: ``state.json`` of an output folder: which stage results lie there, and what they depend
   on.
 - `plan`: The one decision, before any work: which stages are run, skipped or reused, why, at what

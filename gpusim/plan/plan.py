@@ -18,8 +18,7 @@ from typing import Any
 
 from gpusim._version import __version__
 from gpusim.plan.machine_speed import Speed
-from gpusim.plan.run_options import RunOptions
-from gpusim.plan.stages import Plan, PlannedStage, State, timed, works_of
+from gpusim.plan.stages import Plan, PlannedStage, RunOptions, State, timed, works_of
 from gpusim.plan.state import StateFile, variant_folder
 from gpusim.scene import Scene, plausibility
 from gpusim.scene.amplitudes import LoadHistory
@@ -215,22 +214,26 @@ class _Planner:
                     first = key
                 self.decide(name, key, camera=camera.name, frame=frame)
                 if self.stages[name].runs:
-                    columns, rows = camera.resolution
                     factors = ", ".join(f"{w:g}" for w in self.history.shown(frame))
                     what = f"time {factors}" if self.history.given else f"load x {factors}"
                     seconds = self.stages[name].seconds
                     if frame and self._alike(near, self._near(camera, frame - 1)):
                         what += " as before: exposed again"
-                        seconds = 0.05 + 5e-8 * columns * rows
+                        seconds = 0.05 + 5e-8 * camera.resolution[0] * camera.resolution[1]
                     effects = cost_of.effects(scene, camera)
-                    compiling, words = self._compiling(camera)
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, {effects}, {what}"
-                    self.stages[name] = replace(
-                        self.stages[name], detail=detail + words, seconds=seconds + compiling,
-                        cost=seconds + compiling, compiling=compiling,
-                    )  # fmt: skip
+                    self._describe_image(name, camera, seconds, f"{effects}, {what}")
                 names.append(name)
         return names
+
+    def _describe_image(self, name: str, camera: Camera, seconds: float, what: str) -> None:
+        """Enter what a render stage takes, and what it is, compilation included."""
+        stage, (columns, rows) = self.stages[name], camera.resolution
+        compiling, words = self._compiling(camera)
+        total = seconds + compiling
+        self.stages[name] = replace(
+            stage, detail=f"{columns}x{rows} px, {stage.detail}, {what}{words}", seconds=total,
+            cost=total, compiling=compiling,
+        )  # fmt: skip
 
     def _compiling(self, camera: Camera) -> tuple[float, str]:
         """Seconds and words for the shaders that no image before this one has needed."""
@@ -268,16 +271,8 @@ class _Planner:
                 name = f"render/{camera}/calib-{pose:04d}"
                 self.decide(name, self.key(name, (), key), camera=camera, pose=pose)
                 if self.stages[name].runs:
-                    columns, rows = spec.resolution
-                    detail = f"{columns}x{rows} px, {self.stages[name].detail}, target"
-                    if self.scene.measures_space:
-                        detail += " and its corners"
-                    compiling, words = self._compiling(spec)
-                    seconds = cost_of.target_seconds(spec) + compiling
-                    self.stages[name] = replace(
-                        self.stages[name], detail=detail + words, seconds=seconds, cost=seconds,
-                        compiling=compiling,
-                    )  # fmt: skip
+                    what = "target and its corners" if self.scene.measures_space else "target"
+                    self._describe_image(name, spec, cost_of.target_seconds(spec), what)
                 names.append(name)
         return names
 

@@ -9,23 +9,21 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix, random_array
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.diagonal_blocks import invert_blocks
-from gpusim.fem.device.block_product import DeviceProduct
+from gpusim.fem.assembly.block_rows import invert_blocks
 from gpusim.fem.device.block_texels import BlockTexels
 from gpusim.fem.device.interpolation import DeviceWeights, apply_weights
 from gpusim.fem.device.linear_combination import _NAMES, DeviceSum, weighted_sum
 from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
-from gpusim.fem.device.relaxation import Float, relax_nodes, relaxation
-from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
-from gpusim.fem.device.tet_elements import TetElements, tet_elements
+from gpusim.fem.device.relaxation import relax_nodes, relaxation
+from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness, apply_stiffness
+from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements
 from gpusim.fem.device.tet_forces import DeviceTets, apply_tets, element_forces
 from gpusim.fem.device.tet_forces_single import SingleForces
-from gpusim.fem.device.tet_texels import TetTexels
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG, _BlockJacobi
-from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.fem.model.material import Isotropic
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.mesh import box
@@ -34,9 +32,8 @@ from gpusim.mesh import box
 def check_elements() -> tuple[TetElements, int]:
     """Straight and curved elements of two materials for a check, and how many nodes they have."""
     from gpusim.fem.assembly.element_batches import model_groups
-    from gpusim.fem.model.formulation import resolve_formulation
     from gpusim.fem.model.material import Isotropic
-    from gpusim.fem.model.model import Model
+    from gpusim.fem.model.model import Model, resolve_formulation
     from gpusim.mesh import box, quadratic, split
 
     rng = np.random.default_rng(4)

@@ -9,15 +9,14 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import assemble, assemble_groups, group_matrix
-from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.assembly.diagonal_blocks import invert_blocks
+from gpusim.fem.assembly.block_rows import block_matrix, invert_blocks
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
-from gpusim.fem.assembly.element_deformation import Deformation
-from gpusim.fem.assembly.matrix_product import RowsProduct
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.node_graph import NodeGraph
+from gpusim.fem.assembly.stiffness_rounding import Deformation
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
-from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.multigrid.transfer import NodeTransfer, in_single
@@ -134,7 +133,7 @@ def test_midsides_left_out_of_unequal_tetrahedra() -> None:
     groups = model_groups(Model(mesh, [WOOD], fixed), RULE)
     coarser = drop_midsides(groups, ~fixed)
     assert {type(one) for one in coarser.groups} == {Group, DistinctGroup}
-    transfer = NodeTransfer(coarser.weights, ~fixed, ~fixed[coarser.kept]).blocks().tocsr()
+    transfer = NodeTransfer(coarser.interpolation, ~fixed, ~fixed[coarser.kept]).blocks().tocsr()
     fine = block_matrix(assemble_groups(groups, mesh.node_count))
     wanted = (transfer.T @ fine @ transfer).toarray()
     found = group_matrix(coarser.groups, len(coarser.kept)).toarray()
@@ -151,7 +150,7 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     inverse = invert_blocks(rows.diagonal / scale, free)
     near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
     coarser = []
-    for matrix in (RowsProduct(rows, scale), block_matrix(rows, scale)):
+    for matrix in (RowsProduct(rows, scale), Product(block_matrix(rows, scale))):
         p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free, False)
         coarser.append((p, galerkin(matrix, p), mask))
     apart, whole = coarser

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,11 +13,11 @@ from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.element_batches import Elements
-from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.rigid_body_modes import rigid_modes
-from gpusim.fem.multigrid.cell_stacks import thin_axes
-from gpusim.fem.multigrid.column_blocks import Columns, columns_across
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.assembly.system import make_system
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.model.supports import rigid_modes
+from gpusim.fem.multigrid.column_blocks import Columns, columns_across, thin_axes
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
@@ -87,7 +89,7 @@ def test_the_inverse_is_that_of_each_columns_block(apart: bool) -> None:
     free, column = ~model.fixed, columns_across(parts.groups, mesh.points)
     assert column is not None
     dense = block_matrix(parts.rows, 4.0).toarray()
-    matrix = RowsProduct(parts.rows, 4.0) if apart else block_matrix(parts.rows, 4.0)
+    matrix = RowsProduct(parts.rows, 4.0) if apart else Product(block_matrix(parts.rows, 4.0))
     r = np.random.default_rng(3).normal(size=(2, free.size))
     wanted = np.zeros_like(r)
     for one in range(column.max() + 1):
@@ -110,7 +112,7 @@ def test_aggregates_keep_columns_together() -> None:
     assert column is not None
     near_null = rigid_modes(mesh.points, mesh.points.mean(axis=0), 7.0) * free[:, :, None]
     forms = []
-    for matrix in (RowsProduct(parts.rows, 1.0), block_matrix(parts.rows, 1.0)):
+    for matrix in (RowsProduct(parts.rows, 1.0), Product(block_matrix(parts.rows, 1.0))):
         smoother = Columns(matrix, free, column)
         p, coarse_null, _ = prolongator(matrix, smoother, 2.6, near_null, free, False)
         forms.append(p.toarray())
@@ -133,10 +135,8 @@ def test_half_a_cycle_tells_the_energy_of_a_symmetric_one(single: bool) -> None:
     model = model_of(mesh)
     parts = assemble(model, resolve_formulation(model, None))
     assert model.fixed is not None
-    made = build_hierarchy(
-        block_matrix(parts.rows, 2.0), parts.groups, parts.lattice, ~model.fixed, mesh.points,
-        parts.rows, 2.0, uneven_stiffness=not single,
-    )  # fmt: skip
+    system = replace(make_system(model, parts), stencil=None)
+    made = build_hierarchy(parts, system, mesh.points, uneven_stiffness=not single)
     assert isinstance(made.levels[0].smoother, Columns)
     cycle = Multigrid(made)
     r = np.random.default_rng(4).normal(size=(2, model.fixed.size)) * ~model.fixed.ravel()
@@ -232,10 +232,7 @@ def test_levels_below_columns_of_long_cells_dont_fill_up() -> None:
     model = model_of(mesh)
     parts = assemble(model, resolve_formulation(model, None))
     assert model.fixed is not None
-    made = build_hierarchy(
-        RowsProduct(parts.rows, 2.0), parts.groups, parts.lattice, ~model.fixed, mesh.points,
-        parts.rows, 2.0,
-    )  # fmt: skip
+    made = build_hierarchy(parts, make_system(model, parts), mesh.points)
     assert isinstance(made.levels[0].smoother, Columns)
     numbers = [level.product.matrix.data.size for level in made.levels]
     assert sum(numbers[1:]) <= 0.1 * numbers[0]

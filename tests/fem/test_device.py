@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,18 +12,16 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.device.arena import Arena
-from gpusim.fem.device.block_product import DeviceProduct
-from gpusim.fem.device.block_texels import BlockTexels, rows_of_matrix
-from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
-from gpusim.fem.device.operator_form import device_tets, upload_operator
+from gpusim.fem.assembly.block_rows import BlockRows
+from gpusim.fem.assembly.system import make_system
+from gpusim.fem.device.block_texels import SLICE, BlockTexels, RowSlices, rows_of_matrix
+from gpusim.fem.device.node_texels import Arena, node_texels, pair, read_nodes, vector_texels
 from gpusim.fem.device.relaxation import ColumnRelaxation, relaxation
-from gpusim.fem.device.row_slices import SLICE, RowSlices
-from gpusim.fem.device.stiffness import DeviceStiffness
+from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness
+from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.krylov.cg import DeviceCG
 from gpusim.fem.methods import _memory
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
@@ -82,18 +81,9 @@ def bent_tetrahedra() -> Mesh:
 def assembled_and_hierarchy(model: Model) -> tuple[Assembled, Hierarchy, np.ndarray]:
     assert model.fixed is not None
     assembled = assemble(model, resolve_formulation(model, None))
-    matrix = block_matrix(assembled.rows, 1024.0)
-    free = ~model.fixed
-    hierarchy = build_hierarchy(
-        matrix,
-        assembled.groups,
-        assembled.lattice,
-        free,
-        model.mesh.points,
-        assembled.rows,
-        1024.0,
-    )
-    return assembled, hierarchy, free
+    system = replace(make_system(model, assembled), scale=1024.0, stencil=None)
+    hierarchy = build_hierarchy(assembled, system, model.mesh.points)
+    return assembled, hierarchy, ~model.fixed
 
 
 MESHES = {

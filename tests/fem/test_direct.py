@@ -15,9 +15,9 @@ from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers import banded_cholesky
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
-from gpusim.fem.direct_solvers.solver_choice import direct_solver, least_seconds
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.solve_plan import direct_solver, least_seconds
 from gpusim.mesh import Mesh, box
 from gpusim.mesh.builders.conversion import split
 
@@ -229,7 +229,7 @@ def test_the_estimate_covers_the_rounding_of_the_stiffness(monkeypatch: pytest.M
 
 
 def test_direct_is_refused_where_its_factors_do_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpusim.fem.direct_solvers.solver_choice.host_memory", lambda: 1000)
+    monkeypatch.setattr("gpusim.fem.solve_plan.host_memory", lambda: 1000)
     with pytest.raises(InputError, match=r"direct.*GB.*expected"):
         solve(beam(), backend="numpy", method="direct")
     assert solve(beam(), backend="numpy").method == "multigrid"

@@ -12,8 +12,8 @@ from gpusim.fem import Isotropic, Model, body_force, face_force, nodal_force, pr
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.elements.element_matrix import element_stiffness
-from gpusim.fem.model.formulation import resolve_formulation
-from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.mesh import Mesh, box, select_faces
 
 Float = npt.NDArray[np.float64]

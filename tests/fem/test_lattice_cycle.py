@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gpusim.fem.lattice.lattice_cycle as lattice_cycle
 from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.lattice.equal_boxes import equal_boxes
+from gpusim.fem.assembly.system import make_system
 from gpusim.fem.lattice.lattice_cycle import AggregateTransfer, cycle_dtype
 from gpusim.fem.lattice.stencil import stencil_of
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.mesh import Mesh, box
@@ -22,12 +24,9 @@ def multigrid(mesh: Mesh, fixed: np.ndarray, material_of_cell: np.ndarray) -> Mu
     model = fem.Model(mesh, materials, material_of_cell=material_of_cell, fixed=fixed)
     parts = assemble(model, resolve_formulation(model, None))
     assert parts.lattice is not None
-    return Multigrid(
-        build_hierarchy(
-            stencil_of(parts.rows, parts.lattice, 2.0), parts.groups, parts.lattice, ~fixed,
-            mesh.points, parts.rows, 2.0,
-        )
-    )  # fmt: skip
+    stencil = stencil_of(parts.rows, parts.lattice, 2.0)
+    system = replace(make_system(model, parts), scale=2.0, stencil=stencil)
+    return Multigrid(build_hierarchy(parts, system, mesh.points))
 
 
 def uneven(kind: str) -> tuple[Mesh, np.ndarray, np.ndarray]:
@@ -111,21 +110,3 @@ def test_rounding_that_would_drown_the_softest_motion_asks_for_float64() -> None
     assert cycle_dtype(1e-7, 10.0) is np.float64
     assert cycle_dtype(1e-4, 1e5) is np.float64
     assert cycle_dtype(float("nan"), 10.0) is np.float64
-
-
-def test_boxes_cover_what_is_wanted_once_and_hold_one_label() -> None:
-    rng = np.random.default_rng(7)
-    label = np.zeros((9, 7, 5), dtype=np.int64)
-    label[0], label[:, -1], label[2:5, 1:4, 3] = 1, 2, 3
-    label[rng.random(label.shape) < 0.05] = 4
-    wanted = label > 0
-    covered = np.zeros(label.shape, dtype=int)
-    boxes = equal_boxes(label, wanted)
-    for value, x0, x1, y0, y1, z0, z1 in boxes.tolist():
-        here = np.s_[x0:x1, y0:y1, z0:z1]
-        assert (label[here] == value).all()
-        covered[here] += 1
-    assert (covered == wanted).all()
-    # a plain face is one box
-    assert len(equal_boxes(np.ones((3, 4, 5), np.int64), np.ones((3, 4, 5), bool))) == 1
-    assert equal_boxes(label, np.zeros(label.shape, bool)).shape == (0, 7)

@@ -15,11 +15,10 @@ from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.system import System, make_system
-from gpusim.fem.krylov.cg import NumpyCG
+from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.krylov.error_estimates import Norm
-from gpusim.fem.krylov.load_cases import each_case
-from gpusim.fem.krylov.outer_iteration import Outcome, iterate
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.krylov.outer_iteration import Outcome, each_case, iterate
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.mesh import Mesh, box
 from gpusim.parallel.cpu_budget import limited
 
@@ -136,13 +135,9 @@ def test_a_cases_error_is_raised() -> None:
         each_case(fails, system, None, None)
 
 
-class _Identity:
-    name = "identity"
-
+class _Identity(Preconditioner):
     def apply(self, r: Float) -> Float:
         return r
-
-    def upload(self, device: Any, stiffness: Any, cases: int) -> None: ...
 
 
 def test_errors_name_the_load_case() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,13 +14,12 @@ from gpusim.arrays.path_sums import along_paths
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.assembly.system import make_system
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.geometric_coarsening import coarse_lattice
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
-from gpusim.fem.multigrid.transfer import NodeTransfer
+from gpusim.fem.multigrid.transfer import NodeTransfer, PlaneWeights
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic
 
@@ -146,11 +146,8 @@ def pulled(mesh: Mesh) -> Model:
 def test_coarse_matrices_are_galerkins() -> None:
     model = pulled(uneven_bricks(10.0, 12))
     parts = assemble(model, resolve_formulation(model, None))
-    free = ~model.fixed  # type: ignore[operator]
-    matrix = RowsProduct(parts.rows, 1.0)
-    hierarchy = build_hierarchy(
-        matrix, parts.groups, None, free, model.mesh.points, parts.rows, 1.0
-    )
+    system = replace(make_system(model, parts), scale=1.0)
+    hierarchy = build_hierarchy(parts, system, model.mesh.points)
     first, second = hierarchy.levels[:2]
     assert isinstance(first.transfer, NodeTransfer)
     assert isinstance(first.transfer.interpolation, PlaneWeights)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gpusim.fem import Isotropic, Model, solve
-from gpusim.fem.assembly import node_numbering
+from gpusim.fem.assembly import node_graph
 from gpusim.fem.assembly.element_batches import DistinctGroup, model_groups
-from gpusim.fem.assembly.node_numbering import Numbering
+from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.mesh import Mesh, box, split
 
 STEEL = Isotropic(2.0, 0.3)
@@ -36,7 +36,7 @@ def model(shuffle: bool, move: float = 0.02) -> Model:
 
 @pytest.fixture(autouse=True)
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(node_numbering, "_FEW", 100)
+    monkeypatch.setattr(node_graph, "_FEW", 100)
 
 
 def test_neighbours_lie_close_together() -> None:

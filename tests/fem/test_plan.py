@@ -11,7 +11,7 @@ import pytest
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble, model_lattice
 from gpusim.fem.assembly.system import make_system
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.solve_plan import Clock, Options, SolvePlan, plan_solve
 from gpusim.mesh import box
 

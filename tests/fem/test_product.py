@@ -12,7 +12,7 @@ from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
 from gpusim.fem.assembly.matrix_product import Product, RowsProduct
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.transfer import MatrixTransfer, in_single
 from gpusim.mesh import Mesh, box
 

@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.krylov import outer_iteration as iteration
-from gpusim.fem.krylov.rounding_error import RoundingError
+from gpusim.fem.krylov.error_estimates import RoundingError
 
 
 def cube() -> Model:

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import bsr_matrix
 
 import gpusim
-from gpusim.fem.assembly.scipy_kernels import (
+from gpusim.fem.assembly.matrix_product import (
     add_block_product,
     add_rows,
     counting_sort,
@@ -24,13 +24,13 @@ KERNELS = ("coo_tocsr", "csr_tocsc", "csc_matvecs", "bsr_matvec")
 def test_scipy_still_has_the_kernels() -> None:
     module = importlib.import_module("scipy.sparse._sparsetools")
     missing = [name for name in KERNELS if not callable(getattr(module, name, None))]
-    assert not missing, f"SciPy has moved {missing}: gpusim/fem/assembly/scipy_kernels.py"
+    assert not missing, f"SciPy has moved {missing}: gpusim/fem/assembly/matrix_product.py"
 
 
 def test_they_are_named_in_one_module() -> None:
     root = Path(inspect.getfile(gpusim)).parent
     found = [p.name for p in root.rglob("*.py") if "_sparsetools" in p.read_text(encoding="utf-8")]
-    assert found == ["scipy_kernels.py"]
+    assert found == ["matrix_product.py"]
 
 
 def test_a_counting_sort_is_stable_and_a_pattern_is_transposed() -> None:

@@ -14,8 +14,8 @@ from gpusim.fem import Isotropic, Model, Solution, face_force, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
-from gpusim.fem.krylov.cg import NumpyCG
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.gpu import Device, compare
 from gpusim.mesh import Mesh, box, select_faces
 
@@ -273,15 +273,12 @@ def test_a_load_case_at_rest_is_left_alone_while_others_go_on() -> None:
     root = rng.normal(size=(30, 30))
     matrix = root @ root.T + 3.0 * np.eye(30)
 
-    class Scaling:
-        name = "diagonal"
+    class Scaling(Preconditioner):
         seen: ClassVar[list[int]] = []
 
         def apply(self, r: np.ndarray) -> np.ndarray:
             self.seen.append(len(r))
             return r / matrix.diagonal()
-
-        def upload(self, *_: Any) -> None: ...
 
     b = rng.normal(size=(3, 30))
     loop, alone = (NumpyCG(lambda v: v @ matrix, Scaling()) for _ in range(2))

@@ -10,12 +10,16 @@ import pytest
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.device.operator_form import device_tets, operator_bytes, upload_operator
 from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
-from gpusim.fem.device.tet_elements import tet_elements
-from gpusim.fem.device.tet_forces import DeviceTets, apply_tets
-from gpusim.fem.device.tet_texels import TetTexels
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.device.tet_elements import TetTexels, tet_elements
+from gpusim.fem.device.tet_forces import (
+    DeviceTets,
+    apply_tets,
+    device_tets,
+    operator_bytes,
+    upload_operator,
+)
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic, split
 

@@ -14,8 +14,8 @@ from benchmarks.stability.hard_bodies import cantilever
 from gpusim import InputError, Isotropic, Mesh, Model, NotConverged, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.model import rigid_body_modes
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model import supports
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid import hierarchy
 from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.mesh import box, quadratic, split
@@ -152,9 +152,9 @@ def test_the_estimate_covers_every_node(tets: bool, size: tuple[float, float, fl
 def test_supports_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     model = irregular(True, (1.0, 0.6, 0.4))
     looks: list[int] = []
-    parts = rigid_body_modes._parts
-    monkeypatch.setattr(rigid_body_modes, "_parts", lambda mesh: (looks.append(1), parts(mesh))[1])
-    rigid_body_modes.check_supports(model)
+    parts = supports._parts
+    monkeypatch.setattr(supports, "_parts", lambda mesh: (looks.append(1), parts(mesh))[1])
+    supports.check_supports(model)
     solve(model, backend="numpy")
     assert looks == [1]
 

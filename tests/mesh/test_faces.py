@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.fem.elements.face_element import face_groups
+from gpusim.fem.elements.element import face_groups
 from gpusim.mesh import CELL_TYPES, Mesh, boundary_faces, mesh_quality, select_faces, set_faces
 from gpusim.mesh.shape_functions import reference_nodes
 from tests.support.element_meshes import (

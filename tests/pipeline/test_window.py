@@ -15,7 +15,7 @@ from gpusim.pipeline.build.props import build_prop
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.stages.image_window import window_of
 from gpusim.pipeline.stages.images import CaptureSetup, FrameCapture
-from gpusim.plan.run_options import RunOptions
+from gpusim.plan.stages import RunOptions
 from gpusim.scene.amplitudes import LoadHistory
 
 CAMERA = {

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 
 from gpusim.fem import Model
 from gpusim.fem.elements.element_matrix import element_stiffness
-from gpusim.fem.model.formulation import resolve_formulation
+from gpusim.fem.model.model import resolve_formulation
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
 from gpusim.mesh.shape_functions import reference_nodes
 

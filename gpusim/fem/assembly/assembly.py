@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.congruence import unique_rows
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import (
@@ -35,9 +35,6 @@ __all__ = [
     "model_lattice",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 # elements per distinct matrix from which on rows are compared: each is a sum over several elements,
 # and where rows repeat less often than about eight times a table of them is only one thing more

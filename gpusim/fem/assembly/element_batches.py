@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.congruence import congruence_classes, mix, unique_rows
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element_matrix import element_stiffness
@@ -35,10 +35,6 @@ __all__ = [
     "repeating",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36
@@ -92,23 +88,13 @@ class Group:
         return pair_blocks(self.at(which), diagonal)
 
 
-class Source(Protocol):
-    """Matrices of M elements of a cell type, formed when they are asked for."""
-
-    def __len__(self) -> int: ...
-
-    def at(self, which: Long) -> Float: ...
-
-    def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]: ...
-
-
 @dataclass(frozen=True, eq=False)
 class DistinctGroup:
     """Elements no two of which are taken to be equal: ``cells`` (M,k), ``source`` of as many."""
 
     name: str
     cells: Int
-    source: Source
+    source: StraightTets | Integrated
 
     @property
     def distinct(self) -> int:

@@ -1,25 +1,44 @@
-"""Host matrix-vector products on all processors: rows are shared out, so the sums don't change."""
+"""Host matrix-vector products on all processors: rows are shared out, so the sums don't change.
+
+SciPy's own kernels for sparse matrices add to what is there, which its classes don't let one do
+without copies. Their module is private to SciPy (``scipy.sparse._sparsetools``) and named here
+alone.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import bsr_matrix
+from scipy.sparse import _sparsetools, bsr_matrix
 
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.assembly.scipy_kernels import add_block_product
+from gpusim.arrays.array_types import Bool, Float, Int, Real
+from gpusim.fem.assembly.block_rows import (
+    BlockRows,
+    block_matrix,
+    diagonal_blocks,
+    invert_blocks,
+)
 from gpusim.parallel.cpu_budget import processors
 
-__all__ = ["Product", "RowsProduct", "ahead", "row_shares", "shared"]
+__all__ = [
+    "Product",
+    "RowsProduct",
+    "add_block_product",
+    "add_rows",
+    "ahead",
+    "counting_sort",
+    "row_shares",
+    "shared",
+    "transpose_pattern",
+]
 
-Float = npt.NDArray[np.float64]
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -27,6 +46,47 @@ R = TypeVar("R")
 _SMALL, _LEAST_PART = 600_000, 250_000
 # parts per processor, so that none waits long for another
 _PIECES = 4
+
+
+def counting_sort(key: Int, other: Int, count: int) -> tuple[Int, Int, Int]:
+    """Stable sort by ``key`` (below ``count``): where each key begins, ``other`` and positions."""
+    length = len(key)
+    start = np.empty(count + 1, dtype=np.int32)
+    sorted_other, position = (np.empty(length, dtype=np.int32) for _ in range(2))
+    _sparsetools.coo_tocsr(
+        count, count, length, key, other, np.arange(length, dtype=np.int32),
+        start, sorted_other, position,
+    )  # fmt: skip
+    return start, sorted_other, position
+
+
+def transpose_pattern(start: Int, column: Int, value: Int) -> tuple[Int, Int, Int]:
+    """Rows of a square matrix (``start``, ``column``, ``value``) as those of its transpose."""
+    count = len(start) - 1
+    result = np.empty_like(start), np.empty_like(column), np.empty_like(value)
+    _sparsetools.csr_tocsc(count, count, start, column, value, *result)
+    return result
+
+
+def add_rows(table: Real, at: Int, values: Real) -> None:
+    """Add the rows of ``values`` (…,9) to the rows ``at`` (…) of ``table``, one after the other."""
+    count = at.size
+    _sparsetools.csc_matvecs(
+        len(table), count, 9, np.arange(count + 1, dtype=np.int32),
+        np.ascontiguousarray(at, dtype=np.int32).ravel(), np.ones(count),
+        np.ascontiguousarray(values).ravel(), table.ravel(),
+    )  # fmt: skip
+
+
+def add_block_product(
+    blocks: tuple[Int, Int, Real], shape: tuple[int, int], x: Real, into: Real
+) -> None:
+    """Add A x to ``into``; ``blocks`` of A: start (R+1,), column and data (T,r,c); ``shape`` A's in
+    blocks."""
+    start, column, data = blocks
+    _, high, wide = data.shape
+    rows, columns = shape
+    _sparsetools.bsr_matvec(rows, columns, high, wide, start, column, data.reshape(-1), x, into)
 
 
 @cache
@@ -72,7 +132,13 @@ def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:
 
 
 class Product:
-    """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype."""
+    """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype.
+
+    A is (``others``, and ``diagonal`` (B,s,s) beside it if that is stored ``apart``) / ``scale``.
+    """
+
+    apart = False
+    scale = 1.0
 
     def __init__(self, matrix: bsr_matrix) -> None:
         self._matrix = matrix
@@ -84,6 +150,18 @@ class Product:
     @property
     def matrix(self) -> bsr_matrix:
         return self._matrix
+
+    @property
+    def others(self) -> bsr_matrix:
+        return self._matrix
+
+    @cached_property
+    def diagonal(self) -> Float:
+        return diagonal_blocks(self._matrix)
+
+    def block_inverse(self, free: Bool) -> Float:
+        """Inverted diagonal blocks (B,s,s) of A, zero where not ``free`` (B,s)."""
+        return invert_blocks(np.asarray(self.diagonal / self.scale), free)
 
     @property
     def unknowns(self) -> int:
@@ -126,6 +204,8 @@ class RowsProduct(Product):
     """x (L,3N) -> K x / scale for block rows that are all of their own kind: their table is the
     matrix, but for the diagonal, and isn't stored a second time. ``scale`` is a power of two."""
 
+    apart = True
+
     def __init__(self, rows: BlockRows, scale: float) -> None:
         count = rows.node_count
         shape = (3 * count, 3 * count)
@@ -147,13 +227,7 @@ class RowsProduct(Product):
         return block_matrix(self._rows, self.scale)
 
     @property
-    def others(self) -> bsr_matrix:
-        """K without its diagonal blocks."""
-        return self._matrix
-
-    @property
     def diagonal(self) -> Float:
-        """(N,3,3) diagonal blocks of K."""
         return self._rows.diagonal
 
     def _add(self, part: _Rows, x: Float, into: Float) -> None:

@@ -6,22 +6,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.assembly.definiteness import check_finite
-from gpusim.fem.assembly.element_deformation import Deformation
-from gpusim.fem.assembly.matrix_product import RowsProduct
-from gpusim.fem.assembly.stiffness_rounding import rounding_forces, signed
+from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.assembly.stiffness_rounding import (
+    Deformation,
+    check_finite,
+    rounding_forces,
+    signed,
+)
 from gpusim.fem.device.stiffness import apply_stiffness
-from gpusim.fem.lattice.stencil import Stencil, stencil_of
+from gpusim.fem.lattice.stencil import Stencil, StencilProduct, stencil_of
 from gpusim.fem.model.model import Model
 
-__all__ = ["System", "finest_matrix", "make_system"]
+__all__ = ["System", "finest_product", "make_system"]
 
-Float = npt.NDArray[np.float64]
 
 # nodes per distinct row from which on a stencil isn't larger than the matrix
 _REPEATS = 8
@@ -47,7 +48,7 @@ class System:
     row_sum: float
     contrast: float
     right: Float
-    free: npt.NDArray[np.bool_]
+    free: Bool
     scale: float
     load_scale: Float
     prescribed: Float
@@ -73,7 +74,7 @@ class System:
 
     def by_deformation(self) -> System:
         """The same with products that the rounding of turned elements' matrices doesn't reach
-        (see `gpusim.fem.assembly.element_deformation`); they take several times as long. ``apply``
+        (see `gpusim.fem.assembly.stiffness_rounding`); they take several times as long. ``apply``
         adds what is prescribed itself then, and ``right`` is the loads alone."""
         elements, scale = self.elements, self.scale
         factor = self.load_scale[:, None, None]
@@ -142,13 +143,13 @@ def make_system(model: Model, assembled: Assembled) -> System:
     )
 
 
-def finest_matrix(rows: BlockRows, system: System) -> bsr_matrix | Stencil | RowsProduct:
+def finest_product(rows: BlockRows, system: System) -> Product | StencilProduct:
     """K / scale in the form that takes the least: by place, as its own table, or assembled."""
     if system.stencil is not None:
-        return system.stencil
+        return system.stencil.operator
     if RowsProduct.fits(rows):
         return RowsProduct(rows, system.scale)
-    return block_matrix(rows, system.scale)
+    return Product(block_matrix(rows, system.scale))
 
 
 def _contrast(rows: BlockRows) -> float:

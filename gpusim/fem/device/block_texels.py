@@ -2,37 +2,161 @@
 
 Rows are padded to whole fours of neighbours with the node itself, whose difference is zero. Per
 node one ``info`` texel: first texel of its neighbours, number of fours, first texel of its blocks,
-the node.
-``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels, block by
-block and column by column. Nodes with equal rows share their blocks. Where every node has a row of
-its own, rows lie side by side (``row_slices``): a row's next texel is ``stride`` further.
+the node. ``neighbour`` holds four nodes a texel; the blocks of four neighbours are nine texels,
+block by block and column by column. Nodes with equal rows share their blocks.
+
+Where every node has a row of its own, eight rows of about the same length are a slice (sliced ELL:
+Monakov, Lokhmotov & Avetisyan, HiPEAC 2010): its texels are stored by place in the row first and by
+row last, so that one load of eight threads is 128 bytes in a row, and a row's next texel is
+``stride`` further. Where each thread went through a row of its own, waiting for memory took two
+fifths of the time.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.arrays.congruence import mix
+from gpusim.arrays.ragged import batches
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.row_slices import SLICE, WINDOW, RowSlices
+from gpusim.fem.assembly.matrix_product import ahead
+from gpusim.fem.device.node_texels import Allocator
 from gpusim.gpu.texture_array import Texels, most_texels
 
-__all__ = ["BlockTexels", "RowPart", "block_texels_bytes", "rows_of_matrix"]
+__all__ = [
+    "SLICE",
+    "WINDOW",
+    "BlockTexels",
+    "RowPart",
+    "RowSlices",
+    "block_texels_bytes",
+    "rows_of_matrix",
+]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
+SLICE = 8
+# nodes are sorted by the length of their rows within as many of them
+WINDOW = 2048
 # texels of blocks that are put together at a time: large pieces of new memory are slow to touch
 _CHUNK = 1 << 18
+# texels of four blocks
+_FOUR = 9
+# texels of blocks that are put together at a time: large pieces of new memory are slow to touch
+
 # and rows that are compared
 _ROWS = 4096
-_FOUR = 9
+
+
+@dataclass(frozen=True, eq=False)
+class RowSlices:
+    """``nodes`` eight after the other, the longest row of eight first; ``fours`` of neighbours of
+    each; ``head`` those of each slice's first node, ``start`` the sum of the slices before."""
+
+    nodes: Long
+    fours: Long
+    head: Long
+    start: Long
+
+    @staticmethod
+    def of(degree: Long) -> RowSlices:
+        """Slices of all nodes, which have ``degree`` (N,) neighbours."""
+        fours = -(-degree // 4)
+        # windows are whole slices
+        nodes = np.lexsort((-fours, np.arange(len(degree)) // WINDOW))
+        return _sliced(nodes, fours[nodes])
+
+    def parts(self, most: int) -> list[RowSlices]:
+        """Slices that take at most ``most`` texels of blocks together."""
+        return [self._some(part) for part in batches(_FOUR * SLICE * self.head, most)]
+
+    def _some(self, slices: slice) -> RowSlices:
+        part = slice(SLICE * slices.start, SLICE * slices.stop)
+        return _sliced(self.nodes[part], self.fours[part])
+
+    @property
+    def list_texels(self) -> int:
+        return SLICE * int(self.head.sum())
+
+    @property
+    def block_texels(self) -> int:
+        return _FOUR * self.list_texels
+
+    def info(self) -> npt.NDArray[np.uint32]:
+        """(n,4): first texel of its neighbours, fours of them, first texel of its blocks, node."""
+        lane = np.arange(len(self.nodes)) % SLICE
+        start = SLICE * np.repeat(self.start, SLICE)[: len(self.nodes)]
+        columns = [start + lane, self.fours, _FOUR * start + lane, self.nodes]
+        return np.stack(columns, axis=1).astype(np.uint32)
+
+    def neighbours(self, rows: BlockRows) -> npt.NDArray[np.uint32]:
+        """(t,4) neighbours; rows are filled up with the node itself."""
+        degree = rows.degree[self.nodes]
+        listed = np.repeat(self.nodes.astype(np.uint32), 4 * self.fours)
+        into = ranges(4 * (np.cumsum(self.fours) - self.fours), degree)
+        listed[into] = rows.neighbour[ranges(rows.start[self.nodes], degree)]
+        result = np.zeros((self.list_texels // SLICE, SLICE, 4), dtype=np.uint32)
+        result[self._places()] = listed.reshape(-1, 4)
+        return result.reshape(-1, 4)
+
+    def blocks(
+        self, rows: BlockRows, scale: float, exact: bool
+    ) -> Iterator[tuple[int, list[Single]]]:
+        """(first texel, (t,4) texels) one after the other: blocks over ``scale`` by columns, as
+        float32 and, if ``exact``, what that leaves of them."""
+        parts = list(batches(self.head, _CHUNK // (_FOUR * SLICE)))
+        return ahead(partial(self._halves, rows, scale, exact), parts)
+
+    def _halves(
+        self, rows: BlockRows, scale: float, exact: bool, part: slice
+    ) -> tuple[int, list[Single]]:
+        some = self._some(part)
+        own = rows.row_class[some.nodes]
+        degree = rows.table_start[own + 1] - rows.table_start[own]
+        source = ranges(rows.table_start[own], degree)
+        low, high = (int(source.min()), int(source.max()) + 1) if len(source) else (0, 0)
+        blocks = rows.table[low:high].reshape(-1, 9)
+        blocks = blocks if scale == 1.0 else blocks / scale
+        # the block behind the last one is zero, and fills rows up
+        listed = np.full(4 * int(some.fours.sum()), high - low)
+        listed[ranges(4 * (np.cumsum(some.fours) - some.fours), degree)] = source - low
+        places = np.full((some.list_texels // SLICE, SLICE, 4), high - low)
+        places[some._places()] = listed.reshape(-1, 4)
+        halves = [blocks.astype(np.float32)]
+        if exact:
+            halves.append((blocks - halves[0]).astype(np.float32))
+        texels = [_interleaved(half, places) for half in halves]
+        return _FOUR * SLICE * int(self.start[part.start]), texels
+
+    def _places(self) -> tuple[Long, Long]:
+        """Four within the slices' sum, and lane, of each four of each node."""
+        lane = np.arange(len(self.nodes)) % SLICE
+        start = np.repeat(self.start, SLICE)[: len(self.nodes)]
+        return ranges(start, self.fours), np.repeat(lane, self.fours)
+
+
+def _sliced(nodes: Long, fours: Long) -> RowSlices:
+    head = fours[::SLICE]
+    return RowSlices(nodes, fours, head, np.cumsum(head) - head)
+
+
+def _interleaved(blocks: Single, places: Long) -> Single:
+    """(t,4) texels of blocks (B,9) at ``places`` (S,8,4): by place in the row, then by row."""
+    padded = np.empty((len(blocks) + 1, 9), dtype=np.float32)
+    padded[-1] = 0.0
+    # by columns; pieces of three numbers would be copied one by one
+    for k in range(9):
+        padded[:-1, k] = blocks[:, 3 * (k % 3) + k // 3]
+    # a texel is moved as one number of 16 bytes
+    rows = padded.take(places.ravel(), axis=0).reshape(-1, 4).view(np.complex128)
+    turned = rows.reshape(-1, SLICE, _FOUR).transpose(0, 2, 1)
+    return np.ascontiguousarray(turned).view(np.float32).reshape(-1, 4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +206,8 @@ class BlockTexels:
             )
             return
         self.parts = tuple(
-            _upload(device, rows, first, last, scale, label, exact)
-            for first, last in _ranges(rows, most)
+            _upload(device, rows, part.start, part.stop, scale, label, exact)
+            for part in _parts(rows, most)
         )
 
 
@@ -168,16 +292,11 @@ def _hashes(words: Long, start: Long) -> npt.NDArray[np.uint64]:
     return np.asarray(total[edge[1:]] - total[edge[:-1]])
 
 
-def _ranges(rows: BlockRows, most: int) -> list[tuple[int, int]]:
+def _parts(rows: BlockRows, most: int) -> Iterator[slice]:
     """Ranges of nodes whose neighbours and blocks fit a texture each."""
     fours = -(-rows.degree // 4)
     shared = _FOUR * int(-(-np.diff(rows.table_start) // 4).sum()) <= most
-    total = np.cumsum(fours if shared else _FOUR * fours)
-    cuts = [0]
-    while cuts[-1] < rows.node_count:
-        before = int(total[cuts[-1] - 1]) if cuts[-1] else 0
-        cuts.append(max(int(np.searchsorted(total, before + most, side="right")), cuts[-1] + 1))
-    return list(pairwise(cuts))
+    return batches(fours if shared else _FOUR * fours, most)
 
 
 def _blocks(device: Allocator, size: int, label: str, exact: bool) -> tuple[Texels, int]:
@@ -250,19 +369,14 @@ def _upload(
 def _write_blocks(
     part: RowPart, rows: BlockRows, used: Long, class_start: Long, scale: float
 ) -> None:
-    ends = np.append(class_start[1:], part.low or part.blocks.count)
-    first = 0
-    while first < len(used):
-        last = int(np.searchsorted(ends, class_start[first] + _CHUNK, side="right"))
-        last = max(last, first + 1)
-        some = used[first:last]
+    texels = np.diff(np.append(class_start, part.low or part.blocks.count))
+    for piece in batches(texels, _CHUNK):
+        some, first = used[piece], class_start[piece.start]
         degree = rows.table_start[some + 1] - rows.table_start[some]
-        texels = int(ends[last - 1] - class_start[first])
-        blocks = np.zeros((texels // _FOUR * 4, 3, 3))
+        blocks = np.zeros((int(texels[piece].sum()) // _FOUR * 4, 3, 3))
         # four blocks are nine texels
-        at = ranges((class_start[first:last] - class_start[first]) // _FOUR * 4, degree)
+        at = ranges((class_start[piece] - first) // _FOUR * 4, degree)
         source = ranges(rows.table_start[some], degree)
         blocks[at] = rows.table[source].transpose(0, 2, 1)
         blocks /= scale
-        part.write(blocks.reshape(-1, 4), int(class_start[first]))
-        first = last
+        part.write(blocks.reshape(-1, 4), int(first))

@@ -7,19 +7,15 @@ The twin is ``apply_weights``: a row of weights per node, the same for x, y and 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.block_rows import ranges
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import row_threads
+from gpusim.fem.device.node_texels import Allocator, row_threads
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["DeviceWeights", "apply_weights"]
-
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 
 def apply_weights(weights: csr_matrix, free: Bool, v: Float) -> Float:

@@ -4,15 +4,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import Pair
+from gpusim.arrays.array_types import Float
+from gpusim.fem.device.node_texels import Allocator, Pair
 from gpusim.gpu import Bindings, Recording
 
 __all__ = ["DeviceSum", "weighted_sum"]
 
-Float = npt.NDArray[np.float64]
 
 # the order in which the kernel takes and adds them
 _NAMES = ("x", "before", "right", "product")

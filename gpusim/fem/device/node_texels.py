@@ -1,26 +1,75 @@
-"""Nodal vectors as texels: (x, y, z, 0) per node, each load case followed by one texel of zeros.
+"""Device memory of one solve, and nodal vectors in it as texels.
 
-The zero texel is a node that doesn't move: a neighbour that carries what a row of blocks lacks to
-a sum of zero (see ``block_texels``).
+A vector has a texel (x, y, z, 0) per node, each load case followed by one texel of zeros. The zero
+texel is a node that doesn't move: a neighbour that carries what a row of blocks lacks to a sum of
+zero (see ``block_texels``).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
+from gpusim.arrays.array_types import Float, Real, Single
+from gpusim.gpu import Device
+from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["Pair", "node_texels", "pair", "read_nodes", "row_threads", "vector_texels"]
-
-Float = npt.NDArray[np.float64]
+__all__ = [
+    "Allocator",
+    "Arena",
+    "Pair",
+    "node_texels",
+    "pair",
+    "read_nodes",
+    "row_threads",
+    "vector_texels",
+]
 
 
 # workgroups of the kernels that go by ``row_and_case``
 _GROUP = 64
+
+
+Memory = TypeVar("Memory", bound=Buffer | Texels)
+
+
+class Arena:
+    """A device whose buffers are freed together at the end of a ``with`` block."""
+
+    def __init__(self, device: Device) -> None:
+        self.device, self.limits, self.real = device, device.limits, device.real
+        self.kernel, self.recording = device.kernel, device.recording
+        self._buffers: list[Buffer | Texels] = []
+
+    def __enter__(self) -> Arena:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        while self._buffers:
+            self._buffers.pop().release()
+
+    def buffer(self, array: npt.NDArray[Any], label: str) -> Buffer:
+        """See ``Device.buffer``."""
+        return self._kept(self.device.buffer(array, label))
+
+    def real_buffer(self, array: Float, label: str) -> RealBuffer:
+        """See ``Device.real_buffer``."""
+        return self._kept(self.device.real_buffer(array, label))
+
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """See ``Device.texels``."""
+        return self._kept(self.device.texels(count, fmt, label))
+
+    def _kept(self, memory: Memory) -> Memory:
+        self._buffers.append(memory)
+        return memory
+
+
+Allocator = Device | Arena
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +111,7 @@ def vector_texels(device: Allocator, cases: int, nodes: int, label: str) -> Texe
     return device.texels(cases * (nodes + 1), "rgba32float", label)
 
 
-def node_texels(values: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+def node_texels(values: Real) -> Single:
     """(L,N,3) as (L (N+1), 4) float32."""
     cases, nodes = values.shape[:2]
     result = np.zeros((cases, nodes + 1, 4), dtype=np.float32)
@@ -76,7 +125,7 @@ def pair(device: Allocator, cases: int, nodes: int, label: str, *, rounded: bool
     return Pair(high, None if rounded else vector_texels(device, cases, nodes, f"{label}.low"))
 
 
-def read_nodes(texels: Texels, cases: int) -> npt.NDArray[np.float32]:
+def read_nodes(texels: Texels, cases: int) -> Single:
     """The (L,N,3) values of a vector."""
     return texels.read().reshape(cases, -1, 4)[:, :-1, :3]
 

@@ -10,22 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
-from gpusim.fem.device.arena import Allocator
+from gpusim.arrays.array_types import Float
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.linear_combination import DeviceSum
-from gpusim.fem.device.node_texels import Pair, row_threads, vector_texels
+from gpusim.fem.device.node_texels import Allocator, Pair, row_threads, vector_texels
+from gpusim.fem.device.tet_elements import TetTexels
 from gpusim.fem.device.tet_forces_single import SingleForces
-from gpusim.fem.device.tet_texels import TetTexels
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
-
-Float = npt.NDArray[np.float64]
 
 
 def relax_nodes(

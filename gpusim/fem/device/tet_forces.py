@@ -1,5 +1,5 @@
 """K u of quadratic tetrahedra, no K formed: twin and driver of
-``shaders/fem/device/tet_forces.wgsl``.
+``shaders/fem/device/tet_forces.wgsl``; and the choice between them and rows of blocks.
 
 A straight element's forces are written once and read once, 240 bytes; its share of the blocks of
 an assembled K are 40, 3 kB. Curved elements differ by three more sets of gradients.
@@ -8,18 +8,25 @@ an assembled K are 40, 3 kB. Curved elements differ by three more sets of gradie
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import Pair, pair
-from gpusim.fem.device.tet_elements import TetElements
-from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.arrays.array_types import Float
+from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.device.block_texels import block_texels_bytes
+from gpusim.fem.device.node_texels import Allocator, Pair, pair
+from gpusim.fem.device.stiffness import DeviceStiffness
+from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements, tet_texels_bytes
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = ["DeviceTets", "apply_tets", "element_forces"]
-
-Float = npt.NDArray[np.float64]
+__all__ = [
+    "DeviceOperator",
+    "DeviceTets",
+    "apply_tets",
+    "device_tets",
+    "element_forces",
+    "operator_bytes",
+    "upload_operator",
+]
 
 
 def element_forces(elements: TetElements, u: Float) -> Float:
@@ -95,3 +102,36 @@ class DeviceTets:
             k_low=result.second, params={"first": 0, "count": self.nodes, "base": base},
         )  # fmt: skip
         return [*steps, (kernel, bindings, self.nodes)]
+
+
+DeviceOperator = DeviceStiffness | DeviceTets
+
+
+def device_tets(device: Allocator, assembled: Assembled) -> TetElements | None:
+    """The elements, where the device should multiply by them: tet10 of isotropic materials that
+    don't repeat. Their matrices are ten times their geometry."""
+    nodes = assembled.rows.node_count
+    elements = tet_elements(assembled.groups)
+    fits = elements is not None and TetTexels.fits(device, elements, nodes)
+    return elements if fits else None
+
+
+def operator_bytes(assembled: Assembled, elements: TetElements | None) -> int:
+    """Bytes on a device; never less."""
+    rows = assembled.rows
+    if elements is not None:
+        return tet_texels_bytes(elements, rows.node_count)
+    return block_texels_bytes(rows.degree, np.diff(rows.table_start), exact=True)
+
+
+def upload_operator(
+    device: Allocator,
+    assembled: Assembled,
+    elements: TetElements | None,
+    scale: float,
+    cases: int,
+) -> DeviceOperator:
+    """K / ``scale`` for ``cases`` load cases; ``elements`` of ``device_tets``."""
+    if elements is None:
+        return DeviceStiffness(device, assembled.rows, scale, cases)
+    return DeviceTets(device, elements, assembled.rows.node_count, scale, cases)

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.device.node_texels import Allocator
+from gpusim.fem.device.tet_elements import TetTexels
 from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.texture_array import Texels
 

@@ -12,19 +12,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import bsr_matrix
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.block_product import DeviceProduct, dense_blocks, product_bytes
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.interpolation import DeviceWeights
 from gpusim.fem.device.linear_combination import DeviceSum
-from gpusim.fem.device.node_texels import Pair, pair
+from gpusim.fem.device.node_texels import Allocator, Pair, pair
 from gpusim.fem.device.relaxation import (
     ColumnRelaxation,
     DeviceRelaxation,
     column_bytes,
     relaxation,
 )
-from gpusim.fem.device.tet_texels import TetTexels
+from gpusim.fem.device.stiffness import DeviceProduct, dense_blocks, product_bytes
+from gpusim.fem.device.tet_elements import TetTexels
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
 from gpusim.fem.multigrid.smoothers import Relaxation
@@ -72,8 +71,9 @@ class DeviceMultigrid:
         finest: BlockTexels | TetTexels,
         cases: int,
     ) -> None:
-        below: _NodeLevel | _BlockLevel | _CoarsestSolve
-        below = _CoarsestSolve(device, hierarchy, cases)
+        below: _NodeLevel | _BlockLevel | DeviceProduct
+        inverse = dense_blocks(hierarchy.coarsest.inverse)
+        below = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
         for number in reversed(range(len(hierarchy.levels))):
             level, label = hierarchy.levels[number], f"fem.multigrid.{number}"
             if level.inverse.shape[1] != 3:
@@ -135,17 +135,6 @@ def _diagonal(level: Level) -> bsr_matrix:
     return bsr_matrix((level.inverse, np.arange(count), np.arange(count + 1)), shape=shape)
 
 
-class _CoarsestSolve:
-    """The dense inverse."""
-
-    def __init__(self, device: Allocator, hierarchy: Hierarchy, cases: int) -> None:
-        inverse = dense_blocks(hierarchy.coarsest.inverse)
-        self._inverse = DeviceProduct(device, inverse, cases, "fem.multigrid.coarse")
-
-    def record(self, recording: Recording, b: Pair, x: Pair) -> None:
-        self._inverse.record(recording, b, x)
-
-
 class _BlockLevel:
     """An aggregated level: six unknowns a node, float64."""
 
@@ -154,7 +143,7 @@ class _BlockLevel:
         device: Allocator,
         level: Level,
         steps: Steps,
-        below: _BlockLevel | _CoarsestSolve,
+        below: _BlockLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:
@@ -226,7 +215,7 @@ class _NodeLevel:
         level: Level,
         steps: Steps,
         texels: BlockTexels | TetTexels,
-        below: _NodeLevel | _BlockLevel | _CoarsestSolve,
+        below: _NodeLevel | _BlockLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:
@@ -282,7 +271,7 @@ class _ByWeights:
         self,
         device: Allocator,
         transfer: NodeTransfer,
-        below: _NodeLevel | _CoarsestSolve,
+        below: _NodeLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:
@@ -299,7 +288,7 @@ class _ByWeights:
     def record(self, recording: Recording, r: Texels, x: Texels, out: Texels) -> None:
         """Record out = x + P (below) P^T r."""
         self._restriction.record(recording, r, self._b.high)
-        if isinstance(self._level, _CoarsestSolve):
+        if isinstance(self._level, DeviceProduct):
             # low halves are zero going down, and below float32 coming up
             self._level.record(recording, self._b, self._x)
         else:
@@ -314,7 +303,7 @@ class _ByMatrix:
         self,
         device: Allocator,
         transfer: MatrixTransfer,
-        below: _BlockLevel | _CoarsestSolve,
+        below: _BlockLevel | DeviceProduct,
         cases: int,
         label: str,
     ) -> None:

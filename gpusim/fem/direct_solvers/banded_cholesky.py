@@ -12,22 +12,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg.blas import dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.path_sums import along_paths
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
-from gpusim.fem.assembly.definiteness import indefinite
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 
 __all__ = ["BandedFactor", "Ordering", "band_ordering"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # rows of a tile; a band is cut into equal ones, as half a tile too much costs half as much again
 _LARGEST_TILE = 128

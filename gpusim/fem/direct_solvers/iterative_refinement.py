@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.errors import NotConverged
-from gpusim.fem.assembly.definiteness import indefinite
+from gpusim.arrays.array_types import Float
+from gpusim.fem.assembly.stiffness_rounding import check_finite, indefinite
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor
+from gpusim.fem.krylov.error_estimates import VISIBLE, rounded
 from gpusim.fem.krylov.outer_iteration import Outcome
-from gpusim.fem.krylov.rounding_error import VISIBLE, rounded
 
 __all__ = ["refine"]
 
-Float = npt.NDArray[np.float64]
 
 _MOST = 20
 # a correction that is not at least this much smaller than the one before has met rounding
@@ -57,7 +55,7 @@ def refine(
     estimate = blur = np.full(cases, np.inf)
     message = f"stopped after {_MOST} refinements"
     for number in range(_MOST):
-        _refuse(x)
+        check_finite(x, "direct solver")
         if number:
             correction = factor.apply(_residual(system, x))
         else:
@@ -69,7 +67,7 @@ def refine(
                 blur = np.minimum(blur, by_rows)
         correction = correction.reshape(shape)
         x = x + correction
-        _refuse(x)
+        check_finite(x, "direct solver")
         size = _size(x + given)
         size = np.where(size > 0.0, size, 1e-300)
         change = _size(correction)
@@ -129,11 +127,3 @@ def _worst(forces: Float) -> Float:
     tells what they do, whichever case they come from."""
     at = np.abs(forces).argmax(axis=0)
     return np.asarray(np.take_along_axis(forces, at[None], axis=0))
-
-
-def _refuse(x: Float) -> None:
-    if not np.isfinite(x).all():
-        raise NotConverged(
-            "direct solver: got values that aren't finite; expected finite displacements "
-            "(is the stiffness of some material or the size of some element extreme?)"
-        )

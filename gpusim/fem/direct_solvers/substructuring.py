@@ -19,21 +19,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpotrf
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.congruence import unique_rows
-from gpusim.fem.assembly.definiteness import indefinite
 from gpusim.fem.assembly.element_batches import Group
 from gpusim.fem.assembly.matrix_product import shared
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 
 __all__ = ["Slabs", "SubstructuredFactor", "cut_slabs"]
-
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,11 +2,10 @@
 
 In the order in which data passes:
 
-- `element`: Solid elements as pure data: shape functions at the points of each integration rule.
-- `face_element`: Faces of solid elements as pure data: what face loads and areas integrate with.
+- `element`: Solid elements and their faces as pure data: shape functions at the points of
+  integration rules.
 - `isoparametric_map`: Geometry of many cells at quadrature points, written out by components.
 - `element_matrix`: Element stiffness matrices in float64, many elements at a time.
 - `straight_tetrahedra`: Stiffness of straight-sided quadratic tetrahedra in closed form.
-- `strain`: Strain and stress of many cells at the quadrature points of their formulation, and
-  back.
+- `strain`: Strain and stress of many cells at the quadrature points of their formulation, and back.
 """

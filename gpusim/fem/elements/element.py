@@ -1,26 +1,33 @@
-"""Solid elements as pure data: shape functions at the points of each integration rule.
+"""Solid elements and their faces as pure data: shape functions at the points of integration rules.
 
 Shapes and rules live in ``gpusim.mesh`` (mesh quality needs them too); here they meet the
 formulations: which rule a named formulation integrates its stiffness with, and the internal modes
-of the incompatible hexahedron.
+of the incompatible hexahedron. Face loads and areas integrate with faces.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
+from gpusim.mesh import Faces
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
-from gpusim.mesh.shape_functions import shape_functions, shape_gradients
+from gpusim.mesh.quadrature import FULL_POINTS, cell_rule, face_rule
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
-__all__ = ["ELEMENTS", "Element", "Rule", "mode_gradient"]
-
-Float = npt.NDArray[np.float64]
+__all__ = [
+    "ELEMENTS",
+    "FACE_ELEMENTS",
+    "Element",
+    "FaceElement",
+    "Rule",
+    "face_groups",
+    "mode_gradient",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +129,43 @@ def _element(kind: str) -> Element:
 
 
 ELEMENTS: dict[str, Element] = {kind: _element(kind) for kind in _RULES}
+
+
+@dataclass(frozen=True, eq=False)
+class FaceElement:
+    """One face type with Q quadrature points and n nodes.
+
+    ``columns`` (n,) of `Faces.nodes` hold its nodes. ``shape`` (Q,n), ``gradient`` (Q,n,2)
+    d(shape)/d(xi), ``weight`` (Q,). With nodes at x (n,3) the area vector of a point is the cross
+    product of the columns of x^T gradient, times the weight; it points outward.
+    """
+
+    name: str
+    columns: Long
+    shape: Float
+    gradient: Float
+    weight: Float
+
+
+_POINTS = {"tri3": 3, "tri6": 6, "quad4": 4, "quad8": 9, "quad9": 9}
+
+
+def _face_element(name: str) -> FaceElement:
+    points, weight = face_rule(name, _POINTS[name])
+    shape, gradient = shape_functions(name, points), shape_gradients(name, points)
+    columns = np.array(FACE_TYPES[name])
+    for table in (columns, shape, gradient):
+        table.setflags(write=False)
+    return FaceElement(name, columns, shape, gradient, weight)
+
+
+FACE_ELEMENTS: dict[str, FaceElement] = {name: _face_element(name) for name in FACE_TYPES}
+
+
+def face_groups(
+    faces: Faces,
+) -> Iterator[tuple[FaceElement, Long, Int]]:
+    """Yield (face type, rows (K,) of ``faces``, nodes (K,n)) for each type that occurs."""
+    for name, rows in faces.kinds():
+        element = FACE_ELEMENTS[name]
+        yield element, rows, faces.nodes[np.ix_(rows, element.columns)]

@@ -15,13 +15,13 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 
 __all__ = ["element_stiffness", "modulus_tensor", "strain_matrix", "volume_gradients"]
 
-Float = npt.NDArray[np.float64]
 
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
 _CHUNK_NUMBERS = 1 << 17

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element import Rule
 
 __all__ = [
@@ -20,8 +21,6 @@ __all__ = [
     "times",
     "volumes",
 ]
-
-Float = npt.NDArray[np.float64]
 
 
 def reference_gradient(values: Float, rule: Rule) -> Float:

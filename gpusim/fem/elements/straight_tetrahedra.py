@@ -16,8 +16,8 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.fem.elements.element_matrix import modulus_tensor
 from gpusim.fem.elements.isoparametric_map import determinant, inverse
@@ -25,10 +25,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["StraightTets", "is_straight"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # midsides this far from the middle, relative to the cell's extent, bend nothing that float64 shows
 _STRAIGHT = 1e-13

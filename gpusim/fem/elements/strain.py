@@ -8,8 +8,8 @@ instead of forming strain matrices, so 300,000 hexahedra take about two seconds.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import (
     determinant,
@@ -21,7 +21,6 @@ from gpusim.fem.elements.isoparametric_map import (
 
 __all__ = ["internal_force", "point_stress"]
 
-Float = npt.NDArray[np.float64]
 
 # the pairs of axes of a strain's components xx yy zz xy yz zx
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
@@ -57,7 +56,8 @@ def point_stress(
         strain[..., :3] += ((mean[:, None] - change) / 3.0)[..., None]
     if free is not None:
         strain -= free
-    stress = elastic(strain, moduli)
+    # moduli are symmetric
+    stress = np.matmul(strain, moduli)
     if formulation == "incompatible":
         stress += _mode_stress(local, rule, det, stress, moduli)
     return stress, volume
@@ -84,11 +84,6 @@ def internal_force(kind: str, formulation: str, nodes: Float, stress: Float) -> 
     table = rule.gradient.transpose(0, 2, 1).reshape(3 * points, -1)
     flat = flux.transpose(0, 2, 3, 1).reshape(3 * count, 3 * points) @ table
     return np.ascontiguousarray(flat.reshape(3, count, -1).transpose(1, 2, 0))
-
-
-def elastic(strain: Float, moduli: Float) -> Float:
-    """(M,Q,6) moduli (6,6) or (M,6,6) times strain (M,Q,6); both are symmetric matrices."""
-    return np.asarray(np.matmul(strain, moduli))
 
 
 def _mode_stress(nodes: Float, rule: Rule, det: Float, stress: Float, moduli: Float) -> Float:

@@ -17,9 +17,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.elements.element_matrix import volume_gradients
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.model.material import Isotropic, Material
@@ -27,9 +27,6 @@ from gpusim.fem.model.model import Model
 
 __all__ = ["VolumeSplit", "split_volume"]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # Poisson's ratio that is left to A, and the ratio of bulk to shear modulus (10 at nu = 0.45) from
 # which on something is taken from it

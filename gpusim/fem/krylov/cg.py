@@ -11,48 +11,40 @@ costs no iteration (105 of a beam 200 times as long as thick).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.node_texels import Pair, pair, vector_texels
-from gpusim.fem.device.operator_form import DeviceOperator
+from gpusim.arrays.array_types import Bool, Float
+from gpusim.fem.device.node_texels import Allocator, Pair, pair, vector_texels
 from gpusim.fem.device.relaxation import relaxation
+from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.buffer import RealBuffer
 from gpusim.gpu.texture_array import Texels
 
 __all__ = ["DeviceCG", "NumpyCG", "Preconditioner"]
 
-Float = npt.NDArray[np.float64]
 
 _GROUPS = 128
 _CAPACITY = 512
 
 
-class Preconditioner(Protocol):
-    """z = M^-1 r with a symmetric positive definite M, zero on fixed unknowns.
+class Preconditioner:
+    """z = M^-1 r with a symmetric positive definite M, zero on fixed unknowns, for (L,n) arrays.
 
-    ``apply`` works on (L,n) arrays. ``upload`` gives an object whose ``record(recording, r, z)``
-    records the same on a device, for texels in float32.
+    ``down`` tells r.z of some load cases, ``up`` gives their z where the iteration goes on, which
+    may be the dearer half (see ``Multigrid``).
     """
 
-    def apply(self, r: Float) -> Float: ...
-
-    def upload(self, device: Allocator, stiffness: Any, cases: int) -> Any: ...
-
-
-class _WholeCycle:
-    """``down`` and ``up`` of a preconditioner that has no such parts."""
-
-    def __init__(self, preconditioner: Preconditioner) -> None:
-        self._preconditioner = preconditioner
+    def __init__(self) -> None:
         self._z: dict[int, Float] = {}
 
+    def apply(self, r: Float) -> Float:
+        raise NotImplementedError
+
     def down(self, r: Float, cases: Sequence[int]) -> Float:
-        z: Float = self._preconditioner.apply(r)
+        z = self.apply(r)
         self._z.update(zip(cases, z, strict=True))
         return _dot(r, z)
 
@@ -61,16 +53,11 @@ class _WholeCycle:
 
 
 class NumpyCG:
-    """Conjugate gradients in NumPy for L load cases at once; ``apply`` is v -> K v.
-
-    A preconditioner with ``down`` and ``up`` (see ``Multigrid``) tells r.z first and gives z where
-    the iteration goes on. Load cases at rest take no time.
-    """
+    """Conjugate gradients in NumPy for L load cases at once; ``apply`` is v -> K v. Load cases at
+    rest take no time."""
 
     def __init__(self, apply: Any, preconditioner: Preconditioner) -> None:
-        halves = hasattr(preconditioner, "down")
-        self._apply = apply
-        self._precondition: Any = preconditioner if halves else _WholeCycle(preconditioner)
+        self._apply, self._precondition = apply, preconditioner
 
     def begin(self, residual: Float) -> Float:
         """Start from a zero correction; returns r.z per case (L,)."""
@@ -80,7 +67,7 @@ class NumpyCG:
         self._rz = self._precondition.down(self._r, range(len(residual)))
         return np.array(self._rz)
 
-    def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
+    def run(self, count: int, active: Bool) -> Float:
         """``count`` iterations; history (count,L,4): r.z, alpha, beta, p.q."""
         history = np.empty((count, len(self._r), 4))
         on = np.flatnonzero(active).tolist()
@@ -170,7 +157,7 @@ class DeviceCG:
             self._turn(recording)
         return self._scalars.read()[:, 0]
 
-    def run(self, count: int, active: npt.NDArray[np.bool_]) -> Float:
+    def run(self, count: int, active: Bool) -> Float:
         """``count`` iterations in one submit per 512; history (count,L,4)."""
         parts = []
         for first in range(0, count, _CAPACITY):
@@ -242,10 +229,11 @@ def _dot(a: Float, b: Float) -> Float:
     return np.asarray(np.einsum("ln,ln->l", a, b))
 
 
-class _BlockJacobi:
+class _BlockJacobi(Preconditioner):
     """z = D^-1 r with the 3x3 diagonal blocks of K; ``inverse`` (N,3,3), zero where fixed."""
 
     def __init__(self, inverse: Float) -> None:
+        super().__init__()
         self._inverse = inverse
 
     def apply(self, r: Float) -> Float:

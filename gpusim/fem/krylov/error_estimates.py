@@ -1,22 +1,68 @@
-"""What is known of the error of an iteration: least eigenvalues, and bounds that rest on them."""
+"""When to stop: from the coefficients of conjugate gradients to an error in displacement.
+
+Write e for the error of the iterate, A for K on the free unknowns, M for the preconditioner and
+mu for the smallest Ritz value, the least eigenvalue of the tridiagonal (Lanczos) matrix that
+alpha and beta define. Then
+
+    ||e||_A^2 <= g_k (r_k . z_k),   g_0 = 1/mu,
+    g_{k+1} = (g_k - alpha_k) / (mu (g_k - alpha_k) + beta_k)
+
+is the Gauss-Radau upper bound (Meurant & Tichy, Numer. Algorithms 62 (2013) 163), exact for mu
+below the smallest eigenvalue of M^-1 A; a Ritz value is slightly above it, so mu is taken 10 %
+smaller. The displacement error follows from a norm N with a known least eigenvalue of N^-1 A,
+
+    ||e||_N <= ||e||_A / sqrt(lambda_N),     relative to ||u||_N,
+
+where N = I (root-mean-square displacement of the nodes) and lambda_N comes from the multigrid
+hierarchy, and from ``probe`` where that converges slowly. The bound assumes that the whole error
+sits in the softest mode, so it is pessimistic for stiff load cases. It speaks of the root mean
+square; a single node may be off by more, most of all where soft and stiff parts meet.
+
+Conjugate gradients tell mu by their Ritz values as far as the right-hand side holds its mode, and a
+load may hold next to nothing of it, though it decides the displacement: a thin plate that is pulled
+along, and a little across. Noise in the forces holds every mode, and most of the soft ones
+(``probe``). What the rounding of the stiffness leaves open no residual shows at all
+(``RoundingError``, and `gpusim.fem.assembly.stiffness_rounding`).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
+from scipy.linalg import eigvalsh_tridiagonal
 
+from gpusim.arrays.array_types import Bool, Float
+from gpusim.arrays.congruence import noise
+from gpusim.fem.assembly.stiffness_rounding import check_finite, indefinite
 from gpusim.fem.assembly.system import System
-from gpusim.fem.krylov.rounding_error import extent
-from gpusim.fem.krylov.soft_modes import probe
-from gpusim.fem.krylov.stopping_criterion import smallest_ritz_value
 
-__all__ = ["BELOW", "Estimates", "Norm"]
+__all__ = [
+    "BELOW",
+    "VISIBLE",
+    "Estimates",
+    "Norm",
+    "Probed",
+    "RoundingError",
+    "energy_bound",
+    "extent",
+    "probe",
+    "rounded",
+    "smallest_ritz_value",
+]
 
-Float = npt.NDArray[np.float64]
 
+# share of the tolerance beyond which forces by deformation are worth their time
+VISIBLE = 0.1
+# root mean square of displacements in bending, of the greatest one (a cantilever: 0.29)
+_UNEVEN = 0.2
+# share of the tolerance below which a bound of it isn't looked at any closer
+_NEGLIGIBLE = 0.02
+_FIRST = 10
+# the Ritz value may fall by this factor and the Rayleigh quotient by that one while the number of
+# iterations doubles, where the least eigenvalues count as found
+_RITZ, _RAYLEIGH = 2.0, 1.5
 # a Ritz value lies slightly above the eigenvalue that the bounds ask for
 BELOW = 0.9
 # a Ritz value below which the preconditioner is poor, and iterations per decimal beyond which it
@@ -24,6 +70,129 @@ BELOW = 0.9
 _POOR, _MANY = 0.03, 5.0
 # a Ritz value below this tells of motions that the coarse levels, and ``Norm.lowest``, don't see
 _UNSEEN = 1e-6
+
+
+def smallest_ritz_value(alpha: Float, beta: Float) -> float:
+    """Least eigenvalue of the Lanczos matrix of one load case; inf before the first step."""
+    # a case that broke down takes no further step
+    steps = int(np.logical_and.accumulate(alpha > 0.0).sum())
+    if steps == 0:
+        return float("inf")
+    alpha, beta = alpha[:steps], beta[:steps]
+    diagonal = 1.0 / alpha
+    diagonal[1:] += beta[:-1] / alpha[:-1]
+    if steps == 1:
+        return float(diagonal[0])
+    off = np.sqrt(beta[:-1]) / alpha[:-1]
+    return float(eigvalsh_tridiagonal(diagonal, off, select="i", select_range=(0, 0))[0])
+
+
+def energy_bound(history: Float, mu: float) -> float:
+    """Gauss-Radau bound of ||e||_A after all steps of ``history`` (k,4): r.z, alpha, beta, p.q."""
+    rz, alpha, beta = history[-1, 0] * history[-1, 2], history[:, 1], history[:, 2]
+    if not mu > 0.0 or not np.isfinite(mu):
+        return float("inf")
+    simple = 1.0 / mu
+    radau = simple
+    for a, b in zip(alpha, beta, strict=True):
+        gap = radau - a
+        # a gap below zero says that mu is above an eigenvalue already found: fall back
+        radau = gap / (mu * gap + b) if gap > 0.0 else simple
+    return float(np.sqrt(max(min(radau, simple), 0.0) * max(rz, 0.0)))
+
+
+class Inverse(Protocol):
+    """Nearly K'^-1, with the least eigenvalue of K'."""
+
+    @property
+    def lowest(self) -> float: ...
+
+    def apply(self, r: Float) -> Float: ...
+
+
+class RoundingError:
+    """By a preconditioner in place of the inverse; it is within a factor of two for the soft
+    motions that matter here."""
+
+    def __init__(self, inverse: Inverse, tolerance: float) -> None:
+        self._inverse, self._negligible = inverse, _NEGLIGIBLE * tolerance
+
+    def __call__(self, system: System, u: Float) -> float:
+        """Relative error (2-norm, the greatest over load cases) of the scaled, complete
+        displacements ``u`` (L,N,3)."""
+        # |K| u is at most twice the greatest sum of a row: far too much for a body of good
+        # proportions
+        if np.finfo(np.float64).eps * system.row_sum / self._inverse.lowest <= self._negligible:
+            return 0.0
+        forces = np.where(system.free, system.rounding(u), 0.0)
+        error = self._inverse.apply(forces.reshape(len(u), -1))
+        size = extent(u, even=bool(system.prescribed.any()))
+        relative = np.sqrt(np.einsum("ln,ln->l", error, error)) / np.where(size > 0.0, size, 1e-300)
+        return float(relative.max())
+
+
+def extent(u: Float, even: bool) -> Float:
+    """(L,) 2-norms of displacements (L,N,3), which errors are relative to.
+
+    ``even``: supports may have moved all of the body alike. Errors are uneven, as bending is, and
+    beside such a motion their 2-norm makes less of them than the greatest displacement does: the
+    size is no more then than that of bending with the same greatest displacement.
+    """
+    size = np.sqrt(np.einsum("lni,lni->l", u, u))
+    if even:
+        size = np.minimum(size, _UNEVEN * np.sqrt(u[0].size) * np.abs(u).max(axis=(1, 2)))
+    return np.asarray(size)
+
+
+def rounded(error: float) -> str:
+    """What to say where it is too much."""
+    left = f"an estimated relative error of {error:.2g}"
+    return f"the rounding of the stiffness in float64 leaves {left}"
+
+
+@dataclass(frozen=True, eq=False)
+class Probed:
+    """``mu`` (L,) least Ritz values of M^-1 A, ``settled`` (L,) whether they are final, ``lowest``
+    a Rayleigh quotient of A near its least eigenvalue, and the ``iterations`` that it took."""
+
+    mu: Float
+    settled: Bool
+    lowest: float
+    iterations: int
+
+
+def probe(system: System, loop: Any, most: int, first: int = _FIRST, ritz: float = _RITZ) -> Probed:
+    """Solve for noise until the least Ritz value and the Rayleigh quotient of the solution settle
+    between ``first`` and twice as many iterations, or 2 and 4 times as many, and so on.
+
+    One solution of A x = noise is a step of inverse iteration, so its quotient is near the least
+    eigenvalue. Raises NotConverged for stiffnesses that aren't positive definite.
+    """
+    rough = noise(system.right.size, 11)
+    rough = np.where(system.free, rough.reshape(system.right.shape), 0.0)
+    active = loop.begin(rough.reshape(len(rough), -1)) > 0.0
+    cases = len(rough)
+    history = np.zeros((0, cases, 4))
+    mu, lowest = np.full(cases, np.inf), np.inf
+    settled = ~active
+    while len(history) < most and not settled.all():
+        count = min(max(first, len(history)), most - len(history))
+        history = np.concatenate([history, loop.run(count, active)])
+        check_finite(history, "conjugate gradients")
+        if ((history[:, :, 3] <= 0.0) & (history[:, :, 0] > 0.0)).any():
+            raise indefinite("conjugate gradients")
+        before, quotient_before = mu, lowest
+        mu = np.array(
+            [smallest_ritz_value(history[:, k, 1], history[:, k, 2]) for k in range(cases)]
+        )
+        x = loop.correction()
+        size = np.einsum("ln,ln->l", x, x)
+        # ||x_k||_A^2 is the sum of alpha r.z
+        energy = (history[:, :, 0] * history[:, :, 1]).sum(axis=0)
+        held = size > 0.0
+        lowest = float((energy[held] / size[held]).min()) if held.any() else np.inf
+        settled = ~active | ((before <= ritz * mu) & bool(quotient_before <= _RAYLEIGH * lowest))
+    return Probed(mu, settled, lowest, len(history))
 
 
 @dataclass(frozen=True)

@@ -1,25 +1,39 @@
-"""The outer loop: runs of conjugate gradients inside a float64 refinement."""
+"""The outer loop: runs of conjugate gradients inside a float64 refinement, load case by load case.
+
+On the host load cases are iterated each by itself: what a case takes doesn't depend on the others
+then, nor do its numbers, however many processors there are. Short array operations gain little from
+threads (the interpreter lock), so cases are shared out to copies of the process
+(`gpusim.parallel.processes`): as long as there is a processor for it, a second case costs little
+more than its memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.definiteness import check_finite
+from gpusim.fem.assembly.stiffness_rounding import check_finite
 from gpusim.fem.assembly.system import System
-from gpusim.fem.krylov.error_estimates import BELOW, Estimates, Norm
-from gpusim.fem.krylov.rounding_error import VISIBLE, RoundingError, extent, rounded
-from gpusim.fem.krylov.stopping_criterion import energy_bound
+from gpusim.fem.krylov.error_estimates import (
+    BELOW,
+    VISIBLE,
+    Estimates,
+    Norm,
+    RoundingError,
+    energy_bound,
+    extent,
+    rounded,
+)
+from gpusim.parallel.processes import in_copies
 
-__all__ = ["UNEVEN_STIFFNESS", "Outcome", "iterate"]
+__all__ = ["UNEVEN_STIFFNESS", "Outcome", "Progress", "each_case", "iterate"]
 
-Float = npt.NDArray[np.float64]
 
 # share of the tolerance up to which rounding leaves conjugate gradients enough of it
 _LITTLE = 0.5
@@ -39,12 +53,17 @@ _NEAR = 0.1
 # where the true residual has reached its own rounding, what a run left and what it moved the
 # solution by stand for the error, with this factor of safety
 _SAFETY = 3.0
+Progress = Callable[[int, float], None]
+
+# a copy of the process takes some 5 ms, the iterations of this many unknowns several times that
+_LEAST_UNKNOWNS = 5_000
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """Displacements (L,N,3) in the model's units, and how the iteration ended; ``forces`` are
-    K u (L,N,3), if they were formed for the last estimate."""
+    K u (L,N,3), if they were formed for the last estimate. ``method``, ``backend`` and ``real``
+    tell how it came about."""
 
     u: Float
     converged: bool
@@ -53,6 +72,9 @@ class Outcome:
     residuals: Float
     message: str
     forces: Float | None = None
+    method: str = "multigrid"
+    backend: str = "numpy"
+    real: str = "f64"
 
 
 def iterate(
@@ -176,16 +198,12 @@ class _Refinement:
                 break
             _refuse_indefinite(system, rz < 0.0)
             aim = _LATER_AIM if refinement else _AIM
-            report = self._progress
-            if report is not None:
-                report = partial(_shifted, report, self.iterations)
             off = state.apart(residual, np.zeros_like(residual), x)
             near = off <= _NEAR * tolerance
             state.floor = np.where(near & ~np.isfinite(state.mu), off, state.floor)
-            correction, history, inside = _run(
-                system, loop, state, x, rz, near, aim * self._inside, _ENOUGH * tolerance,
-                most - self.iterations, report,
-            )  # fmt: skip
+            correction, history, inside = self._conjugate_gradients(
+                system, rz, near, aim * self._inside, _ENOUGH * tolerance
+            )
             self._x, self._image, self._begun = x + correction, None, True
             loop.keep()
             left = state.left(history, rz, self._x)
@@ -198,6 +216,55 @@ class _Refinement:
                 self._inside = tolerance  # they are known now
         else:
             self._message = f"stopped after {_MOST_REFINEMENTS} refinements"
+
+    def _conjugate_gradients(
+        self, system: System, rz: Float, near: Bool, aim: float, enough: float
+    ) -> tuple[Float, Float, Float]:
+        """One run from the residual that the loop holds, whose r.z are ``rz``; returns (correction,
+        history, estimate).
+
+        It ends where the sharp bound is at ``aim``, and the plain one by r.z, which the caller goes
+        by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
+        there is a start, a first one must have come far for its own correction, too: beside a far
+        motion, or a start that is nearly right, any correction is small, and its Ritz values would
+        tell nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
+        """
+        loop, state, x, most = self._loop, self._state, self._x, self._most - self.iterations
+        history = np.zeros((0, len(rz), 4))
+        moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
+        fresh = ~np.isfinite(state.mu) & moved & ~near
+        active = rz > 0.0
+        estimate = np.full(len(rz), np.inf)
+        estimate[~active] = 0.0
+        plain = estimate.copy()
+        correction, base = np.zeros_like(system.right), x + state.given
+        while active.any() and len(history) < most:
+            lines = loop.run(1, active)
+            check_finite(lines, "conjugate gradients")
+            bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
+            if bent.any():
+                case = system.first_case + np.flatnonzero(bent)[0]
+                raise NotConverged(
+                    f"conjugate gradients: negative curvature in load case {case}; got "
+                    f"p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
+                )
+            _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
+            history = np.concatenate([history, lines])
+            state.learn(history)
+            correction = loop.correction().reshape(x.shape)
+            energy, left = np.zeros(len(rz)), np.zeros(len(rz))
+            for case in np.flatnonzero(active):
+                energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
+                last = history[-1, case]
+                left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
+            size = state.size(base + correction)
+            estimate = np.where(active, state.over(energy, size), estimate)
+            plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
+            told = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
+            active &= ~((estimate <= aim) & (plain <= enough) & told)
+            if self._progress is not None:
+                self._progress(self.iterations + len(history), float(estimate.max()))
+        return correction, history, estimate
 
     def outcome(self, system: System, rounding: float) -> Outcome:
         """By the form of the system refined last; ``rounding`` is added to the estimate."""
@@ -217,68 +284,7 @@ class _Refinement:
         )
 
 
-def _run(
-    system: System,
-    loop: Any,
-    state: Estimates,
-    x: Float,
-    rz: Float,
-    near: npt.NDArray[np.bool_],
-    tolerance: float,
-    enough: float,
-    most: int,
-    progress: Callable[[int, float], None] | None,
-) -> tuple[Float, Float, Float]:
-    """One run from the residual that the loop holds; returns (correction, history, estimate).
-
-    It ends where the sharp bound is at ``tolerance``, and the plain one by r.z, which the caller
-    goes by, at ``enough``: another run for the rest would begin anew. Where supports are moved, or
-    there is a start, a first one must have come far for its own correction, too: beside a far
-    motion, or a start that is nearly right, any correction is small, and its Ritz values would tell
-    nothing of the soft modes. Cases that are known to be ``near`` (L,) needn't.
-    """
-    history = np.zeros((0, len(rz), 4))
-    moved = state.given.any(axis=(1, 2)) | x.any(axis=(1, 2))
-    fresh = ~np.isfinite(state.mu) & moved & ~near
-    active = rz > 0.0
-    estimate = np.full(len(rz), np.inf)
-    estimate[~active] = 0.0
-    plain = estimate.copy()
-    correction, base = np.zeros_like(system.right), x + state.given
-    while active.any() and len(history) < most:
-        lines = loop.run(1, active)
-        check_finite(lines, "conjugate gradients")
-        bent = active & ((lines[:, :, 3] <= 0.0) & (lines[:, :, 0] > 0.0)).any(axis=0)
-        if bent.any():
-            case = system.first_case + np.flatnonzero(bent)[0]
-            raise NotConverged(
-                f"conjugate gradients: negative curvature in load case {case}; got "
-                f"p.Kp = {lines[:, bent, 3].min():.3g}; expected a positive definite stiffness"
-            )
-        _refuse_indefinite(system, (active & (lines[:, :, 2] < 0.0)).any(axis=0))
-        history = np.concatenate([history, lines])
-        state.learn(history)
-        correction = loop.correction().reshape(x.shape)
-        energy, left = np.zeros(len(rz)), np.zeros(len(rz))
-        for case in np.flatnonzero(active):
-            energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
-            last = history[-1, case]
-            left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
-        size = state.size(base + correction)
-        estimate = np.where(active, state.over(energy, size), estimate)
-        plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
-        told = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
-        active &= ~((estimate <= tolerance) & (plain <= enough) & told)
-        if progress is not None:
-            progress(len(history), float(estimate.max()))
-    return correction, history, estimate
-
-
-def _shifted(progress: Callable[[int, float], None], done: int, now: int, error: float) -> None:
-    progress(done + now, error)
-
-
-def _refuse_indefinite(system: System, bad: npt.NDArray[np.bool_]) -> None:
+def _refuse_indefinite(system: System, bad: Bool) -> None:
     """``bad`` (L,): where r.z is negative."""
     if bad.any():
         raise NotConverged(
@@ -286,3 +292,63 @@ def _refuse_indefinite(system: System, bad: npt.NDArray[np.bool_]) -> None:
             f"{system.first_case + np.flatnonzero(bad)[0]}; got r.z < 0 (are materials or "
             "element sizes extremely unequal?); expected r.z > 0, or method 'direct'"
         )
+
+
+def each_case(
+    solve: Callable[[System, Float | None, Progress | None], Outcome],
+    system: System,
+    start: Float | None,
+    progress: Progress | None,
+) -> Outcome:
+    """``solve`` for each load case of the system, from ``start`` (L,N,3), on the host.
+
+    ``progress`` hears of the cases that are solved in this process. The first case's error is
+    raised, if several have one.
+    """
+    cases = len(system.right)
+    if cases == 1:
+        return solve(system, start, progress)
+    done, here = 0, os.getpid()
+
+    def one(case: int) -> Outcome:
+        nonlocal done
+        before = done
+
+        def report(iterations: int, error: float) -> None:
+            assert progress is not None
+            progress(before + iterations, error)
+
+        begin = None if start is None else start[case : case + 1]
+        # in a copy there is nobody to hear: what a program does there would be lost, or done twice
+        hears = progress is not None and os.getpid() == here
+        outcome = solve(system.case(case), begin, report if hears else None)
+        done += outcome.iterations
+        return outcome
+
+    if int(system.free.sum()) < _LEAST_UNKNOWNS:
+        return _joined([one(case) for case in range(cases)])
+    return _joined(in_copies(one, cases))
+
+
+def _joined(outcomes: Sequence[Outcome]) -> Outcome:
+    """All cases in one, told about as the worst of them: the residuals of those that took fewer
+    iterations stay as they ended."""
+    worst = max(outcomes, key=lambda one: (not one.converged, one.error_estimate))
+    most = max(len(one.residuals) for one in outcomes)
+    forces = [one.forces for one in outcomes if one.forces is not None]
+    return Outcome(
+        np.concatenate([one.u for one in outcomes]),
+        all(one.converged for one in outcomes),
+        worst.error_estimate,
+        max(one.iterations for one in outcomes),
+        np.concatenate([_stretched(one.residuals, most) for one in outcomes], axis=1),
+        worst.message,
+        np.concatenate(forces) if len(forces) == len(outcomes) else None,
+    )
+
+
+def _stretched(residuals: Float, count: int) -> Float:
+    """(k,1) to (count,1) by the last line."""
+    if len(residuals) in (0, count):
+        return residuals if len(residuals) else np.zeros((count, 1))
+    return np.concatenate([residuals, np.repeat(residuals[-1:], count - len(residuals), axis=0)])

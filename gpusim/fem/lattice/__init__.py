@@ -4,15 +4,10 @@ In the order in which data passes:
 
 - `lattice`: Rectilinear hex8 meshes: nodes on a lattice make neighbours, repeats and coarsening
   cheap.
-- `equal_boxes`: Boxes of equal labels in a grid.
-- `run_sums`: What is left of rows of blocks that add up to zero: rounding, which a slender body
-  feels.
 - `lattice_runs`: Vectors on a lattice as runs of nodes, and products with the rows of blocks that
   repeat there.
-- `stencil`: Host products on a lattice whose rows repeat: small dense matrices in place of a
-  sparse one.
-- `plane_interpolation`: Interpolation between the planes of two lattices, one of which keeps some
-  planes of the other.
+- `stencil`: Host products on a lattice whose rows repeat: small dense matrices in place of a sparse
+  one.
 - `lattice_cycle`: The finest levels of multigrid on a lattice, on the host: every vector stays
   stored as runs.
 """

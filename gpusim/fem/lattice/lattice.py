@@ -14,6 +14,8 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
+
 __all__ = [
     "CORNERS",
     "OFFSETS",
@@ -24,9 +26,6 @@ __all__ = [
     "node_offsets",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 T = TypeVar("T", bound=np.generic)
 
 # lattice position of the hex8 corners, VTK order
@@ -89,7 +88,7 @@ class Lattice:
             into[:] = corner[filled]
         return np.flatnonzero(filled), nodes
 
-    def touching(self, nodes: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def touching(self, nodes: Bool) -> Bool:
         """(M,) whether cells, in the order of ``corner_nodes``, touch any ``nodes`` (X,Y,Z)."""
         result = np.zeros(self.cell.shape, dtype=bool)
         for corner in self._at_corners(nodes):
@@ -125,7 +124,7 @@ class Lattice:
         own = (place.astype(np.int64) + 1) @ step
         return np.asarray(padded.ravel()[own[:, None] - CORNERS @ step])
 
-    def linked(self, nodes: Long) -> npt.NDArray[np.bool_]:
+    def linked(self, nodes: Long) -> Bool:
         """(K,27) whether a cell joins each of ``nodes`` (K,) and another one at ``OFFSETS``."""
         present = self.around((self.cell >= 0).astype(np.int64), 0, nodes) == 1
         result = np.zeros((len(nodes), 27), dtype=bool)

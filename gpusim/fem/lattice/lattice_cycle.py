@@ -18,18 +18,15 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.fem.lattice.lattice_runs import RunLayout, RunPattern
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
 from gpusim.fem.multigrid.smoothers import Relaxation
-from gpusim.fem.multigrid.transfer import MatrixTransfer
+from gpusim.fem.multigrid.transfer import MatrixTransfer, PlaneWeights
 
 __all__ = ["LatticeCycle", "LatticeLevel", "PlaneTransfer", "cycle_dtype"]
 
-Real = npt.NDArray[np.floating]
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 # rounding in float32 over the least eigenvalue from which on float64 is used
 _FELT = 0.1
@@ -148,7 +145,7 @@ class PlaneTransfer:
         weights: PlaneWeights,
         fine: RunLayout,
         coarse: RunLayout,
-        held: npt.NDArray[np.int64],
+        held: Long,
         into: Real,
     ) -> None:
         self._fine, self._coarse, self._held, self._into = fine, coarse, held, into

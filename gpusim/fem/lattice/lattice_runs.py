@@ -13,29 +13,24 @@ places stand for those that don't exist.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.arrays.congruence import unique_rows
+from gpusim.arrays.error_free_sums import two_sum
 from gpusim.fem.assembly.matrix_product import shared
-from gpusim.fem.lattice.equal_boxes import equal_boxes
 from gpusim.fem.lattice.lattice import OFFSETS, Lattice
-from gpusim.fem.lattice.run_sums import RowSums
 from gpusim.parallel.cpu_budget import processors
 
-__all__ = ["RunLayout", "RunPattern", "numbering_axes"]
+__all__ = ["RowSums", "RunLayout", "RunPattern", "numbering_axes"]
 
-Real = npt.NDArray[np.floating]
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 _Task = TypeVar("_Task")
-# a kind of runs, and a box of them or their places
-_Odd = tuple[int, tuple[slice, slice, slice] | Long]
-
 # nodes in a run: more waste work on zeros, fewer are slow to multiply
 _RUN = 4
 # lines of nodes that are looked at for the order in which they are numbered
@@ -45,8 +40,6 @@ _CHUNK = 768
 _ODD_CHUNK = 384
 # runs of a lattice below which threads wait for each other longer than they work
 _LEAST_TO_SHARE = 40_000
-# boxes of fewer odd runs than this are gathered one run at a time
-_SMALL_BOX = 8
 # kinds of runs, and the share of runs that aren't their slab's commonest kind, beyond which an
 # assembled matrix is as good
 _MOST_KINDS, _MOST_ODD = 512, 0.8
@@ -121,7 +114,7 @@ class RunLayout:
         result[self.number] = grid.reshape(*self.shape, 3)[self.present]
         return result.reshape(-1)
 
-    def places(self, unknowns: npt.NDArray[np.bool_]) -> Long:
+    def places(self, unknowns: Bool) -> Long:
         """Where the unknowns (N,3) that are set, and everything that isn't a node, are stored."""
         slow, middle, fast = self.shape
         grid = np.zeros((slow, middle + 1, self.row // 3, 3), dtype=bool)
@@ -156,9 +149,7 @@ class RunPattern:
         if not self.worthwhile:
             return
         self._chunks = self._common_chunks(common)
-        self._boxes: list[tuple[int, tuple[slice, slice, slice]]] = []
-        self._gathered: list[tuple[int, Long]] = []
-        self._split(equal_boxes(kind, odd))
+        self._odd_runs = self._odd_chunks(kind, odd)
 
     def _common_chunks(self, common: Long) -> list[tuple[int, int, int]]:
         """(first row, stop, kind): slabs of the same commonest kind, some rows at a time."""
@@ -175,26 +166,18 @@ class RunPattern:
             ]
         return chunks
 
-    def _split(self, boxes: Long) -> None:
-        """Boxes to chunks; runs of small ones by kind."""
-        extent = boxes[:, 2::2] - boxes[:, 1::2]
-        large = extent.prod(axis=1) >= _SMALL_BOX
-        for kind, x0, x1, y0, y1, z0, z1 in boxes[large].tolist():
-            rest = slice(y0, y1), slice(z0, z1)
-            step = max(1, _ODD_CHUNK // ((y1 - y0) * (z1 - z0)))
-            for x in range(x0, x1, step):
-                self._boxes.append((kind, (slice(x, min(x + step, x1)), *rest)))
+    def _odd_chunks(self, kind: Long, odd: Bool) -> list[tuple[int, Long]]:
+        """(kind, places) of runs of another kind than their slab's commonest, some at a time."""
         _, middle, _ = self.layout.shape
-        odd: dict[int, list[Long]] = {}
-        for kind, x0, x1, y0, y1, z0, z1 in boxes[~large].tolist():
-            at = np.mgrid[x0:x1, y0:y1, z0:z1]
-            place = (at[0] * (middle + 1) + at[1]) * self.layout.runs + at[2]
-            odd.setdefault(kind, []).append(place.ravel())
-        for kind, places in odd.items():
-            joined = np.concatenate(places)
-            for start in range(0, len(joined), _ODD_CHUNK):
-                self._gathered.append((kind, joined[start : start + _ODD_CHUNK]))
-        self._odd_runs: list[_Odd] = [*self._boxes, *self._gathered]
+        slab, row, run = np.nonzero(odd)
+        place = (slab * (middle + 1) + row) * self.layout.runs + run
+        order = np.argsort(kind[odd], kind="stable")
+        cuts = np.flatnonzero(np.diff(kind[odd][order])) + 1
+        return [
+            (int(kind[odd][own[0]]), place[own[start : start + _ODD_CHUNK]])
+            for own in np.split(order, cuts)
+            for start in range(0, len(own), _ODD_CHUNK)
+        ]
 
     def matrices(self, blocks: Float, dtype: npt.DTypeLike) -> Real:
         """(T, 3, 9 (R + 2), 3 R) for blocks (C,27,3,3) at ``OFFSETS`` of each class of nodes: for
@@ -238,11 +221,8 @@ class RunPattern:
         for first, stop, kind in self._chunks:
             here = slice(start + first * row, start + stop * row)
             np.matmul(x[here].reshape(-1, wide), matrices[kind], out=out[here].reshape(-1, wide))
-        source, result = self._by_runs(x), self._by_runs(out)
-        for kind, box in self._boxes:
-            result[box] = 0.0 if self._empty[kind] else source[box] @ matrices[kind]
         body, into = (self.layout.body(v).reshape(-1, wide) for v in (x, out))
-        for kind, place in self._gathered:
+        for kind, place in self._odd_runs:
             into[place] = body[place] @ matrices[kind]
         self._clear(out)
 
@@ -255,11 +235,6 @@ class RunPattern:
     def _clear(self, out: Real) -> None:
         """Empty the row after each slab, in which whole chunks have left something."""
         self.layout.body(out)[:, -1] = 0.0
-
-    def _by_runs(self, stored: Real) -> Real:
-        """(slow, middle + 1, runs, 3 R) view."""
-        body = self.layout.body(stored)
-        return body.reshape(*body.shape[:2], self.layout.runs, 3 * _RUN)
 
     def _common(
         self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
@@ -301,77 +276,74 @@ class RunPattern:
 
     def _odd(
         self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
-        tasks: list[_Odd],
-    ) -> None:  # fmt: skip
-        """Runs of another kind than their slab's commonest: boxes, and single ones."""
-        boxes = [(kind, place) for kind, place in tasks if isinstance(place, tuple)]
-        single = [(kind, place) for kind, place in tasks if not isinstance(place, tuple)]
-        self._box(matrices, x, out, add, relative, boxes)
-        self._gather(matrices, x, out, add, relative, single)
-
-    def _box(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
-        boxes: list[tuple[int, tuple[slice, slice, slice]]],
-    ) -> None:  # fmt: skip
-        """Boxes of runs of another kind than their slab's commonest."""
-        layout, wide, item = self.layout, 3 * _RUN, x.itemsize
-        result = self._by_runs(out)
-        more = None if add is None else self._by_runs(add)
-        step = (layout.slab * item, layout.row * item, wide * item)
-        for kind, box in boxes:
-            if self._empty[kind]:
-                result[box] = 0.0
-                continue
-            slabs, rows, runs = (one.stop - one.start for one in box)
-            begin = layout.origin - layout.slab - layout.row - 3
-            begin += box[0].start * layout.slab + box[1].start * layout.row + box[2].start * wide
-            seen = np.ndarray(
-                (slabs, rows + 2, runs, 3, wide + 6), x.dtype, x.data, begin * item,
-                (step[0], step[1], step[2], step[0], item),
-            ).copy()  # fmt: skip
-            count, matrix = rows * runs, matrices[kind]
-            own = None if relative is None else seen[:, :, :, 1, 3:6].copy()
-            if own is not None:
-                seen -= np.tile(own, _RUN + 2)[:, :, :, None]
-                own = own.reshape(slabs, -1, 3)
-            inner = seen.strides
-            windows = np.ndarray(
-                (slabs, rows, runs, 3, 3 * (wide + 6)), x.dtype, seen.data, 0,
-                (inner[0], inner[1], inner[2], inner[1], item),
-            )  # fmt: skip
-            value = windows.reshape(-1, 9 * (wide + 6)) @ matrix.reshape(-1, wide)
-            value = value.reshape(slabs, count, wide)
-            if own is not None:
-                assert relative is not None
-                for row in (0, 2):
-                    apart = own[:, row * runs :][:, :count] - own[:, runs:][:, :count]
-                    relative.add_step(kind, row, apart, value)
-                inner_runs = seen[:, 1:-1, :, 1, 3:-3].reshape(slabs, count, wide)
-                relative.take_own(kind, inner_runs, value)
-            value = value.reshape(slabs, rows, runs, wide)
-            if more is not None:
-                value += more[box]
-            result[box] = value
-
-    def _gather(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
         parts: list[tuple[int, Long]],
     ) -> None:  # fmt: skip
-        """Single runs of another kind."""
+        """Runs of another kind than their slab's commonest."""
         layout, wide, item = self.layout, 3 * _RUN, x.itemsize
         into = layout.body(out).reshape(-1, wide)
         more = None if add is None else layout.body(add).reshape(-1, wide)
+        # what a run sees of a row is moved as one piece
+        stretch = np.dtype(f"V{(wide + 6) * item}")
+        every = np.ndarray(len(x) - wide - 5, stretch, x.data, 0, (item,))
         begin = layout.origin - layout.slab - layout.row - 3
-        every = np.ndarray(
-            (len(into), 3, 3, wide + 6), x.dtype, x.data, begin * item,
-            (wide * item, layout.row * item, layout.slab * item, item),
-        )  # fmt: skip
+        rows = begin + layout.row * np.arange(3)[:, None] + layout.slab * np.arange(3)
         for kind, place in parts:
+            if self._empty[kind]:
+                into[place] = 0.0
+                continue
             matrix = matrices[kind].reshape(-1, wide)
-            windows = every[place]
+            windows = every[wide * place[:, None, None] + rows].view(x.dtype)
+            windows = windows.reshape(-1, 3, 3, wide + 6)
             if relative is not None:
                 windows = windows - np.tile(windows[:, 1, 1, 3:6], _RUN + 2)[:, None, None]
             value = windows.reshape(len(place), -1) @ matrix
             if relative is not None:
                 relative.take_own(kind, windows[:, 1, 1, 3:-3], value)
             into[place] = value if more is None else value + more[place]
+
+
+@dataclass(frozen=True, eq=False)
+class RowSums:
+    """Sums of the matrices by kind of run, to twice the
+    digits.
+
+    A product by differences to one node in place of each node's own leaves the sum of a row's
+    blocks times the difference of the two. That sum is rounding, yet along a slender body all rows
+    have the same one, and forces of 1e-16 add up. ``beside``, ``rest`` (T,3,3,3 R) of the three
+    rows of nodes, ``own`` (T,3 R,3 R) of all, for each of the R nodes of a run.
+    """
+
+    beside: Float
+    rest: Float
+    own: Float
+
+    @staticmethod
+    def of(matrices: Real) -> RowSums:
+        """Of float64 matrices (T,3,9 (R + 2),3 R)."""
+        kinds, wide = len(matrices), matrices.shape[-1]
+        parts = matrices.reshape(kinds, 3, -1, 3, wide).transpose(2, 0, 1, 3, 4)
+        beside, rest = _added(parts)
+        total, left = _added(np.concatenate([beside, rest], axis=1).transpose(1, 0, 2, 3))
+        own = np.zeros((kinds, wide, wide))
+        for first in range(0, wide, 3):
+            here = slice(first, first + 3)
+            own[:, here, here] = (total + left)[:, :, here]
+        return RowSums(beside, rest, own)
+
+    def add_step(self, kind: int, row: int, step: Real, into: Real) -> None:
+        """A row's nodes lie by ``step`` (…,3) from what they were taken relative to."""
+        into += step @ self.beside[kind, row]
+        into += step @ self.rest[kind, row]
+
+    def take_own(self, kind: int, x: Real, into: Real) -> None:
+        """Each node was to be relative to itself; ``x`` (…,3 R) relative to the first one."""
+        into -= x @ self.own[kind]
+
+
+def _added(terms: Real) -> tuple[Float, Float]:
+    """The sum of (K,…) over the first axis and what it lacks, term by term."""
+    total, rest = np.zeros(terms.shape[1:]), np.zeros(terms.shape[1:])
+    for term in terms:
+        total, lost = two_sum(total, term)
+        rest += lost
+    return total, rest

@@ -11,18 +11,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
-from gpusim.fem.assembly.block_rows import BlockRows
+from gpusim.arrays.array_types import Bool, Float, Int
+from gpusim.fem.assembly.block_rows import BlockRows, invert_repeated
+from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.lattice import Lattice
-from gpusim.fem.lattice.lattice_runs import RunLayout, RunPattern, numbering_axes
-from gpusim.fem.lattice.run_sums import RowSums
+from gpusim.fem.lattice.lattice_runs import RowSums, RunLayout, RunPattern, numbering_axes
 
 __all__ = ["Stencil", "StencilProduct", "stencil_of"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 # fewer nodes aren't worth the trouble
 _LEAST = 4000
@@ -46,6 +44,11 @@ class Stencil:
     def product(self) -> StencilProduct | None:
         """See ``StencilProduct.of``."""
         return StencilProduct.of(self)
+
+    @property
+    def operator(self) -> Product | StencilProduct:
+        """``product``, or that of the assembled matrix."""
+        return Product(self.matrix) if self.product is None else self.product
 
     @property
     def matrix(self) -> bsr_matrix:
@@ -94,10 +97,9 @@ class StencilProduct:
         """The same as a SciPy block matrix."""
         return self.stencil.matrix
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the matrices of all kinds of runs."""
-        return int(self._matrices.nbytes)
+    def block_inverse(self, free: Bool) -> Float:
+        """Inverted diagonal blocks (N,3,3), zero where not ``free`` (N,3)."""
+        return invert_repeated(self.stencil.diagonal, self.stencil.row_class, free)
 
     @property
     def unknowns(self) -> int:

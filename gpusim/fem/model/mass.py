@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix, csr_matrix, kron
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import volumes
@@ -15,7 +15,6 @@ from gpusim.fem.model.model import Model
 
 __all__ = ["lumped_mass", "mass_matrix"]
 
-Float = npt.NDArray[np.float64]
 
 _CHUNK = 16384
 
@@ -80,7 +79,7 @@ def _check(model: Model) -> None:
         )
 
 
-def _element_masses(model: Model) -> Iterator[tuple[npt.NDArray[np.int32], Float]]:
+def _element_masses(model: Model) -> Iterator[tuple[Int, Float]]:
     """Nodes (M,k) and scalar mass matrices (M,k,k) of some cells at a time."""
     density = model.densities
     for kind, first, block in model.mesh.blocks():

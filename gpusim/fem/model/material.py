@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.validation import is_number, real_numbers
 
 __all__ = ["Isotropic", "Material", "Orthotropic"]
 
-Float = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 # pairs of axes of the shear components, in the order xy yz zx

@@ -1,23 +1,22 @@
-"""The model: mesh, materials, supports and nodal loads."""
+"""The model: mesh, materials, supports, nodal loads and formulations; its solution."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
+from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
-__all__ = ["Model"]
-
-Float = npt.NDArray[np.float64]
+__all__ = ["Model", "Solution", "resolve_formulation"]
 
 
 @unmasked()
@@ -51,9 +50,9 @@ class Model:
 
     mesh: Mesh
     materials: Sequence[Material]
-    fixed: npt.NDArray[np.bool_] | None = None
+    fixed: Bool | None = None
     forces: Float | None = None
-    material_of_cell: npt.NDArray[np.int32] | None = None
+    material_of_cell: Int | None = None
     prescribed: Float | None = None
     __repr__ = field_summary
 
@@ -188,7 +187,7 @@ def _check_stiffness(materials: Sequence[Material]) -> None:
         )
 
 
-def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int32]:
+def _material_numbers(value: Any, cells: int, count: int) -> Int:
     numbers = np.asarray(value)
     if numbers.shape != (cells,) or numbers.dtype.kind not in "iu":
         raise InputError(
@@ -203,7 +202,7 @@ def _material_numbers(value: Any, cells: int, count: int) -> npt.NDArray[np.int3
     return np.array(numbers, dtype=np.int32)
 
 
-def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: npt.NDArray[np.bool_]) -> None:
+def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: Bool) -> None:
     nodes = mesh.dangling_nodes
     loads = forces if forces.ndim == 3 else forces[None]
     loaded = nodes[((loads[:, nodes] != 0.0).any(axis=0) & ~fixed[nodes]).any(axis=1)]
@@ -212,3 +211,105 @@ def _refuse_loaded_dangling(mesh: Mesh, forces: Float, fixed: npt.NDArray[np.boo
             f"Model.forces: {loaded.size} loaded nodes belong to no cell; got node {loaded[0]}; "
             "expected forces on nodes of the mesh's cells"
         )
+
+
+def resolve_formulation(
+    model: Model, formulation: str | Mapping[str, str] | None
+) -> dict[str, str]:
+    """Formulation per cell type of the mesh; the element's first one where nothing is said.
+
+    One name for all types counts where a type has it (tet4 has no "bbar"). Raises InputError for
+    a type or name that no element has, also if the mesh has no such cells, and for one name that
+    no cell of the mesh has, unless it is a default: that asks for nothing unusual.
+    """
+    if isinstance(formulation, str):
+        known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
+        if formulation not in known:
+            raise InputError(
+                f"formulation: unknown; got {formulation!r}; expected one of {', '.join(known)}"
+            )
+        wanted = {k: formulation for k, e in ELEMENTS.items() if formulation in e.formulations}
+        usual = any(formulation == e.formulations[0] for e in ELEMENTS.values())
+        if not usual and not any(kind in wanted for kind in model.mesh.cells):
+            raise InputError(
+                f"formulation: no cell of the mesh has it; got {formulation!r} for "
+                f"{', '.join(model.mesh.cells)}; it is known for {', '.join(wanted)}"
+            )
+    elif formulation is None or isinstance(formulation, Mapping):
+        wanted = dict(formulation or {})
+    else:
+        raise InputError(
+            f"formulation: got {formulation!r}; expected a name, or a mapping from cell type to one"
+        )
+    for kind, name in wanted.items():
+        if kind not in ELEMENTS:
+            raise InputError(
+                f"formulation: unknown cell type; got {kind!r}; "
+                f"expected keys among {', '.join(ELEMENTS)}"
+            )
+        if name not in ELEMENTS[kind].formulations:
+            raise InputError(
+                f"formulation: not available for {kind}; got {name!r}; "
+                f"expected one of {', '.join(ELEMENTS[kind].formulations)}"
+            )
+    return {kind: wanted.get(kind, ELEMENTS[kind].formulations[0]) for kind in model.mesh.cells}
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Displacements and how far they can be trusted; units are the model's.
+
+    u : (N,3) float64, or (L,N,3) where the model has several load cases.
+    converged : the estimate is at or below the tolerance asked for, in every load case.
+    error_estimate : estimated relative error of u (see ``krylov.error_estimates`` and
+    ``iterative_refinement``), the worst
+        load case; it is computed from the true float64 residual, not from the recursive one.
+    iterations : conjugate gradient iterations, refinements included; of the direct solver: solves.
+    residuals : (iterations,L) preconditioned residual norms sqrt(r.z) over the first one; of the
+        direct solver: corrections over the first one.
+    reactions : like u, the force that the supports exert; zero on free degrees of freedom. Their
+        relative error may be far larger than that of u where stiff parts are held by soft ones.
+    strain_energy, external_work : (L,), u.Ku/2 and (forces . u + reactions . u)/2; they agree
+        when the solve has converged.
+    unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
+        should know (dangling nodes). timings : seconds per part. backend, real,
+        method, element_classes, row_classes : how it was computed. reasons : the solver's choices
+        and why, one a line.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
+    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.3)], fixed=fixed, forces=forces))
+    >>> solution.converged, solution.reactions.sum(axis=0).round(3) + 0.0
+    (True, array([-10000.,      0.,      0.]))
+    """
+
+    u: Float
+    converged: bool
+    error_estimate: float
+    iterations: int
+    residuals: Float
+    reactions: Float
+    strain_energy: Float
+    external_work: Float
+    unknowns: int
+    message: str
+    warnings: tuple[str, ...]
+    timings: dict[str, float]
+    backend: str
+    real: str
+    method: str
+    element_classes: int
+    row_classes: int
+    reasons: tuple[str, ...] = ()
+
+    __repr__ = field_summary
+
+    @property
+    def energy_balance(self) -> float:
+        """Greatest relative difference of strain energy and external work over load cases."""
+        size = np.maximum(np.abs(self.strain_energy), np.abs(self.external_work))
+        difference = np.abs(self.strain_energy - self.external_work)
+        return float((difference / np.where(size > 0.0, size, 1.0)).max())

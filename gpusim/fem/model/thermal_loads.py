@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.elements.strain import internal_force, point_stress
-from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.fem.model.material import Material
-from gpusim.fem.model.model import Model
+from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -21,7 +21,6 @@ from gpusim.validation import unmasked
 
 __all__ = ["linear_temperature", "point_temperature", "thermal"]
 
-Float = npt.NDArray[np.float64]
 
 _CHUNK = 8192
 
@@ -32,7 +31,7 @@ def thermal(
     mesh: Mesh,
     materials: Sequence[Material],
     temperature: npt.ArrayLike,
-    material_of_cell: npt.NDArray[np.int32] | None = None,
+    material_of_cell: Int | None = None,
     formulation: str | Mapping[str, str] | None = None,
 ) -> Float:
     """(N,3) nodal forces of a temperature change: the integral of B^T C (expansion) dV.

@@ -6,16 +6,15 @@ In the order in which data passes:
   out.
 - `mapped_coarsening`: Bricks that are numbered along three axes as on a lattice, wherever their
   nodes lie.
+- `column_blocks`: Columns of nodes across flat cells, as blocks that are smoothed and aggregated as
+  a whole.
+- `smoothers`: Block-Jacobi and Chebyshev smoothing, host side; ``relaxation`` has the device's.
 - `smoothed_aggregation`: Smoothed aggregation, host side: aggregates, prolongators and coarse
   matrices.
-- `transfer`: Interpolation between levels, host side.
-- `cell_stacks`: Stacks of cells: which way bricks and wedges lie on one another, from surface to
-  surface.
-- `column_blocks`: Columns of nodes across flat cells, as blocks that are smoothed and aggregated
-  as a whole.
-- `smoothers`: Block-Jacobi and Chebyshev smoothing, host side; ``relaxation`` has the device's.
+- `transfer`: Interpolation between levels, host side: by planes of lattices, by nodes, by
+  aggregates.
 - `coarse_solver`: The coarsest level of multigrid, solved exactly: a band where the body is long,
   or an inverse.
 - `hierarchy`: The levels of multigrid: geometry first, then smoothed aggregation.
-- `preconditioner`: The V-cycle as a preconditioner.
+- `preconditioner`: The preconditioner: a multigrid V-cycle over a hierarchy of levels.
 """

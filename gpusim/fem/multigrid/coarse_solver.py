@@ -9,20 +9,17 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import LinAlgError, cho_factor, cho_solve_banded, cholesky_banded
 from scipy.linalg.lapack import dpotri
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.assembly.block_rows import pattern
-from gpusim.fem.assembly.definiteness import indefinite
+from gpusim.fem.assembly.stiffness_rounding import indefinite
 
 __all__ = ["CoarseSolver", "narrow_order"]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # A band of b in n unknowns is read twice to solve with it, and n b^2 operations make its factor:
 # these are a third of a cycle, and ten cycles, of a body with one unknown

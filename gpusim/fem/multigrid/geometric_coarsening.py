@@ -7,14 +7,14 @@ matrix product is needed, and congruent elements stay congruent.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.congruence import unique_rows
 from gpusim.fem.assembly.element_batches import (
     DistinctGroup,
@@ -25,15 +25,11 @@ from gpusim.fem.assembly.element_batches import (
 )
 from gpusim.fem.elements.straight_tetrahedra import StraightTets
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights, plane_shares
+from gpusim.fem.multigrid.transfer import PlaneWeights, plane_shares
 from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes", "has_midsides"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 # planes are left out along an axis while its spacing is below this multiple of the finest one
 _STRETCHED = 1.9
@@ -53,12 +49,6 @@ class Coarser:
     kept: Int
     groups: list[Elements]
     lattice: Lattice | None
-
-    @property
-    def weights(self) -> csr_matrix:
-        """(N,K) weights of the coarse nodes."""
-        own = self.interpolation
-        return own.matrix if isinstance(own, PlaneWeights) else own
 
 
 def has_midsides(groups: Sequence[Elements]) -> bool:
@@ -111,27 +101,27 @@ def _linear(group: Elements, free: Bool, number: Int) -> Group:
     weight[np.arange(kind.corners), np.arange(kind.corners)] = 1.0
     for local, parents in enumerate(kind.parents, start=kind.corners):
         weight[local, list(parents)] = 1.0 / len(parents)
-    spread = np.kron(weight, np.eye(3))
+    spread: Float = np.asarray(np.kron(weight, np.eye(3)), dtype=np.float64)
     if isinstance(group, DistinctGroup):
         held = ~free[group.cells].reshape(-1, 3 * kind.nodes)
         of_cell = np.arange(len(group.cells))
-        matrices = np.empty((len(group.cells), spread.shape[1], spread.shape[1]))
-        for first in range(0, len(matrices), _CHUNK):
-            which = of_cell[first : first + _CHUNK]
-            own = group.at(which)
-            own *= ~(held[which, :, None] | held[which, None, :])
-            matrices[which] = np.matmul(spread.T, np.matmul(own, spread))
-        return Group(kind.linear, cells, of_cell, matrices)
+
+        def without_held(which: Long) -> Float:
+            return group.at(which) * ~(held[which, :, None] | held[which, None, :])
+
+        return Group(kind.linear, cells, of_cell, _galerkin(without_held, len(of_cell), spread))
     of_cell, extra = held_matrices(group, free)
-    count = len(group.matrices)
-    matrices = np.empty((count + len(extra), spread.shape[1], spread.shape[1]))
-    for source, start in ((group.matrices, 0), (extra, count)):
-        for first in range(0, len(source), _CHUNK):
-            part = source[first : first + _CHUNK]
-            matrices[start + first : start + first + len(part)] = np.matmul(
-                spread.T, np.matmul(part, spread)
-            )
-    return Group(kind.linear, cells, of_cell, matrices)
+    parts = [_galerkin(own.__getitem__, len(own), spread) for own in (group.matrices, extra)]
+    return Group(kind.linear, cells, of_cell, np.concatenate(parts))
+
+
+def _galerkin(at: Callable[[Long], Float], count: int, spread: Float) -> Float:
+    """(count,m,m) Q^T K Q of matrices K that ``at`` gives of some numbers, with ``spread`` Q."""
+    result = np.empty((count, spread.shape[1], spread.shape[1]))
+    for first in range(0, count, _CHUNK):
+        which = np.arange(first, min(first + _CHUNK, count))
+        result[which] = np.matmul(spread.T, np.matmul(at(which), spread))
+    return result
 
 
 def _joined(groups: list[Group]) -> list[Group]:

@@ -6,21 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh
 from scipy.sparse import bsr_matrix
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.congruence import noise
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.assembly import group_matrix, lattice_stencil
-from gpusim.fem.assembly.block_rows import BlockRows
-from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks, invert_blocks, invert_repeated
+from gpusim.fem.assembly.assembly import Assembled, group_matrix, lattice_stencil
+from gpusim.fem.assembly.block_rows import (
+    invert_repeated,
+)
 from gpusim.fem.assembly.element_batches import Elements, Group, only_group
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
+from gpusim.fem.assembly.matrix_product import Product
+from gpusim.fem.assembly.system import System, finest_product
 from gpusim.fem.lattice.lattice import Lattice, find_lattice
-from gpusim.fem.lattice.plane_interpolation import PlaneWeights
-from gpusim.fem.lattice.stencil import Stencil, StencilProduct
-from gpusim.fem.model.rigid_body_modes import rigid_modes
+from gpusim.fem.lattice.stencil import StencilProduct
+from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.coarse_solver import CoarseSolver, narrow_order
 from gpusim.fem.multigrid.column_blocks import Columns, columns_across
 from gpusim.fem.multigrid.geometric_coarsening import (
@@ -32,12 +33,10 @@ from gpusim.fem.multigrid.geometric_coarsening import (
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
-from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, Transfer
+from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
 
 __all__ = ["Hierarchy", "Level", "build_hierarchy"]
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 _COARSEST = 800
 # of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
@@ -89,26 +88,24 @@ class Hierarchy:
 
 
 def build_hierarchy(
-    matrix: bsr_matrix | Stencil | RowsProduct,
-    groups: Sequence[Elements],
-    lattice: Lattice | None,
-    free: Bool,
+    assembled: Assembled,
+    system: System,
     points: Float,
-    rows: BlockRows,
-    scale: float,
+    *,
     stiff_in_bulk: bool = False,
     inverted: bool = False,
     uneven_stiffness: bool = False,
 ) -> Hierarchy:
-    """Coarsen until at most a few hundred unknowns remain.
+    """Coarsen until at most a few hundred unknowns remain, from nodes at ``points`` (N,3) on.
 
-    ``matrix`` K / scale with 3x3 blocks, as a stencil or as its product, ``rows`` the same as
-    block rows of K, ``groups`` the elements of K, ``lattice`` of their nodes or None, ``free``
-    (N,3), ``points`` (N,3). Aggregation by sheets or columns is of no use to bodies that are
-    ``stiff_in_bulk``; ``inverted`` asks for a coarsest matrix that can be inverted, as devices do.
-    With ``uneven_stiffness`` interpolation from aggregates stays in float64, and its levels aren't
-    gone through twice, as rounding brings eigenvalues of a cycle above 1.
+    Aggregation by sheets or columns is of no use to bodies that are ``stiff_in_bulk``; ``inverted``
+    asks for a coarsest matrix that can be inverted, as devices do. With ``uneven_stiffness``
+    interpolation from aggregates stays in float64, and its levels aren't gone through twice, as
+    rounding brings eigenvalues of a cycle above 1.
     """
+    groups: Sequence[Elements] = assembled.groups
+    rows, lattice, free, scale = assembled.rows, assembled.lattice, system.free, system.scale
+    product = finest_product(rows, system)
     levels: list[Level] = []
     inverse = invert_repeated(rows.diagonal / scale, rows.row_class, free)
     while True:
@@ -116,10 +113,9 @@ def build_hierarchy(
         if coarser is None or not free[coarser.kept].any():
             break
         if levels:
-            inverse = _inverses(matrix, free)
+            inverse = product.block_inverse(free)
         coarse_free = free[coarser.kept]
         transfer = NodeTransfer(coarser.interpolation, free, coarse_free)
-        product = _product(matrix)
         single_step = all(_compact_tets(group, points) for group in groups)
         if sum(group.distinct for group in groups) <= _FEW:
             largest = max(_element_bound(_distinct_matrices(group)) for group in groups)
@@ -129,43 +125,40 @@ def build_hierarchy(
         groups, lattice, free = coarser.groups, coarser.lattice, coarse_free
         points = points[coarser.kept]
         if lattice is not None:
-            matrix = lattice_stencil(only_group(groups), lattice, scale)
+            product = lattice_stencil(only_group(groups), lattice, scale).operator
         else:
             matrix = group_matrix(groups, len(points))
             matrix.data /= scale
+            product = Product(matrix)
     whole = len(points)
     if not stiff_in_bulk and lattice is None and [group.name for group in groups] == ["hex8"]:
-        assert not isinstance(matrix, Stencil)
-        matrix, free, points = _by_sheets(levels, matrix, groups[0], free, points)
+        assert isinstance(product, Product)
+        product, free, points = _by_sheets(levels, product, groups[0], free, points)
     longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
     column = None
     if not stiff_in_bulk and len(points) == whole:
         column = columns_across(groups, points)
-    return _aggregate(levels, matrix, free, points, longest, column, uneven_stiffness)
+    return _aggregate(levels, product, free, points, longest, column, uneven_stiffness)
 
 
 def _by_sheets(
-    levels: list[Level],
-    matrix: bsr_matrix | RowsProduct,
-    group: Elements,
-    free: Bool,
-    points: Float,
-) -> tuple[bsr_matrix | RowsProduct, Bool, Float]:
+    levels: list[Level], product: Product, group: Elements, free: Bool, points: Float
+) -> tuple[Product, Bool, Float]:
     """Levels of bricks that are numbered as on a lattice, as far as sheets of nodes can be left
     out. Their elements aren't formed anew: coarse matrices are products of sparse ones."""
-    lattice = mapped_lattice(points, group.cells) if _even(matrix) else None
+    lattice = mapped_lattice(points, group.cells) if _even(product) else None
     while lattice is not None and free.size > _COARSEST:
         weights = coarse_lattice(lattice)
         if weights is None or not free[weights.kept].any() or _bent(weights, points):
             break
         coarse_free = free[weights.kept]
         transfer = NodeTransfer(weights, free, coarse_free)
-        product, inverse = _product(matrix), _inverses(matrix, free)
+        inverse = product.block_inverse(free)
         largest = largest_eigenvalue(product, inverse, _STEPS)
         levels.append(Level(product, inverse, largest, transfer))
-        matrix = galerkin(matrix, transfer.blocks())
+        product = Product(galerkin(product, transfer.blocks()))
         lattice, free, points = weights.coarse, coarse_free, points[weights.kept]
-    return matrix, free, points
+    return product, free, points
 
 
 def _bent(weights: PlaneWeights, points: Float) -> bool:
@@ -180,35 +173,11 @@ def _bent(weights: PlaneWeights, points: Float) -> bool:
     return bool(off * max(sizes) > _TURNED * min(sizes))
 
 
-def _even(matrix: bsr_matrix | RowsProduct) -> bool:
+def _even(product: Product) -> bool:
     """Whether stiffnesses are about the same everywhere: sheets cut through stiff parts between
     soft ones, which aggregates keep together (71 iterations in place of 10 on a ball, at 1e6)."""
-    trace = np.einsum("nii->n", _diagonal(matrix))
+    trace = np.einsum("nii->n", product.diagonal)
     return bool(trace.max(initial=0.0) <= _EVEN * trace[trace > 0.0].min(initial=np.inf))
-
-
-def _assembled(matrix: bsr_matrix | Stencil | RowsProduct) -> bsr_matrix:
-    return matrix.matrix if isinstance(matrix, Stencil | RowsProduct) else matrix
-
-
-def _product(matrix: bsr_matrix | Stencil | RowsProduct) -> Product | StencilProduct:
-    if isinstance(matrix, RowsProduct):
-        return matrix
-    product = matrix.product if isinstance(matrix, Stencil) else None
-    return Product(_assembled(matrix)) if product is None else product
-
-
-def _inverses(matrix: bsr_matrix | Stencil | RowsProduct, free: Bool) -> Float:
-    if isinstance(matrix, Stencil):
-        return invert_repeated(matrix.diagonal, matrix.row_class, free)
-    return invert_blocks(_diagonal(matrix), free)
-
-
-def _diagonal(matrix: bsr_matrix | RowsProduct) -> Float:
-    """Its diagonal blocks; block rows store them apart."""
-    if isinstance(matrix, RowsProduct):
-        return np.asarray(matrix.diagonal / matrix.scale)
-    return diagonal_blocks(matrix)
 
 
 def _compact_tets(group: Elements, points: Float) -> bool:
@@ -273,11 +242,11 @@ def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
 
 def _aggregate(
     levels: list[Level],
-    matrix: bsr_matrix | Stencil | RowsProduct,
+    product: Product | StencilProduct,
     free: Bool,
     points: Float,
     longest: int,
-    column: npt.NDArray[np.int64] | None,
+    column: Long | None,
     uneven_stiffness: bool,
 ) -> Hierarchy:
     """Aggregate until a few hundred unknowns remain, or ``longest`` in a narrow band; at first by
@@ -289,33 +258,34 @@ def _aggregate(
     unknowns = free.size
     narrow = None
     while not levels or (unknowns > _COARSEST and not stalled):
-        own = matrix if isinstance(matrix, RowsProduct) else _assembled(matrix)
-        if levels and unknowns <= longest and isinstance(own, bsr_matrix):
-            narrow = narrow_order(own, levels[0].product.unknowns)
+        own = product if isinstance(product, Product) else Product(product.matrix)
+        if levels and unknowns <= longest:
+            narrow = narrow_order(own.matrix, levels[0].product.unknowns)
             if narrow is not None:
                 break
-        product, inverse = _product(matrix), _inverses(matrix, mask)
+        inverse = product.block_inverse(mask)
         smoother = None if column is None else Columns(own, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
         prolongation, near_null, mask = prolongator(
             own, smoother or inverse, largest, near_null, mask, single=not uneven_stiffness
         )
-        matrix = galerkin(own, prolongation)
+        coarser = galerkin(own, prolongation)
         transfer = MatrixTransfer(prolongation)
         twice = inverse.shape[1] == 6 and not uneven_stiffness
         levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))
         column = None
-        unknowns = matrix.shape[0]
+        unknowns = coarser.shape[0]
         stalled = unknowns > 0.9 * product.unknowns
+        product = Product(coarser)
+    coarsest_matrix = product.matrix
     if narrow is None and unknowns > _COARSEST and longest > _COARSEST_INVERTED:
         # loose bodies can't be aggregated any further, however many there are
-        narrow = narrow_order(_assembled(matrix), levels[0].product.unknowns)
+        narrow = narrow_order(coarsest_matrix, levels[0].product.unknowns)
     if narrow is None and unknowns > _MOST_INVERTED:
         raise NotConverged(
             f"multigrid: aggregation ended at {unknowns} unknowns; expected at most "
             f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'direct'"
         )
-    coarsest_matrix = _assembled(matrix)
     solver = CoarseSolver(coarsest_matrix, mask, narrow)
     return Hierarchy(tuple(levels), solver, _lowest_eigenvalue(solver, levels, coarsest_matrix))
 

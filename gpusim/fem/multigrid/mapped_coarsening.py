@@ -8,18 +8,15 @@ axes is told by its neighbours; a sheet's coordinate is how far it lies, on aver
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.path_sums import along_paths
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, crowded, filled_grids
 
 __all__ = ["mapped_lattice"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 # corners of the sides that look along each axis, and of those that lie against them
 _AHEAD = ((1, 2, 6, 5), (3, 2, 6, 7), (4, 5, 6, 7))

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.matrix_product import Product
-from gpusim.fem.device.arena import Allocator
-from gpusim.fem.device.operator_form import DeviceOperator
+from gpusim.fem.device.node_texels import Allocator
+from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
+from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.lattice.lattice_cycle import LatticeCycle
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
@@ -20,7 +21,6 @@ from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev, columns, relax
 
 __all__ = ["Multigrid", "smoothing_steps"]
 
-Float = npt.NDArray[np.float64]
 
 _DEGREE = 2
 # eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
@@ -43,7 +43,7 @@ def _from_zero(step: Relaxation) -> Relaxation:
     return Relaxation(step.keep, step.gain, 0.0)
 
 
-class Multigrid:
+class Multigrid(Preconditioner):
     """One symmetric cycle: Chebyshev smoothing before and after, dense inverse at the bottom.
 
     Aggregated levels are gone through twice (Axelsson & Vassilevski, Numer. Math. 56 (1989) 157):

@@ -8,24 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.congruence import noise
 from gpusim.fem.assembly.block_rows import pattern, ranges
-from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct, ahead, row_shares, shared
+from gpusim.fem.assembly.matrix_product import Product, ahead, row_shares, shared
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
 
 __all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 _STRENGTH = 0.08
 # Coarse levels of slender bodies are chains. Aggregates several links long bend too stiffly there
@@ -39,7 +34,7 @@ _ON_TOP = 1.03
 
 
 def prolongator(
-    matrix: bsr_matrix | RowsProduct,
+    matrix: Product,
     inverse: Float | Columns,
     largest: float,
     near_null: Float,
@@ -56,8 +51,7 @@ def prolongator(
     Of block rows the diagonal is stored apart, and is taken into account apart: the matrix is the
     largest thing there is, and a copy of it with the diagonal in place isn't needed.
     """
-    apart = isinstance(matrix, RowsProduct)
-    off, diagonal, scale = _split(matrix)
+    off, diagonal, scale = matrix.others, matrix.diagonal, matrix.scale
     if isinstance(inverse, Columns):
         links, weight, alive = _between(off, diagonal, mask, inverse.column)
         aggregate, count = _shrinking_aggregates(links, weight, alive)
@@ -73,7 +67,7 @@ def prolongator(
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
-        own = _rows(tentative, rows) * (1.0 - step if apart else 1.0)
+        own = _rows(tentative, rows) * (1.0 - step if matrix.apart else 1.0)
         result = bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
         return in_single(result) if single else result
 
@@ -81,26 +75,25 @@ def prolongator(
 
 
 def _smoothed_by_columns(
-    matrix: bsr_matrix | RowsProduct,
+    matrix: Product,
     tentative: bsr_matrix,
     inverse: bsr_matrix,
     step: float,
     single: bool,
 ) -> bsr_matrix:
     """P as above, by an inverse whose blocks lie anywhere."""
-    off, diagonal, scale = _split(matrix)
-    apart = diagonal if isinstance(matrix, RowsProduct) else None
-    parts = _parts(off)
+    apart = matrix.diagonal if matrix.apart else None
+    parts = _parts(matrix.others)
 
     def image(rows: slice) -> bsr_matrix:
         # rounded as P is: the largest thing here
-        result = _image(off, apart, rows, tentative)
+        result = _image(matrix.others, apart, rows, tentative)
         return in_single(result) if single else result
 
     whole = _stacked(shared(image, parts))
 
     def smoothed(rows: slice) -> bsr_matrix:
-        result = _rows(tentative, rows) - (step / scale) * _image(inverse, None, rows, whole)
+        result = _rows(tentative, rows) - (step / matrix.scale) * _image(inverse, None, rows, whole)
         return in_single(result) if single else bsr_matrix(result)
 
     return _stacked(shared(smoothed, parts))
@@ -126,12 +119,10 @@ def _between(
     return between, np.sqrt(own)[:, None, None], alive
 
 
-def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_matrix:
+def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
     """P^T A P in float64, in blocks as wide as those of the ``prolongation``."""
-    off, diagonal, scale = _split(matrix)
-    apart = diagonal if isinstance(matrix, RowsProduct) else None
+    off, apart = matrix.others, matrix.diagonal if matrix.apart else None
     width = prolongation.blocksize[1]
-
     start, column = _pattern(off, apart is not None, prolongation)
     count = len(start) - 1
     # blocks of the result by row and column, ascending
@@ -146,7 +137,7 @@ def galerkin(matrix: bsr_matrix | RowsProduct, prolongation: bsr_matrix) -> bsr_
     for part in ahead(coarsened, _parts(off)):
         row = np.repeat(np.arange(count), np.diff(part.indptr))
         blocks[np.searchsorted(place, row * count + part.indices)] += part.data
-    blocks /= scale
+    blocks /= matrix.scale
     return bsr_matrix((blocks, column, start), shape=(width * count,) * 2)
 
 
@@ -163,14 +154,6 @@ def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple
     result = csr_matrix(across.T @ vstack(shared(image, _parts(off)), format="csr"))
     result.sort_indices()
     return result.indptr, result.indices
-
-
-def _split(matrix: bsr_matrix | RowsProduct) -> tuple[bsr_matrix, Float, float]:
-    """(matrix, its diagonal blocks, what both are to be divided by); the matrix is without them if
-    they are stored apart."""
-    if isinstance(matrix, RowsProduct):
-        return matrix.others, matrix.diagonal, matrix.scale
-    return matrix, diagonal_blocks(matrix), 1.0
 
 
 def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matrix) -> bsr_matrix:
@@ -272,9 +255,7 @@ def largest_eigenvalue(
     return _ON_TOP * float(values[0] + beta * abs(vectors[-1, 0]))
 
 
-def _shrinking_aggregates(
-    matrix: bsr_matrix, blocks: Float, mask: npt.NDArray[np.bool_]
-) -> tuple[Long, int]:
+def _shrinking_aggregates(matrix: bsr_matrix, blocks: Float, mask: Bool) -> tuple[Long, int]:
     """Aggregates by strong links; by weaker ones where these don't coarsen enough. ``blocks``
     (B,s,s) are the diagonal ones, whether ``matrix`` has them or not."""
     rows = len(blocks)
@@ -285,16 +266,14 @@ def _shrinking_aggregates(
     return aggregate, count
 
 
-def _aggregate(
-    matrix: bsr_matrix, blocks: Float, mask: npt.NDArray[np.bool_], strength: float
-) -> tuple[Long, int]:
+def _aggregate(matrix: bsr_matrix, blocks: Float, mask: Bool, strength: float) -> tuple[Long, int]:
     """Aggregate number of each block row, -1 where nothing is free."""
     count = len(blocks)
     row = np.repeat(np.arange(count, dtype=np.int32), np.diff(matrix.indptr))
     column = matrix.indices
     weight = np.einsum("bij,bij->b", matrix.data, matrix.data)
     diagonal = np.einsum("bij,bij->b", blocks, blocks)
-    alive: npt.NDArray[np.bool_] = np.asarray(mask.any(axis=1))
+    alive: Bool = np.asarray(mask.any(axis=1))
     bound = strength**4 * diagonal[row] * diagonal[column]
     strong = (weight * weight > bound) if strength else (weight > 0.0)
     keep = strong & (row != column) & alive[row] & alive[column]
@@ -324,7 +303,7 @@ def _aggregate(
     return aggregate, len(roots)
 
 
-def _independent_set(graph: csr_matrix, alive: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def _independent_set(graph: csr_matrix, alive: Bool) -> Bool:
     """Nodes no two of which have a neighbour in common, every other node within 2 of one; of the
     ``graph``, which has a full diagonal on the living nodes.
 
@@ -346,9 +325,7 @@ def _independent_set(graph: csr_matrix, alive: npt.NDArray[np.bool_]) -> npt.NDA
     return root
 
 
-def _tentative(
-    near_null: Float, aggregate: Long, count: int
-) -> tuple[bsr_matrix, Float, npt.NDArray[np.bool_]]:
+def _tentative(near_null: Float, aggregate: Long, count: int) -> tuple[bsr_matrix, Float, Bool]:
     """Orthonormal near-null space per aggregate (modified Gram-Schmidt, all at once).
 
     ``near_null`` (B,s,6). Returns the prolongator with (s,6) blocks, the coarse near-null space

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from gpusim.arrays.array_types import Float
 
 __all__ = ["Relaxation", "chebyshev", "columns", "relax"]
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gpusim import fem
 from gpusim.errors import InputError
-from gpusim.fem.model.rigid_body_modes import check_supports
+from gpusim.fem.model.supports import check_supports
 from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.places import cells_of, faces_of, nodes_of
 from gpusim.scene.amplitudes import LoadGroup

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim, inside
 from gpusim.pipeline.runner.run import run, run_claimed
-from gpusim.plan.run_options import RunOptions
+from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
 from gpusim.scene.sources import active_sources, with_only, without_sources

@@ -13,7 +13,7 @@ from gpusim.pipeline.checks.folders import check_folders
 from gpusim.pipeline.runner.run_report import write_page
 from gpusim.pipeline.runner.stage_runner import Progress, StageRunner
 from gpusim.pipeline.runner.variants import run_variants
-from gpusim.plan.run_options import RunOptions
+from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
 from gpusim.scene import Scene
 
@@ -37,7 +37,7 @@ def run(
         warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the twins.
     fresh : reuse nothing of an earlier run.
     skip : False switches every shortcut off, those of the renderer too
-        (`gpusim.plan.run_options.RunOptions`).
+        (`gpusim.plan.stages.RunOptions`).
     progress : called with (stage, done 0..1, text).
 
     Raises

@@ -13,8 +13,7 @@ from gpusim.pipeline.measurements.measurements import Result
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.runner.mechanics_report import make_mechanics
 from gpusim.pipeline.runner.run_report import Findings, make_report
-from gpusim.plan.run_options import RunOptions
-from gpusim.plan.stages import Plan
+from gpusim.plan.stages import Plan, RunOptions
 from gpusim.plan.state import StateFile
 from gpusim.report import Mechanics, Report, SolutionSummary, Stage
 from gpusim.scene import Scene

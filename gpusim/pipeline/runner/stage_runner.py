@@ -44,7 +44,7 @@ from gpusim.pipeline.stages import images
 from gpusim.pipeline.stages.capture_queue import CaptureQueue
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan, PlannedStage, make_plan
-from gpusim.plan.run_options import RunOptions
+from gpusim.plan.stages import RunOptions
 from gpusim.report import (
     Report,
     Stage,

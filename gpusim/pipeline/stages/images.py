@@ -31,7 +31,7 @@ from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter,
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.stages.grey_levels import level_warnings
 from gpusim.pipeline.stages.image_window import Window, whole_window, window_of
-from gpusim.plan.run_options import RunOptions
+from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface

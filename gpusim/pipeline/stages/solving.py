@@ -12,7 +12,7 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.gpu import Device
 from gpusim.pipeline.build.build import BodyParts, build_body
 from gpusim.pipeline.build.modelling import build_model
-from gpusim.plan.run_options import RunOptions
+from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.description import model as m

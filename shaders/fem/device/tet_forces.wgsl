@@ -1,5 +1,5 @@
 // y = K u of quadratic tetrahedra without K: forces element by element, then their sums node by
-// node (gpusim/fem/device/tet_forces.py has twin and driver, tet_texels.py the layouts). u, the elements'
+// node (gpusim/fem/device/tet_forces.py has twin and driver, tet_elements.py the layouts). u, the elements'
 // geometry and the forces are pairs of float32; one thread per element, or per node.
 #import lib/numeric/index
 #import lib/numeric/texel

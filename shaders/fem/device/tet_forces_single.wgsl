@@ -1,5 +1,5 @@
 // Forces of quadratic tetrahedra in float32, for smoothing (gpusim/fem/device/tet_forces_single.py has
-// twin and driver, tet_texels.py the layouts); relaxation.wgsl sums them up. One thread per element.
+// twin and driver, tet_elements.py the layouts); relaxation.wgsl sums them up. One thread per element.
 #import lib/numeric/index
 #import lib/numeric/texel
 #import lib/numeric/real_f32

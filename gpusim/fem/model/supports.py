@@ -1,4 +1,4 @@
-"""Which rigid-body motions do the supports leave free? Asked before anything is solved."""
+"""Supports: planes of symmetry, and which rigid-body motions supports leave free."""
 
 from __future__ import annotations
 
@@ -10,23 +10,58 @@ from scipy.ndimage import label
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.congruence import mix
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
-from gpusim.mesh import Mesh
+from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["check_supports", "rigid_modes"]
+__all__ = ["check_supports", "rigid_modes", "symmetry"]
 
-Float = npt.NDArray[np.float64]
 
 # models that have passed: they and their arrays can't change
 _HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
 _MOST_PARTS = 60
 _THINNEST = 1e-7  # of its length: squared, a side's part in the rows is rounding
+
+
+def symmetry(mesh: Mesh, faces: Faces) -> Bool:
+    """(N,3) bool for ``Model.fixed``: the displacement along the normal of flat ``faces``.
+
+    The faces must lie in one plane x, y or z = constant (1e-6 of the mesh's extent): supports are
+    along the axes. Raises InputError otherwise, saying what the faces look like.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(2, 1, 1), divisions=(2, 1, 1))
+    >>> gs.fem.symmetry(bar, gs.mesh.select_faces(bar, name="y_min")).sum(axis=0)
+    array([0, 6, 0])
+    """
+    if len(faces) == 0:
+        raise InputError("symmetry: no faces; got an empty selection; expected at least one face")
+    normals = faces.normals
+    mean = normals.mean(axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    nodes = faces.node_numbers()
+    along = mesh.points[nodes, axis]
+    extent = float((mesh.bounds[1] - mesh.bounds[0]).max())
+    thickness = float(along.max() - along.min())
+    if not thickness <= 1e-6 * extent:
+        tilted = normals[np.argmin(np.abs(normals[:, axis]))]
+        shown = ", ".join(f"{value:.4g}" for value in tilted)
+        raise InputError(
+            f"symmetry: the {len(faces)} faces aren't in one plane across an axis; got "
+            f"{'xyz'[axis]} from {along.min():.6g} to {along.max():.6g}, a normal ({shown}); "
+            "expected a flat selection that looks along x, y or z (turn the mesh so that the "
+            "plane of symmetry does)"
+        )
+    fixed = np.zeros((mesh.node_count, 3), dtype=bool)
+    fixed[nodes, axis] = True
+    return fixed
 
 
 def rigid_modes(points: Float, origin: Float, length: float) -> Float:
@@ -63,7 +98,7 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     if parts == 1:
         used = np.ones(count, dtype=bool)
         used[model.mesh.dangling_nodes] = False
-        _check_body(model, np.flatnonzero(used), np.zeros(0, dtype=np.int64), None, 1)
+        _check_body(model, np.flatnonzero(used))
         return
     node, part = _incidence(model.mesh, part_of_cell)
     graph = coo_matrix((np.ones(len(node)), (node, count + part)), shape=(count + parts,) * 2)
@@ -73,13 +108,13 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
         own = np.flatnonzero(body_of_part == body)
         inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
         if len(own) > _MOST_PARTS:
-            _check_body(model, distinct(node[inside]), np.zeros(0, dtype=np.int64), None, 1)
+            _check_body(model, distinct(node[inside]))
         else:
             local = np.searchsorted(own, part[inside])
-            _check_body(model, node[inside], local, part[inside], len(own))
+            _check_body(model, node[inside], local, len(own))
 
 
-def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
+def _lattice_parts(lattice: Lattice) -> Long:
     """The same as ``_parts``, by cells beside one another."""
     present = lattice.cell >= 0
     if present.all():
@@ -90,12 +125,12 @@ def _lattice_parts(lattice: Lattice) -> npt.NDArray[np.int64]:
     return result
 
 
-def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
+def _parts(mesh: Mesh) -> Long:
     """(M,) number of the face-connected part of each cell."""
     # a face is known by the sum of its corners' hashes, whatever their order
     code = np.append(mix(np.arange(mesh.node_count), 6), np.uint64(0))
     keys: list[npt.NDArray[np.uint64]] = []
-    owner: list[npt.NDArray[np.int64]] = []
+    owner: list[Long] = []
     for kind, first, block in mesh.blocks():
         template = CELL_TYPES[kind].faces[:, :4]
         total = np.zeros((len(block), len(template)), dtype=np.uint64)
@@ -114,9 +149,7 @@ def _parts(mesh: Mesh) -> npt.NDArray[np.int64]:
     return np.asarray(connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)
 
 
-def _incidence(
-    mesh: Mesh, part_of_cell: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _incidence(mesh: Mesh, part_of_cell: Long) -> tuple[Long, Long]:
     """Distinct (node, part) pairs, sorted by node."""
     parts = int(part_of_cell.max()) + 1
     keys = [
@@ -127,15 +160,9 @@ def _incidence(
     return key // parts, key % parts
 
 
-def _check_body(
-    model: Model,
-    node: npt.NDArray[np.int64],
-    local: npt.NDArray[np.int64],
-    part: npt.NDArray[np.int64] | None,
-    parts: int,
-) -> None:
-    if part is None:
-        local = np.zeros(len(node), dtype=np.int64)
+def _check_body(model: Model, node: Long, local: Long | None = None, parts: int = 1) -> None:
+    """``node`` (n,) of the body, ascending, once for each of its ``parts``, ``local`` (n,)."""
+    local = np.zeros(len(node), dtype=np.int64) if local is None else local
     first = np.concatenate([[True], node[1:] != node[:-1]])
     points = model.mesh.points[node[first]]
     origin = points.mean(axis=0)
@@ -178,12 +205,7 @@ def _check_body(
 
 
 def _placed(
-    points: Float,
-    origin: Float,
-    length: float,
-    axis: int,
-    local: npt.NDArray[np.int64],
-    parts: int,
+    points: Float, origin: Float, length: float, axis: int, local: Long, parts: int
 ) -> Float:
     """Rows of one displacement component in the columns of its part."""
     result = np.zeros((len(points), parts, 6))

@@ -1,25 +1,35 @@
-"""A preconditioner for the pressures of trilinear bricks: mass, and checkerboards of all sizes.
+"""Preconditioners for the pressures of trilinear bricks, on lattices and on any mesh.
 
 Pressures that alternate from cell to cell along two axes hardly push any node, and the less the
 more slowly their amplitude varies: S = B A^-1 B^T has eigenvalues as low as (h/L)^2 there (Boland &
 Nicolaides, SIAM J. Numer. Anal. 22 (1985) 474; Silvester & Kechkar, Comput. Methods Appl. Mech.
-Eng. 79 (1990) 71), while anywhere else it is about volume over shear modulus. What it does to their
-amplitudes is like a Laplacian, so these get what a Laplacian gets: hat functions of 2, 4, 8, ...
-cells, each divided by its own energy and summed up (Bramble, Pasciak & Xu, Math. Comput. 55 (1990)
-1). Their forces alternate from node to node, so that A is as good as its diagonal for them.
+Eng. 79 (1990) 71), while anywhere else it is about volume over shear modulus. Their forces
+alternate, too, so that A is as good as its diagonal D for them.
+
+On a lattice (``PressureScaling``), what S does to their amplitudes is like a Laplacian, so these
+get what a Laplacian gets: hat functions of 2, 4, 8, ... cells, each divided by its own energy and
+summed up (Bramble, Pasciak & Xu, Math. Comput. 55 (1990) 1).
+
+On any mesh (``PressureChebyshev``), S + C is about
+
+    T = R^T W R + B D^-1 B^T + C,
+
+where R averages the pressures around each node and W is volume over modulus there: smooth pressures
+feel the first part, as they feel the mass in S, and alternating ones have no averages. T has a row
+of 27 numbers per cell: a Chebyshev iteration of some twenty steps costs less than a product with K.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+from scipy.sparse import csr_matrix, diags
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.incompressibility.volume_split import VolumeSplit
+from gpusim.fem.multigrid.smoothers import chebyshev
 
-__all__ = ["PressureScaling"]
+__all__ = ["PressureChebyshev", "PressureScaling"]
 
-Float = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 # axes along which a pressure alternates
 _FAMILIES = ((True, True, False), (False, True, True), (True, False, True), (True, True, True))
@@ -27,6 +37,8 @@ _FAMILIES = ((True, True, False), (False, True, True), (True, False, True), (Tru
 _SHARE = 0.3
 # of the mass: B A^-1 B^T is at most volume over modulus, and less where something can give way
 _MASS = 0.7
+# steps, and the ratio of eigenvalues over which they are even
+_STEPS, _RANGE = 20, 300.0
 
 
 class PressureScaling:
@@ -102,7 +114,7 @@ def _along(values: Float, factors: list[Float | None], transposed: bool) -> Floa
     return np.asarray(values)
 
 
-def _touched(cells: Bool) -> npt.NDArray[np.int64]:
+def _touched(cells: Bool) -> Long:
     """(X+1,Y+1,Z+1): how many of the cells around each node are set."""
     padded = np.pad(cells.astype(np.int64), 1)
     for axis in range(3):
@@ -141,3 +153,43 @@ def _energy(
                 factors.append((spread @ hat) ** 2)
             total = total + _along(part, factors, True)
     return total
+
+
+class PressureChebyshev:
+    """r -> Q^-1 r for pressures (M,), with Q about B A^-1 B^T + C; as ``PressureScaling``."""
+
+    def __init__(self, split: VolumeSplit, diagonal: Float) -> None:
+        softness = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
+        b = split.divergence
+        averages, weight = _averages(split, len(diagonal))
+        t = b @ diags(softness.ravel()) @ b.T + averages.T @ diags(weight) @ averages
+        t = csr_matrix(t + diags(split.compliance))
+        self._inverse = 1.0 / t.diagonal()
+        self._t = t
+        # Gershgorin's bound: a quarter above the greatest eigenvalue, and never below
+        largest = float((np.asarray(abs(t).sum(axis=1)).ravel() * self._inverse).max())
+        self._steps = chebyshev(largest / _RANGE, largest, _STEPS)
+
+    def apply(self, r: Float) -> Float:
+        """Q^-1 r, (M,)."""
+        x = np.zeros_like(r)
+        d = np.zeros_like(r)
+        left = r
+        for number, step in enumerate(self._steps):
+            if number:
+                left = left - self._t @ d
+            d = step.keep * d + step.gain * (self._inverse * left)
+            x += d
+        return x
+
+
+def _averages(split: VolumeSplit, nodes: int) -> tuple[csr_matrix, Float]:
+    """Averages of pressures around nodes, by volume, (N,M), and volume over modulus there (N,)."""
+    count = len(split.volume)
+    there = np.where(split.split, split.volume, 0.0)
+    cell = np.repeat(np.arange(count), split.nodes.shape[1])
+    node = split.nodes.ravel()
+    total = np.bincount(node, weights=there[cell], minlength=nodes)
+    share = there[cell] / np.where(total > 0.0, total, 1.0)[node]
+    weight = np.bincount(node, weights=(there / split.shear)[cell], minlength=nodes)
+    return csr_matrix((share, (node, cell)), shape=(nodes, count)), weight / split.nodes.shape[1]
