@@ -22,7 +22,12 @@ from gpusim.measure.correlation.sequence import dic_sequence
 from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain
 from gpusim.measure.correlation.subsets import DicResult
 from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.stereo.epipolar_matching import Matches, epipolar_distance, match_epipolar
+from gpusim.measure.stereo.epipolar_matching import (
+    Matches,
+    epipolar_distance,
+    match_epipolar,
+    rig_camera,
+)
 from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
 from gpusim.measure.stereo.stereo_correlation import StereoResult, stereo_dic, stereo_shape
 from gpusim.measure.stereo.surface_strain import surface_strain
@@ -34,7 +39,6 @@ from gpusim.measure.stereo.triangulation import (
     displacement_3d,
     triangulate,
 )
-from gpusim.measure.stereo.view_matching import rig_camera
 from gpusim.measure.structures.damage import SlopeChanges, difference_curve, slope_changes
 from gpusim.measure.structures.deflection import (
     DeflectionLine,

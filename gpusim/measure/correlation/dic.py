@@ -15,10 +15,10 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.features import feature_motions, global_shift
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.pixel_mask import MaskedImage, masked_image
 from gpusim.measure.correlation.propagation import Front, seeds
+from gpusim.measure.correlation.start_values import feature_motions, global_shift
 from gpusim.measure.correlation.subsets import (
     DicResult,
     Window,

@@ -16,10 +16,9 @@ import numpy.typing as npt
 
 from gpusim.arrays.sorted_unique import distinct
 from gpusim.gpu import Device
-from gpusim.measure.correlation.features import Motion
 from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Status, Subsets
-from gpusim.measure.correlation.pixel_search import integer_search
+from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.interpolation import SplineImage

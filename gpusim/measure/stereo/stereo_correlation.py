@@ -1,7 +1,7 @@
 """Stereo correlation: shape, displacement and strain of a surface from two calibrated cameras.
 
-The left reference image is matched with the right one once (`gpusim.measure.stereo.view_matching`),
-then each camera's images are tracked in time, and the two tracks of a point are triangulated.
+The left reference image is matched with the right one once, then each camera's images are tracked
+in time, and the two tracks of a point are triangulated.
 Coordinates are those of the rig: the first camera's axes (x right, y down, z forward), in the unit
 of the baseline.
 """
@@ -28,9 +28,8 @@ from gpusim.measure.correlation.subsets import DicResult, check_mask, make_setti
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.stereo.epipolar_matching import paired_epipolar_distance
+from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
-from gpusim.measure.stereo.view_matching import match_views
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 

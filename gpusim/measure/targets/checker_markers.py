@@ -20,7 +20,7 @@ import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
+from gpusim.measure.fitting.noise import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
 from gpusim.measure.targets.cross_fit import Cross, fit_crosses
 from gpusim.parallel.blas_threads import one_blas_thread

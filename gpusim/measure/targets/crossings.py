@@ -26,8 +26,7 @@ from gpusim.measure.fitting.border_junction import (
     frames,
     residual_and_slopes,
 )
-from gpusim.measure.fitting.noise_correlation import widening
-from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
+from gpusim.measure.fitting.noise import allowed_residual, noise_level, widening
 from gpusim.measure.fitting.plumb_lines import Straighten, plumb_lines, straight_offsets
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.parallel.blas_threads import one_blas_thread

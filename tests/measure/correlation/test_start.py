@@ -7,9 +7,9 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.measure import Status, dic
-from gpusim.measure.correlation.features import feature_motions, global_shift
 from gpusim.measure.correlation.pixel_mask import full_scale, masked_image
 from gpusim.measure.correlation.propagation import Front
+from gpusim.measure.correlation.start_values import feature_motions, global_shift
 from gpusim.measure.correlation.subsets import make_settings
 from tests.support.measure_images import speckles
 
