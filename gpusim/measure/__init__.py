@@ -4,7 +4,6 @@ points in space. Sees pictures only.
 In the order in which data passes:
 
 - `images`: What every measurement accepts as an image, and the checks at the border.
-- `nearest_points`: The nearest of many points.
 - `interpolation`: Quintic B-spline interpolation of an image: values and gradients at any
   position.
 - `fitting`: Fits of straight borders, and how certain they are.
@@ -17,10 +16,14 @@ In the order in which data passes:
 
 from gpusim.measure.calibration.calibration import CalibratedCamera, Calibration, calibrate
 from gpusim.measure.correlation.dic import dic, grid_points
-from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.correlation.sequence import dic_sequence
-from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain
-from gpusim.measure.correlation.subsets import DicResult
+from gpusim.measure.correlation.strain import (
+    StrainResult,
+    StrainStatus,
+    strain,
+    surface_strain,
+)
 from gpusim.measure.interpolation import SplineImage
 from gpusim.measure.stereo.epipolar_matching import (
     Matches,
@@ -30,7 +33,6 @@ from gpusim.measure.stereo.epipolar_matching import (
 )
 from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
 from gpusim.measure.stereo.stereo_correlation import StereoResult, stereo_dic, stereo_shape
-from gpusim.measure.stereo.surface_strain import surface_strain
 from gpusim.measure.stereo.triangulation import (
     Alignment,
     Displacement3D,

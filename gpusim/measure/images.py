@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
 
-__all__ = ["check_image", "check_points", "crop_float", "eight_bit", "pixels_of"]
+__all__ = ["check_image", "check_points", "crop_float", "eight_bit", "pixels_of", "point_spacing"]
 
 Image = npt.NDArray[Any]
 FloatArray = npt.NDArray[np.float64]
@@ -54,6 +55,12 @@ def check_points(points: object, name: str) -> FloatArray:
     if not np.isfinite(array).all():
         raise InputError(f"{name}: got NaN or infinite positions; expected finite x, y in pixels")
     return array.copy()
+
+
+def point_spacing(points: FloatArray) -> float:
+    """Median distance of points (M, 2), at least two, from the nearest other one."""
+    apart = np.asarray(scipy.spatial.cKDTree(points).query(points, k=2)[0], dtype=np.float64)
+    return float(np.median(apart[:, 1]))
 
 
 def crop_float(

@@ -1,4 +1,4 @@
-"""Where correlation starts: where a subset went to the nearest pixel, and large motion from features.
+"""Where correlation starts: from subsets found to the nearest pixel, or large motion of features.
 
 A subset is searched by normalised cross-correlation over a square. Or SIFT keypoints of both images
 are matched, and affine motions that many matches agree on are taken one after the other (RANSAC):
@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.nearest_points import point_tree
 
 __all__ = [
     "Motion",
@@ -141,7 +141,7 @@ class Motion:
         The affine motion, corrected by what the nearest matches differ from it (median).
         """
         number = min(NEIGHBOURS, len(self.points))
-        apart, near = point_tree(self.points).query(points, k=number)
+        apart, near = scipy.spatial.cKDTree(self.points).query(points, k=number)
         rest = self.displacement - self.points @ self.matrix.T - self.offset
         correction = np.median(rest[np.asarray(near).reshape(len(points), -1)], axis=1)
         distance = np.asarray(apart, dtype=np.float64).reshape(len(points), -1)[:, 0]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -162,10 +163,7 @@ def match_epipolar(
             possible[i, j] = (z >= low) & (z <= high)
     dear = 1e3 * limit_px * (1 + max(distance.shape, default=0))
     cost = np.where(possible, np.where(np.isfinite(distance), distance, 0.0), dear)
-    # here: a tenth of all that a measurement imports, for the few that pair points
-    from scipy.optimize import linear_sum_assignment
-
-    i, j = linear_sum_assignment(cost)
+    i, j = scipy.optimize.linear_sum_assignment(cost)
     kept = possible[i, j]
     i, j = i[kept], j[kept]
     rivals = (possible[i].sum(axis=1) > 1) | (possible[:, j].sum(axis=0) > 1)
@@ -238,7 +236,7 @@ def match_views(
             true[:] = True  # the calibration is wrong: match all the same, so that it shows
         diagonal = float(np.hypot(*left.shape))
         front.start_from_features(chosen, common_motions(here[true], there[true], diagonal))
-    lost = chosen[~front.ok[chosen] & (front.status[chosen] != Status.NO_TEXTURE)]
+    lost = chosen[~front.ok[chosen] & (front.matches.status[chosen] != Status.NO_TEXTURE)]
     if lost.size > 0.5 * chosen.size:
         found = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
         start = np.array([place for place, _ in found])
@@ -249,15 +247,13 @@ def match_views(
     front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.recheck_outliers()
     front.reject_discontinuities()
-    matches = front.matches()
+    matches = front.matches
     ok = np.flatnonzero(front.ok)
     miss = paired_epipolar_distance(
         cameras, points[ok], points[ok] + matches.coefficients[ok, :, 0]
     )
     wrong = ok[~(miss <= epipolar_px)]
-    matches.status[wrong] = Status.EPIPOLAR
-    matches.coefficients[wrong] = np.nan
-    matches.sigma[wrong] = np.nan
+    matches.refuse(wrong, Status.EPIPOLAR)
     return matches
 
 

@@ -16,8 +16,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
-from gpusim.measure.correlation.matching import Status
-from gpusim.measure.correlation.subsets import DicResult
+from gpusim.measure.correlation.matching import DicResult, PointResult, Status
 from gpusim.measure.images import FloatArray
 from gpusim.measure.stereo.triangulation import normalised
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -30,7 +29,7 @@ STEP = 0.5  # px, of the central differences
 
 
 @dataclass(frozen=True)
-class MappedResult:
+class MappedResult(PointResult):
     """A ``DicResult`` in the coordinates of a mapping; NaN where ``status`` isn't ``OK``.
 
     points, displacement : (M, 2) float64, unit of the mapping.
@@ -54,11 +53,6 @@ class MappedResult:
     status: npt.NDArray[np.int8]
     subset: float
     __repr__ = field_summary
-
-    @property
-    def ok(self) -> npt.NDArray[np.bool_]:
-        """(M,) bool: the points that were measured."""
-        return np.asarray(self.status == Status.OK)
 
 
 @unmasked()

@@ -16,7 +16,8 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.measure.correlation.icgn import correlate_numpy
-from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Status, Subsets
+from gpusim.measure.correlation.image_pair import Pair, Subsets
+from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import search_template
 from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.interpolation import BLUR_REACH, PAD, SLACK, SplineImage

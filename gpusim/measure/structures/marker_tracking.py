@@ -8,7 +8,7 @@ from the deformed image returns to where it came from and no other marker ended 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -16,15 +16,16 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.matching import Correlation, Status
-from gpusim.measure.correlation.subsets import (
+from gpusim.measure.correlation.matching import (
+    Correlation,
     DicResult,
+    Status,
     Window,
-    check_mask,
     make_result,
     make_settings,
+    noise_factor,
 )
+from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import FloatArray, check_image, check_points
 from gpusim.measure.structures.marker_matching import Match, Matcher
@@ -225,22 +226,14 @@ class _Tracker:
     def result(self, subset: int) -> TrackResult:
         """Gather the matches; markers never tried are ``NO_GUESS``."""
         count = len(self.points)
-        coefficients = np.full((count, 2, 6), np.nan)
-        zncc, sigma, backward = (np.full(count, np.nan) for _ in range(3))
-        iterations = np.zeros(count, dtype=np.int32)
-        status = np.full(count, Status.NO_GUESS, dtype=np.int8)
-        source = np.full(count, -1, dtype=np.int64)
+        raw = Correlation.unmatched(count)
+        backward, source = np.full(count, np.nan), np.full(count, -1, dtype=np.int64)
         for i, match in enumerate(self.matches):
-            if match is None:
-                continue
-            coefficients[i], zncc[i], sigma[i] = match.coefficients, match.zncc, match.sigma
-            iterations[i], status[i] = match.iterations, match.status
-            backward[i], source[i] = match.backward, match.source
-        shared = self._coinciding(coefficients[:, :, 0])
-        status[shared] = Status.AMBIGUOUS
-        coefficients[shared] = np.nan
-        sigma[shared] = np.nan
-        raw = Correlation(coefficients, zncc, sigma, iterations, status)
+            if match is not None:
+                for field in fields(raw):
+                    getattr(raw, field.name)[i] = getattr(match, field.name)
+                backward[i], source[i] = match.backward, match.source
+        raw.refuse(self._coinciding(raw.coefficients[:, :, 0]), Status.AMBIGUOUS)
         patches = self.matcher.patches
         stacked_mask = self.points + patches.stack_offset(np.arange(count))
         widening = noise_factor(patches, stacked_mask, self.half, self.matcher.blur_px)

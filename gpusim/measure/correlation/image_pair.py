@@ -1,8 +1,8 @@
-"""Parts of a pair of images on a device: any image size, within what a device takes.
+"""A pair of images to be matched, on the host and in parts on a device.
 
-Subsets are handled in groups whose reference and deformed pixels fit into two textures. A small
-pair is one group. Boxes are (x0, y0, x1, y1) in whole pixels, ends excluded: of the reference
-crop's pixels, and of the deformed crop's padded coefficients.
+Subsets are handled in groups whose reference and deformed pixels fit into two textures, so that
+images may be of any size; a small pair is one group. Boxes are (x0, y0, x1, y1) in whole pixels,
+ends excluded: of the reference crop's pixels, and of the deformed crop's padded coefficients.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -17,15 +18,27 @@ import wgpu
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.measure.images import FloatArray
 from gpusim.measure.interpolation import SplineImage
 
-__all__ = ["Box", "Limits", "Sampled", "TextureCache", "Tile", "plan_tiles"]
+__all__ = [
+    "Box",
+    "Limits",
+    "Pair",
+    "Sampled",
+    "Subsets",
+    "TextureCache",
+    "Tile",
+    "plan_tiles",
+    "subset_pixels",
+]
 
 Box = tuple[int, int, int, int]
 IntArray = npt.NDArray[np.int64]
 
 FORMATS = {1: "r32float", 4: "rgba32float"}
 SNAP = 256  # px: deformed boxes end on multiples, so that later calls find them uploaded
+KEEP_PLANES = 1 << 22  # pixels of a reference crop: 134 MB of planes
 
 
 @dataclass(frozen=True)
@@ -176,3 +189,139 @@ class TextureCache:
             self._kept.popitem(last=False)
         self._kept[key] = found
         return found
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two images to be matched. What matching needs of them is prepared once per pair.
+
+    reference, deformed : splines that cover every subset.
+    mask : (H, W) bool of the whole reference image, True = may be used; or None.
+    """
+
+    reference: SplineImage
+    deformed: SplineImage
+    mask: npt.NDArray[np.bool_] | None = None
+
+    @cached_property
+    def planes(self) -> FloatArray:
+        """Reference grey value, its slopes by x and y, and the mask: (h, w, 4), grey range 1."""
+        height, width = self.reference.pixels.shape
+        result = np.empty((height, width, 4))
+        self.fill_planes((0, 0, width, height), result)
+        return result
+
+    def planes_at(self, x: IntArray, y: IntArray, size: int) -> FloatArray:
+        """The planes of subsets with first pixels ``x``, ``y`` (B,): (B, size * size, 4).
+
+        Those of the whole crop are kept only where that is small.
+        """
+        found = np.zeros((x.size, size, size, 4))
+        if size > min(self.reference.pixels.shape):
+            pass  # no subset fits
+        elif self.reference.pixels.size <= KEEP_PLANES:
+            offset = np.arange(size)
+            rows, columns = y[:, None] + offset, x[:, None] + offset
+            found[...] = self.planes[rows[:, :, None], columns[:, None, :]]
+        else:
+            for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+                self.fill_planes((left, top, left + size, top + size), found[i])
+        return found.reshape(x.size, size * size, 4)
+
+    def part(self, box: Box) -> npt.NDArray[np.float32]:
+        """The planes of a part of the reference crop, for a device; ``box`` as in
+        ``image_tiles``."""
+        x0, y0, x1, y1 = box
+        size = self.reference.pixels.size
+        if size <= KEEP_PLANES and 2 * (x1 - x0) * (y1 - y0) > size:
+            return self.planes[y0:y1, x0:x1].astype(np.float32)  # the host will ask for them, too
+        planes = np.empty((y1 - y0, x1 - x0, 4), dtype=np.float32)
+        self.fill_planes(box, planes)
+        return planes
+
+    def fill_planes(
+        self, box: Box, planes: npt.NDArray[np.float64] | npt.NDArray[np.float32]
+    ) -> None:
+        """Write the planes of a part of the reference crop; ``box`` as in ``image_tiles``."""
+        spline = self.reference
+        x0, y0, x1, y1 = box
+        low, scale = self.reference_range
+        planes[:, :, 0] = (spline.pixels[y0:y1, x0:x1] - low) * scale
+        by_x, by_y = spline.pixel_gradients(box)
+        planes[:, :, 1] = by_x * scale
+        planes[:, :, 2] = by_y * scale
+        planes[:, :, 3] = 1.0
+        if self.mask is not None:
+            x, y = spline.origin
+            planes[:, :, 3] = self.mask[y + y0 : y + y1, x + x0 : x + x1]
+
+    @cached_property
+    def reference_range(self) -> tuple[float, float]:
+        """``grey_range`` of the reference crop."""
+        return grey_range(self.reference)
+
+    @cached_property
+    def deformed_range(self) -> tuple[float, float]:
+        """``grey_range`` of the deformed crop."""
+        return grey_range(self.deformed)
+
+    @cached_property
+    def _textures(self) -> TextureCache:
+        return TextureCache()
+
+    def reference_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
+        """Grey value, slopes by x and y, mask."""
+        return self._textures.get(device, "reference", box, limits, self.part)
+
+    def deformed_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
+        """Spline coefficients; a texel holds those of 2x2 pixels, row by row."""
+        return self._textures.get(device, "deformed", box, limits, self._packed_coefficients)
+
+    def _packed_coefficients(self, box: Box) -> npt.NDArray[np.float32]:
+        x0, y0, x1, y1 = box
+        low, scale = self.deformed_range
+        part = (self.deformed.coefficients[y0:y1, x0:x1] - low) * scale
+        packed = np.zeros((*part.shape, 4), dtype=np.float32)
+        packed[:, :, 0] = part
+        packed[:, :-1, 1] = part[:, 1:]
+        packed[:-1, :, 2] = part[1:]
+        packed[:-1, :-1, 3] = part[1:, 1:]
+        return packed
+
+
+def grey_range(spline: SplineImage) -> tuple[float, float]:
+    """Lowest grey value and 1 / range of a crop; the second is 0 for a flat image."""
+    low = float(spline.pixels.min())
+    span = float(spline.pixels.max()) - low
+    return low, 1.0 / span if span > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Subsets:
+    """Reference subsets to be found in a deformed image.
+
+    pair : the two images.
+    points : (M, 2) float64, x, y in the reference image.
+    start : (M, 2, 6) float64, warp coefficients to start from, px.
+    """
+
+    pair: Pair
+    points: FloatArray
+    start: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        if self.points.shape != (count, 2) or self.start.shape != (count, 2, 6):
+            raise InputError(
+                f"subsets: shapes don't match; got points {self.points.shape}, start "
+                f"{self.start.shape}; expected (M, 2) and (M, 2, 6)"
+            )
+        if not (np.isfinite(self.points).all() and np.isfinite(self.start).all()):
+            raise InputError("subsets: got NaN or infinite points or start values; expected finite")
+
+
+def subset_pixels(points: FloatArray, half: int) -> tuple[IntArray, IntArray]:
+    """Columns and rows (M, n) of the pixels of subsets at ``points`` (M, 2), row by row."""
+    offset = np.arange(-half, half + 1)
+    column = np.rint(points[:, :1]).astype(np.int64) + np.tile(offset, offset.size)
+    return column, np.rint(points[:, 1:]).astype(np.int64) + np.repeat(offset, offset.size)
