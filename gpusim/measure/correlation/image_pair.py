@@ -8,7 +8,7 @@ ends excluded: of the reference crop's pixels, and of the deformed crop's padded
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -27,7 +27,6 @@ __all__ = [
     "Pair",
     "Sampled",
     "Subsets",
-    "TextureCache",
     "Tile",
     "plan_tiles",
     "subset_pixels",
@@ -163,45 +162,19 @@ def _by_target(
     yield members, (int(first[0]), int(first[1]), int(last[0]), int(last[1]))
 
 
-class TextureCache:
-    """Textures of one pair, made when first asked for; the least recently used ones go first."""
-
-    def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[Device, str, Box], Sampled] = OrderedDict()
-
-    def get(
-        self,
-        device: Device,
-        name: str,
-        box: Box,
-        limits: Limits,
-        make: Callable[[Box], npt.NDArray[np.float32]],
-    ) -> Sampled:
-        """The texture of a box, of what ``make`` makes of it unless it is there."""
-        key = (device, name, box)
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key]
-        found = Sampled(device, make(box), f"measure.icgn.{name}")
-        while self._kept and sum(s.nbytes for s in self._kept.values()) > (
-            limits.cached - found.nbytes
-        ):
-            self._kept.popitem(last=False)
-        self._kept[key] = found
-        return found
-
-
 @dataclass(frozen=True)
 class Pair:
     """Two images to be matched. What matching needs of them is prepared once per pair.
 
     reference, deformed : splines that cover every subset.
     mask : (H, W) bool of the whole reference image, True = may be used; or None.
+    sparse : subsets fill a small part of the reference crop.
     """
 
     reference: SplineImage
     deformed: SplineImage
     mask: npt.NDArray[np.bool_] | None = None
+    sparse: bool = False
 
     @cached_property
     def planes(self) -> FloatArray:
@@ -219,7 +192,7 @@ class Pair:
         found = np.zeros((x.size, size, size, 4))
         if size > min(self.reference.pixels.shape):
             pass  # no subset fits
-        elif self.reference.pixels.size <= KEEP_PLANES:
+        elif not self.sparse and self.reference.pixels.size <= KEEP_PLANES:
             offset = np.arange(size)
             rows, columns = y[:, None] + offset, x[:, None] + offset
             found[...] = self.planes[rows[:, :, None], columns[:, None, :]]
@@ -266,18 +239,24 @@ class Pair:
         return grey_range(self.deformed)
 
     @cached_property
-    def _textures(self) -> TextureCache:
-        return TextureCache()
+    def _textures(self) -> OrderedDict[tuple[Device, str, Box], Sampled]:
+        return OrderedDict()
 
-    def reference_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
-        """Grey value, slopes by x and y, mask."""
-        return self._textures.get(device, "reference", box, limits, self.part)
+    def texture(self, device: Device, name: str, box: Box, limits: Limits) -> Sampled:
+        """Parts of the "reference" (`part`) or the "deformed" image (`packed_coefficients`) on a
+        device. They are kept; the least recently used ones go first."""
+        kept, key = self._textures, (device, name, box)
+        if key not in kept:
+            values = self.part(box) if name == "reference" else self.packed_coefficients(box)
+            found = Sampled(device, values, f"measure.icgn.{name}")
+            while kept and sum(s.nbytes for s in kept.values()) > limits.cached - found.nbytes:
+                kept.popitem(last=False)
+            kept[key] = found
+        kept.move_to_end(key)
+        return kept[key]
 
-    def deformed_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
-        """Spline coefficients; a texel holds those of 2x2 pixels, row by row."""
-        return self._textures.get(device, "deformed", box, limits, self._packed_coefficients)
-
-    def _packed_coefficients(self, box: Box) -> npt.NDArray[np.float32]:
+    def packed_coefficients(self, box: Box) -> npt.NDArray[np.float32]:
+        """Spline coefficients of a part; a texel holds those of 2x2 pixels, row by row."""
         x0, y0, x1, y1 = box
         low, scale = self.deformed_range
         part = (self.deformed.coefficients[y0:y1, x0:x1] - low) * scale

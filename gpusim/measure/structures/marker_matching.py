@@ -142,20 +142,6 @@ def _part(image: Image, x: int, y: int, size: int) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _StackedPair(Pair):
-    """A pair whose subsets fill a small part of the patches around them."""
-
-    def planes_at(
-        self, x: npt.NDArray[np.int64], y: npt.NDArray[np.int64], size: int
-    ) -> FloatArray:
-        """As `Pair.planes_at`, without those of the whole pile."""
-        found = np.zeros((x.size, size, size, 4))
-        for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-            self.fill_planes((left, top, left + size, top + size), found[i])
-        return found.reshape(x.size, size * size, 4)
-
-
-@dataclass(frozen=True)
 class Match:
     """One marker matched from one prediction.
 
@@ -249,7 +235,7 @@ class Matcher:
         target = points + starts[:, :, 0]
         deformed = ImagePatches.around(self.deformed, target, self.reach, self.blur_px)
         mask = None if self.mask is None else reference.stacked_mask(self.mask)
-        found = self._correlate(_StackedPair(reference, deformed, mask), points, starts)
+        found = self._correlate(Pair(reference, deformed, mask, sparse=True), points, starts)
         missed = np.full(len(which), np.nan)
         good = np.flatnonzero(found.status == Status.OK)
         if good.size:
@@ -270,7 +256,7 @@ class Matcher:
             for k, source in enumerate(sources)
         ]
 
-    def _correlate(self, pair: _StackedPair, points: FloatArray, starts: FloatArray) -> Correlation:
+    def _correlate(self, pair: Pair, points: FloatArray, starts: FloatArray) -> Correlation:
         """`correlate_numpy` for points and displacements as in the images, not in the piles."""
         assert isinstance(pair.reference, ImagePatches) and isinstance(pair.deformed, ImagePatches)
         every = np.arange(len(points))
@@ -297,7 +283,7 @@ class Matcher:
         start[:, :, 0] = -forward[:, :, 0]
         start[:, :, 1:3] = (inverse - np.eye(2)) * half
         mask = self._turned_mask(points, there, inverse, deformed)
-        back = self._correlate(_StackedPair(deformed, reference, mask), there, start)
+        back = self._correlate(Pair(deformed, reference, mask, sparse=True), there, start)
         return np.asarray(np.linalg.norm(there + back.coefficients[:, :, 0] - points, axis=1))
 
     def _turned_mask(
