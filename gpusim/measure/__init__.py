@@ -14,7 +14,12 @@ In the order in which data passes:
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
-from gpusim.measure.calibration.calibration import CalibratedCamera, Calibration, calibrate
+from gpusim.measure.calibration.calibration import (
+    CalibratedCamera,
+    Calibration,
+    calibrate,
+    rig_camera,
+)
 from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.correlation.sequence import dic_sequence
@@ -29,7 +34,6 @@ from gpusim.measure.stereo.epipolar_matching import (
     Matches,
     epipolar_distance,
     match_epipolar,
-    rig_camera,
 )
 from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
 from gpusim.measure.stereo.stereo_correlation import StereoResult, stereo_dic, stereo_shape
@@ -52,15 +56,20 @@ from gpusim.measure.structures.deflection import (
 )
 from gpusim.measure.structures.dot_centres import Dots, circle_centres, find_dots
 from gpusim.measure.structures.marker_tracking import TrackResult, track
-from gpusim.measure.targets.boards import Chessboard, Sighting, TargetStatistics, target_statistics
-from gpusim.measure.targets.charuco import CharucoBoard, find_charuco
+from gpusim.measure.targets.board_detection import find_charuco, find_chessboard
+from gpusim.measure.targets.boards import (
+    CharucoBoard,
+    Chessboard,
+    Sighting,
+    TargetStatistics,
+    target_statistics,
+)
 from gpusim.measure.targets.checker_markers import (
     Markers,
     MarkerStatus,
     find_markers,
     locate_markers,
 )
-from gpusim.measure.targets.chessboard import find_chessboard
 from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
 

@@ -32,7 +32,6 @@ __all__ = [
     "match_epipolar",
     "match_views",
     "paired_epipolar_distance",
-    "rig_camera",
 ]
 
 FEATURE_PX = 4.0  # from its epipolar line: further away a feature match is wrong
@@ -168,47 +167,6 @@ def match_epipolar(
     i, j = i[kept], j[kept]
     rivals = (possible[i].sum(axis=1) > 1) | (possible[:, j].sum(axis=0) > 1)
     return Matches(np.stack([i, j], axis=1).astype(np.int64), distance[i, j], rivals)
-
-
-@unmasked()
-def rig_camera(
-    resolution: tuple[int, int],
-    K: npt.ArrayLike,
-    distortion: npt.ArrayLike | None = None,
-    R: npt.ArrayLike | None = None,
-    t: npt.ArrayLike | None = None,
-    name: str = "camera",
-) -> CalibratedCamera:
-    """A camera of a rig from arrays as OpenCV and others write them.
-
-    ``R`` (3, 3) and ``t`` (3,) lead from the first camera's coordinates to this one's; without
-    them it is the first. ``distortion`` has OpenCV's order, up to 14 coefficients.
-
-    Raises InputError for shapes or values that make no camera.
-
-    Examples
-    --------
-    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
-    >>> gs.measure.rig_camera((160, 120), K, t=(-0.1, 0, 0)).camera_from_rig[:3, 3]
-    array([-0.1,  0. ,  0. ])
-    """
-    matrix = np.asarray(K, dtype=np.float64)
-    turn = np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
-    shift = np.zeros(3) if t is None else np.ravel(np.asarray(t, dtype=np.float64))
-    given = np.zeros(0) if distortion is None else np.ravel(np.asarray(distortion, np.float64))
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or (matrix[2] != [0, 0, 1]).any():
-        raise InputError(f"{name} K: got {matrix.tolist()}; expected [[fx, 0, cx], [0, fy, cy], …]")
-    rigid = turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-6
-    if not (rigid and np.linalg.det(turn) > 0):
-        raise InputError(f"{name} R: got {turn.tolist()}; expected a (3, 3) rotation")
-    if shift.shape != (3,) or not np.isfinite(shift).all():
-        raise InputError(f"{name} t: got {shift.tolist()}; expected 3 finite lengths")
-    if given.size > 14 or not np.isfinite(given).all():
-        raise InputError(f"{name} distortion: got {given.tolist()}; expected up to 14 coefficients")
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn, shift
-    lens = np.concatenate([given, np.zeros(14 - given.size)])
-    return CalibratedCamera(name, resolution, matrix, lens, pose, {}, float("nan"))
 
 
 def match_views(

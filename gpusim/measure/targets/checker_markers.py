@@ -20,9 +20,9 @@ import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.fitting.noise import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
 from gpusim.measure.targets.cross_fit import fit_crosses
+from gpusim.measure.targets.noise import allowed_residual, noise_level
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 

@@ -15,17 +15,17 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.fitting.border_junction import profile_and_slopes, slope_by_turn
-from gpusim.measure.fitting.levenberg_marquardt import fit_many
-from gpusim.measure.fitting.plumb_lines import (
+from gpusim.measure.images import FloatArray, Image, check_image, eight_bit
+from gpusim.measure.targets.boards import check_dictionary
+from gpusim.measure.targets.border_junction import profile_and_slopes, slope_by_turn
+from gpusim.measure.targets.levenberg_marquardt import fit_many
+from gpusim.measure.targets.plumb_lines import (
     PlumbField,
     Straighten,
     field_of_bends,
     straight_offsets,
 )
-from gpusim.measure.images import FloatArray, Image, check_image, eight_bit
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -33,7 +33,6 @@ __all__ = [
     "Codes",
     "SideSamples",
     "Sides",
-    "check_dictionary",
     "find_aruco",
     "fit_sides",
     "side_samples",
@@ -232,14 +231,6 @@ class Codes:
 
     def __len__(self) -> int:
         return len(self.number)
-
-
-def check_dictionary(name: str, what: str) -> Any:
-    """OpenCV's dictionary of that name, without DICT_. Raises InputError for others."""
-    names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))
-    if name not in names:
-        raise InputError(f"{what}: got {name!r}; expected one of {', '.join(names)}")
-    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
 @unmasked("image")

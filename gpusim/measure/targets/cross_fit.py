@@ -1,7 +1,7 @@
 """Fit the crosses of square 2x2 checker markers: the junction of their borders, and its ends.
 
 All markers of an image are fitted at once with the model of
-`gpusim.measure.fitting.border_junction`, each twice: in its inner part first, which tells where the
+`gpusim.measure.targets.border_junction`, each twice: in its inner part first, which tells where the
 marker ends, then as far out as it goes.
 """
 
@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.measure.fitting.border_junction import CENTRE, fit_junctions, frames
 from gpusim.measure.images import FloatArray
+from gpusim.measure.targets.border_junction import CENTRE, fit_junctions, frames
 
 __all__ = ["fit_crosses"]
 

@@ -25,8 +25,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from gpusim.measure.fitting.levenberg_marquardt import ManyFits, fit_many
 from gpusim.measure.images import FloatArray
+from gpusim.measure.targets.levenberg_marquardt import ManyFits, fit_many
 
 __all__ = [
     "CENTRE",
