@@ -6,8 +6,7 @@ In the order in which data passes:
 - `images`: What every measurement accepts as an image, and the checks at the border.
 - `interpolation`: Quintic B-spline interpolation of an image: values and gradients at any
   position.
-- `fitting`: Fits of straight borders, and how certain they are.
-- `targets`: Markers and boards, found in images.
+- `targets`: Markers and boards, found in images, and the fits of their borders.
 - `calibration`: Calibration of cameras and rigs.
 - `correlation`: Digital image correlation.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
