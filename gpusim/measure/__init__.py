@@ -3,9 +3,7 @@ points in space. Sees pictures only.
 
 In the order in which data passes:
 
-- `images`: What every measurement accepts as an image, and the checks at the border.
-- `interpolation`: Quintic B-spline interpolation of an image: values and gradients at any
-  position.
+- `images`: What every measurement accepts as an image, and how it reads it between the pixels.
 - `targets`: Markers and boards, found in images, and the fits of their borders.
 - `calibration`: Calibration of cameras and rigs.
 - `correlation`: Digital image correlation.
@@ -28,7 +26,7 @@ from gpusim.measure.correlation.strain import (
     strain,
     surface_strain,
 )
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import (
     Matches,
     epipolar_distance,

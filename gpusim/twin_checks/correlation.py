@@ -9,8 +9,7 @@ from gpusim.measure.correlation.icgn import correlate, correlate_numpy
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Settings, Status
 from gpusim.measure.correlation.warp import SHAPES
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, SplineImage
 
 
 @twin_check("measure/correlation/icgn")

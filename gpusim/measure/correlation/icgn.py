@@ -43,8 +43,7 @@ from gpusim.measure.correlation.warp import (
     steepest_descent,
     step_coefficients,
 )
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import PAD
+from gpusim.measure.images import PAD, FloatArray
 
 __all__ = ["correlate", "correlate_numpy"]
 

@@ -18,8 +18,7 @@ import wgpu
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, SplineImage
 
 __all__ = [
     "Box",

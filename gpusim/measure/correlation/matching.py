@@ -22,8 +22,7 @@ import scipy
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.warp import UNKNOWNS, Shape, check_shape
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import BLUR_REACH, SplineImage
+from gpusim.measure.images import BLUR_REACH, FloatArray, SplineImage
 
 __all__ = [
     "Correlation",

@@ -22,8 +22,7 @@ from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
-from gpusim.measure.images import FloatArray, Image, point_spacing
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, Image, SplineImage, point_spacing
 
 __all__ = ["Front", "seeds"]
 

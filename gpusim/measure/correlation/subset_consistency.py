@@ -17,8 +17,7 @@ from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontin
 from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, SplineImage
 
 __all__ = ["inconsistent_subsets", "one_sided_texture"]
 

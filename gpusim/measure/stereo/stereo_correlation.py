@@ -30,8 +30,7 @@ from gpusim.measure.correlation.matching import (
 from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name_failures
 from gpusim.measure.correlation.sequence import Update, dic_sequence
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, SplineImage
 from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
 from gpusim.parallel.blas_threads import one_blas_thread

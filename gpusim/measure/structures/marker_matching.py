@@ -19,8 +19,7 @@ from gpusim.measure.correlation.icgn import correlate_numpy
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import search_template
-from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.interpolation import BLUR_REACH, PAD, SLACK, SplineImage
+from gpusim.measure.images import BLUR_REACH, PAD, SLACK, FloatArray, Image, SplineImage
 
 __all__ = ["ImagePatches", "Match", "Matcher"]
 
