@@ -21,7 +21,7 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import search_template
 from gpusim.measure.images import BLUR_REACH, PAD, SLACK, FloatArray, Image, SplineImage
 
-__all__ = ["ImagePatches", "Match", "Matcher"]
+__all__ = ["ImagePatches", "Matcher", "Matches"]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -141,26 +141,22 @@ def _part(image: Image, x: int, y: int, size: int) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Match:
-    """One marker matched from one prediction.
+class Matches(Correlation):
+    """Markers matched, each from one prediction.
 
-    coefficients : (2, 6), px.      zncc, sigma : as in `Correlation`.
-    backward : distance by which the way back missed the marker, px; NaN where it wasn't tried.
-    source : the marker from which it was predicted, -1: from no displacement.
+    backward : (M,) float64, distance by which the way back missed the marker, px; NaN where it
+        wasn't tried.
+    source : (M,) int64, the marker from which each was predicted, -1: from no displacement.
     """
 
-    coefficients: FloatArray
-    zncc: float
-    sigma: float
-    iterations: int
-    status: int
-    backward: float
-    source: int
+    backward: FloatArray
+    source: npt.NDArray[np.int64]
 
-    @property
-    def good(self) -> bool:
-        """Whether the marker was found."""
-        return self.status == Status.OK
+    @staticmethod
+    def none(count: int) -> Matches:
+        """``count`` markers of which nothing is known."""
+        nothing = vars(Correlation.unmatched(count))
+        return Matches(**nothing, backward=np.full(count, np.nan), source=np.full(count, -1))
 
 
 class Matcher:
@@ -222,13 +218,11 @@ class Matcher:
         found: FloatArray = c[:, 0] + np.array([column, row], dtype=np.float64) - target
         return found
 
-    def match(
-        self, indices: Sequence[int], starts: FloatArray, sources: Sequence[int]
-    ) -> list[Match]:
+    def match(self, indices: Sequence[int], starts: FloatArray, sources: Sequence[int]) -> Matches:
         """Correlate the markers ``indices`` from ``starts`` (K, 2, 6), there and back."""
         which = np.array(indices, dtype=np.int64)
         if not which.size:
-            return []
+            return Matches.none(0)
         points = self.points[which]
         reference = self.patches.take(which)
         target = points + starts[:, :, 0]
@@ -236,24 +230,13 @@ class Matcher:
         mask = None if self.mask is None else reference.stacked_mask(self.mask)
         found = self._correlate(Pair(reference, deformed, mask, sparse=True), points, starts)
         missed = np.full(len(which), np.nan)
-        good = np.flatnonzero(found.status == Status.OK)
+        good = np.flatnonzero(found.ok)
         if good.size:
             missed[good] = self._back(
                 points[good], found.coefficients[good], reference.take(good), deformed.take(good)
             )
-        lost = (found.status == Status.OK) & ~(missed <= self.backward_px)
-        return [
-            Match(
-                np.full((2, 6), np.nan) if lost[k] else found.coefficients[k],
-                float(found.zncc[k]),
-                np.nan if lost[k] else float(found.sigma[k]),
-                int(found.iterations[k]),
-                int(Status.BACKWARD if lost[k] else found.status[k]),
-                float(missed[k]),
-                source,
-            )
-            for k, source in enumerate(sources)
-        ]
+        found.refuse(found.ok & ~(missed <= self.backward_px), Status.BACKWARD)
+        return Matches(**vars(found), backward=missed, source=np.array(sources, dtype=np.int64))
 
     def _correlate(self, pair: Pair, points: FloatArray, starts: FloatArray) -> Correlation:
         """`correlate_numpy` for points and displacements as in the images, not in the piles."""
