@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_stream, safe_name
 from gpusim.files.output_folder import inside

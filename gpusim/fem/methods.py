@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System, finest_matrix

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element import ELEMENTS, Rule

@@ -26,7 +26,7 @@ from gpusim.field.field import Field
 from gpusim.field.names import vector_name
 from gpusim.files.input_file import InputFile
 from gpusim.mesh import Mesh
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import memory_limit
 
 __all__ = ["read_npz"]
 

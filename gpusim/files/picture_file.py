@@ -24,7 +24,7 @@ from cv2.utils import logging as messages
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import memory_limit
 
 __all__ = ["LARGEST", "decode", "decoding", "page_count"]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients

@@ -21,7 +21,7 @@ from gpusim.fem.krylov.load_cases import each_case
 from gpusim.fem.krylov.outer_iteration import Outcome, iterate
 from gpusim.fem.model.formulation import resolve_formulation
 from gpusim.mesh import Mesh, box
-from gpusim.parallel.cpu_budget import limited
+from gpusim.parallel.machine import limited
 
 Float = npt.NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
 from gpusim.fem.assembly.scipy_kernels import add_block_product
-from gpusim.parallel.cpu_budget import processors
+from gpusim.parallel.machine import processors
 
 __all__ = ["Product", "RowsProduct", "ahead", "row_shares", "shared"]
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from gpusim.arrays.congruence import mix, unique_hashes
+from gpusim.arrays.unique import mix, unique_hashes
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements, Group
 from gpusim.fem.assembly.matrix_product import ahead

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.congruence import mix
+from gpusim.arrays.unique import mix
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.model.model import Model

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
-from gpusim.arrays.congruence import mix
+from gpusim.arrays.unique import mix
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.device.arena import Allocator
 from gpusim.fem.device.row_slices import SLICE, WINDOW, RowSlices

@@ -16,7 +16,7 @@ from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
 from gpusim.fem.lattice.lattice import Lattice
-from gpusim.parallel.main_memory import host_memory
+from gpusim.parallel.machine import host_memory
 
 __all__ = ["Direct", "direct_solver", "least_seconds", "multigrid_seconds"]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.definiteness import check_finite, indefinite
 from gpusim.fem.assembly.system import System
 from gpusim.fem.krylov.stopping_criterion import smallest_ritz_value

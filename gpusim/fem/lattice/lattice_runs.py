@@ -19,12 +19,12 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.congruence import unique_rows
+from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.lattice.equal_boxes import equal_boxes
 from gpusim.fem.lattice.lattice import OFFSETS, Lattice
 from gpusim.fem.lattice.run_sums import RowSums
-from gpusim.parallel.cpu_budget import processors
+from gpusim.parallel.machine import processors
 
 __all__ = ["RunLayout", "RunPattern", "numbering_axes"]
 

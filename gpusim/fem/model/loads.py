@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.face_element import face_groups

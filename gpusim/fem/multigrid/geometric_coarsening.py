@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
-from gpusim.arrays.congruence import unique_rows
+from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.element_batches import (
     DistinctGroup,
     Elements,

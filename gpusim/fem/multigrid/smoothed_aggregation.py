@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.block_rows import pattern, ranges
 from gpusim.fem.assembly.diagonal_blocks import diagonal_blocks
 from gpusim.fem.assembly.matrix_product import Product, RowsProduct, ahead, row_shares, shared

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.gpu import Device
 from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Pair, Subsets

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card
 from gpusim.mesh.formats.abaqus.content import InpContent

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import memory_limit
 
 __all__ = ["VtuArrays"]
 
