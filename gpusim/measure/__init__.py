@@ -20,18 +20,9 @@ from gpusim.measure.calibration.calibration import (
 from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.correlation.sequence import dic_sequence
-from gpusim.measure.correlation.strain import (
-    StrainResult,
-    StrainStatus,
-    strain,
-    surface_strain,
-)
+from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain, surface_strain
 from gpusim.measure.images import SplineImage
-from gpusim.measure.stereo.epipolar_matching import (
-    Matches,
-    epipolar_distance,
-    match_epipolar,
-)
+from gpusim.measure.stereo.epipolar_matching import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
 from gpusim.measure.stereo.stereo_correlation import StereoResult, stereo_dic, stereo_shape
 from gpusim.measure.stereo.triangulation import (

@@ -126,7 +126,7 @@ def _span(low: float, high: float, margin: int, size: int) -> tuple[int, int]:
     return first, last
 
 
-def eight_bit(array: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+def eight_bit(array: Image) -> npt.NDArray[np.uint8]:
     """The picture for the detectors: 0 to 255 from its darkest to its brightest thousandth."""
     if array.dtype == np.uint8:
         result: npt.NDArray[np.uint8] = np.ascontiguousarray(array)

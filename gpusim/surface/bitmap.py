@@ -187,13 +187,13 @@ class Image:
         rows, columns = self.pixels.shape
         return columns * self.texel, rows * self.texel
 
-    def albedo(self) -> npt.NDArray[np.float64]:
+    def albedo(self) -> Array:
         """Albedo (H, W) at the texels' centres."""
         full = 1.0 if self.pixels.dtype.kind == "f" else float(np.iinfo(self.pixels.dtype).max)
         share = self.pixels / full
         if self.gamma == "srgb":
             share = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-        result: npt.NDArray[np.float64] = self.dark + (self.light - self.dark) * share
+        result: Array = self.dark + (self.light - self.dark) * share
         return result
 
     @cached_property
@@ -201,14 +201,12 @@ class Image:
         """The spline surface and its coarser levels; computed once."""
         return pyramid(self.albedo())
 
-    def texel_position(self, st: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def texel_position(self, st: Array) -> Array:
         """Paint coordinates (…, 2) as columns and rows counted from the upper left corner."""
         place = (st - np.array(self.origin)) / self.texel
         return np.stack([place[..., 0], len(self.pixels) - place[..., 1]], axis=-1)
 
-    def features(
-        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
-    ) -> Features | None:
+    def features(self, low: Array, high: Array) -> Features | None:
         """A pattern, but none of shapes."""
         empty = np.zeros((0, 2))
         return Features(np.zeros(0, np.int32), empty, np.zeros(0), empty, empty, empty)

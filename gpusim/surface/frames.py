@@ -51,15 +51,15 @@ class PaintFrame:
     array([[0.2, 0.3]])
     """
 
-    origin: npt.NDArray[np.float64]
-    s_axis: npt.NDArray[np.float64]
-    t_axis: npt.NDArray[np.float64]
+    origin: Array
+    s_axis: Array
+    t_axis: Array
     __repr__ = field_summary
 
     @staticmethod
     def facing(
-        normal: npt.NDArray[np.float64],
-        points: npt.NDArray[np.float64],
+        normal: Array,
+        points: Array,
         up: npt.ArrayLike | None = None,
     ) -> PaintFrame:
         """The upright frame of a plane seen from outside, with its corner at the lowest s and t.
@@ -80,7 +80,7 @@ class PaintFrame:
         origin = s.min() * s_axis + t.min() * t_axis + (points @ normal).mean() * normal
         return PaintFrame(origin, s_axis, t_axis)
 
-    def coordinates(self, points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def coordinates(self, points: Array) -> Array:
         """(…, 3) points to (…, 2) paint coordinates."""
         # no matrix product, whose rounding depends on where in the array a point is
         x, y, z = (points[..., k] - self.origin[k] for k in range(3))
@@ -88,15 +88,13 @@ class PaintFrame:
         columns = np.stack([x * axis[0] + y * axis[1] + z * axis[2] for axis in axes])
         return np.moveaxis(columns, 0, -1)
 
-    def of_triangles(
-        self, corners: npt.NDArray[np.float64], number: npt.NDArray[np.int64]
-    ) -> npt.NDArray[np.float64]:
+    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
         """Corners (n, 3, 3) of triangles to (n, 3, 2)."""
         return self.coordinates(corners)
 
 
 def plane_frame(
-    points: npt.NDArray[np.float64],
+    points: Array,
     faces: npt.NDArray[np.int32],
     where: str,
     up: npt.ArrayLike | None = None,
@@ -128,9 +126,7 @@ def used_vertices(faces: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.
     return np.flatnonzero(used[:count])
 
 
-def face_normals(
-    points: npt.NDArray[np.float64], faces: npt.NDArray[np.integer]
-) -> npt.NDArray[np.float64]:
+def face_normals(points: Array, faces: npt.NDArray[np.integer]) -> Array:
     """Outward normals (F, 3) of (F, 4) faces, as long as the face's area."""
     a, b, c, d = (np.ascontiguousarray(faces[:, k]) for k in range(4))
     triangle = d < 0

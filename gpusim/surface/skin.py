@@ -64,7 +64,7 @@ def cut(faces: Faces, subdivisions: int) -> tuple[Int, Long, Vertices]:
         everyone = np.arange(len(faces), dtype=np.int64)
         return pieces, everyone, Vertices(nodes, np.zeros((0, _WIDTH), np.int64), np.zeros((0, 9)))
     rows: list[Long] = []
-    corners: list[npt.NDArray[np.int64]] = []  # entries of the (node, weight) table below
+    corners: list[Long] = []  # entries of the (node, weight) table below
     tables: list[tuple[Long, Array]] = []
     offset = 0
     for name, own in faces.kinds():
@@ -175,7 +175,7 @@ class Skin:
     def __repr__(self) -> str:
         return f"Skin({len(self.nodes)} nodes, {len(self.pieces)} pieces)"
 
-    def numbers(self, selected: Faces) -> npt.NDArray[np.int64]:
+    def numbers(self, selected: Faces) -> Long:
         """Positions of ``selected`` boundary faces within this skin.
 
         Raises
@@ -197,7 +197,7 @@ class Skin:
     def surface(
         self,
         paint: Mapping[str, Paint],
-        region: npt.NDArray[np.int32],
+        region: Int,
         frames: Mapping[str, Frame],
         name: str,
     ) -> Surface:
@@ -210,7 +210,7 @@ class Skin:
         """``surface`` with its points displaced by the nodal displacements u (N, 3)."""
         return surface.moved(surface.rest + self.at_vertices(u))
 
-    def locate(self, points: Array) -> tuple[npt.NDArray[np.int32], Array]:
+    def locate(self, points: Array) -> tuple[Int, Array]:
         """Where undeformed ``points`` (M, 3) lie on the skin: nodes (M, w) and weights (M, w).
 
         A field's value there is ``sum(weights * field[nodes])`` with the face's own shape
@@ -243,7 +243,7 @@ class Skin:
             np.searchsorted(centre[order, axis], points[:, axis] + side * reach.max())
             for side in (-1.0, 1.0)
         )
-        of_point: list[npt.NDArray[np.int64]] = []
+        of_point: list[Long] = []
         for point, begin, end in zip(points, first, last, strict=True):
             some = order[begin:end]
             relative = point - centre[some]

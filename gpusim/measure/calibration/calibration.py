@@ -330,7 +330,7 @@ def _rms(residuals: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))) if len(residuals) else np.nan
 
 
-def _matrix(pose: FloatArray) -> npt.NDArray[np.float64]:
+def _matrix(pose: FloatArray) -> FloatArray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation(pose), pose[3:]
     return matrix

@@ -17,13 +17,7 @@ import cv2
 import numpy as np
 
 from gpusim.errors import GpusimError, InputError
-from gpusim.measure.calibration.bundle_adjustment import (
-    DISTORTION,
-    Rig,
-    compose,
-    inverse,
-    rotation,
-)
+from gpusim.measure.calibration.bundle_adjustment import DISTORTION, Rig, compose, inverse, rotation
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.boards import Sighting
 

@@ -349,7 +349,7 @@ def _dispatch(
     return values
 
 
-def cholesky(matrix: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+def cholesky(matrix: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Lower factors of (B, P, P) matrices and whether each is safely positive definite."""
     size = matrix.shape[1]
     factor = np.zeros_like(matrix)

@@ -211,9 +211,7 @@ class Pair:
         self.fill_planes(box, planes)
         return planes
 
-    def fill_planes(
-        self, box: Box, planes: npt.NDArray[np.float64] | npt.NDArray[np.float32]
-    ) -> None:
+    def fill_planes(self, box: Box, planes: FloatArray | npt.NDArray[np.float32]) -> None:
         """Write the planes of a part of the reference crop; ``box`` as in ``image_tiles``."""
         spline = self.reference
         x0, y0, x1, y1 = box

@@ -186,9 +186,7 @@ def _share(part: BoolArray, x: npt.NDArray[Any], y: npt.NDArray[Any], half: int)
     return np.asarray(total / (2 * half + 1) ** 2)
 
 
-def check_mask(
-    mask: npt.NDArray[Any] | None, image: Image, blur_px: float
-) -> npt.NDArray[np.bool_] | None:
+def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> BoolArray | None:
     """Check that a mask is boolean and as large as the reference image, and shrink it.
 
     Pixels next to what is masked out are dropped too, as far as the interpolation and the blur

@@ -75,7 +75,7 @@ class Front:
         deformed: Image,
         points: FloatArray,
         settings: Settings,
-        mask: npt.NDArray[np.bool_] | None,
+        mask: BoolArray | None,
         blur_px: float,
         near: float,
         device: Device | None,
@@ -99,7 +99,7 @@ class Front:
         self.source = np.full(count, -1, dtype=np.int64)
 
     @property
-    def ok(self) -> npt.NDArray[np.bool_]:
+    def ok(self) -> BoolArray:
         """(M,) bool: the points measured so far."""
         return self.matches.ok
 
@@ -314,7 +314,7 @@ class Front:
         poor = left > POOR_RESIDUAL * np.quantile(left, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _one_sided(self, which: IntArray) -> npt.NDArray[np.bool_]:
+    def _one_sided(self, which: IntArray) -> BoolArray:
         zncc = self.matches.zncc[which]
         return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
 

@@ -56,7 +56,7 @@ def dic_sequence(
     step: int = 10,
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
-    mask: npt.NDArray[np.bool_] | None = None,
+    mask: BoolArray | None = None,
     progress: Callable[[int, DicResult], None] | None = None,
     **options: Any,
 ) -> list[DicResult]:

@@ -67,8 +67,8 @@ class EdgeSamples:
     -1..1 and its derivatives (N,) by the distance, the variance, |normal_x| and |normal_y|.
     """
 
-    pixel: npt.NDArray[np.int64]
-    border: npt.NDArray[np.int64]
+    pixel: Rows
+    border: Rows
     value: FloatArray
     by_distance: FloatArray
     by_variance: FloatArray
