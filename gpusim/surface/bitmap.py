@@ -23,8 +23,7 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import decode
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import Features, check_paint
+from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
 __all__ = ["MARGIN", "Image", "Level", "pyramid"]

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import DISC, PATCH, SECTOR, Features, Stack, check_paint
+from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Stack, check_paint
 from gpusim.validation import checked
 
 __all__ = ["Aruco", "Charuco", "RingCodes", "ring_codes"]

@@ -16,8 +16,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import DISC, PATCH, SECTOR, Features, Paint, Stack, check_paint
+from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Paint, Stack, check_paint
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
 from gpusim.validation import checked

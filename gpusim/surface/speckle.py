@@ -18,8 +18,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import Features, check_paint
+from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
