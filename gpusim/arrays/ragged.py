@@ -1,4 +1,4 @@
-"""Lists of lists, laid out one after another."""
+"""Lists of lists laid out one after another, boxes of cells, and running sums over them."""
 
 from __future__ import annotations
 
@@ -7,18 +7,29 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["batches", "cells_of", "expand"]
+__all__ = [
+    "WORKGROUP",
+    "along_paths",
+    "batches",
+    "cells_of",
+    "covered",
+    "dealt",
+    "expand",
+    "in_boxes",
+    "summed",
+]
+
+Numbers = npt.NDArray[np.int64]
+WORKGROUP = 64
 
 
-def expand(count: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def expand(count: Numbers) -> tuple[Numbers, Numbers]:
     """Owner and running number of ``count[i]`` items of each owner i."""
     owner = np.repeat(np.arange(len(count)), count)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def cells_of(
-    first: npt.NDArray[np.int64], last: npt.NDArray[np.int64], columns: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def cells_of(first: Numbers, last: Numbers, columns: int) -> tuple[Numbers, Numbers]:
     """Owner and number of every cell, row by row, of the boxes ``first`` … ``last`` (2, n), column
     and row, of a grid with so many ``columns``; boxes that end before they begin have none."""
     wide, tall = np.maximum(last - first + 1, 0)
@@ -27,7 +38,7 @@ def cells_of(
     return own, (first[1][own] + down) * columns + first[0][own] + across
 
 
-def batches(count: npt.NDArray[np.int64], most: int) -> Iterator[slice]:
+def batches(count: Numbers, most: int) -> Iterator[slice]:
     """Slices of owners with at most so many items together, or of one that has more."""
     stops = np.cumsum(count)
     start = done = 0
@@ -35,3 +46,58 @@ def batches(count: npt.NDArray[np.int64], most: int) -> Iterator[slice]:
         stop = max(int(np.searchsorted(stops, done + most, side="right")), start + 1)
         yield slice(start, stop)
         start, done = stop, int(stops[stop - 1])
+
+
+def covered(first: Numbers, last: Numbers, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
+    """Cells (rows, columns) of boxes from ``first`` to before ``last`` (n, 2), column and row."""
+    # the number of boxes over a cell is a sum over their corners
+    across, steps = shape[1] + 1, np.zeros((shape[0] + 1) * (shape[1] + 1), np.int64)
+    for x, y, sign in ((first, first, 1), (last, first, -1), (first, last, -1), (last, last, 1)):
+        steps += sign * np.bincount(y[:, 1] * across + x[:, 0], minlength=len(steps))
+    steps = steps.reshape(-1, across).cumsum(axis=0).cumsum(axis=1)
+    result: npt.NDArray[np.bool_] = steps[:-1, :-1] > 0
+    return result
+
+
+def summed(cells: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Numbers:
+    """The summed-area table of cells (H, W): (H + 1, W + 1), sums of all before each corner."""
+    total = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), np.int64)
+    total[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
+    return total
+
+
+def in_boxes(
+    total: Numbers, left: Numbers, top: Numbers, right: Numbers, bottom: Numbers
+) -> Numbers:
+    """Sums (n,) over boxes of cells, ``right`` and ``bottom`` beyond them, by a `summed` table."""
+    flat, across = total.ravel(), total.shape[1]
+    # one linear index: faster than two
+    top, bottom = top * across, bottom * across
+    result: Numbers = (
+        flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
+    )
+    return result
+
+
+def along_paths(before: npt.NDArray[np.int32], steps: Numbers) -> Numbers:
+    """(n,…) sums from the root of ``steps`` (n,…), each a node's from the one ``before`` it (n,),
+    which is negative where there is none. In each turn twice as far back."""
+    total = steps.copy()
+    total[before < 0] = 0
+    back = np.where(before >= 0, before, np.arange(len(before)))
+    while (back != back[back]).any():
+        total += total[back]
+        back = back[back]
+    # all that is left is one step from a root, whose own is zero
+    return total
+
+
+def dealt(order: Numbers) -> Numbers:
+    """``order`` workgroup by workgroup, so that any run of them has those that it begins with and
+    others.
+
+    Software rasterisers give each of their threads one run.
+    """
+    group = np.arange(len(order)) // WORKGROUP
+    turn = np.where(group < len(order) // WORKGROUP, group % WORKGROUP, WORKGROUP)
+    return order[np.argsort(turn, kind="stable")]

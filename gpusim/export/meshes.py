@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from meshio._mesh import topological_dimension
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
 from gpusim.files.output_folder import inside

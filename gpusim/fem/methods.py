@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged, OutOfDeviceMemory
 from gpusim.fem.assembly.assembly import Assembled
 from gpusim.fem.assembly.system import System

@@ -23,7 +23,7 @@ from gpusim.fem.krylov.outer_iteration import UNEVEN_STIFFNESS
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
 from gpusim.gpu import Device, default_device, software_adapter
-from gpusim.parallel.main_memory import host_memory
+from gpusim.parallel.machine import host_memory
 
 __all__ = [
     "METHODS",

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element import ELEMENTS, Rule

@@ -36,7 +36,7 @@ from gpusim.mesh.formats.cell_blocks import assemble, solid_nodes
 from gpusim.mesh.formats.exodus import read_exodus_steps
 from gpusim.mesh.formats.reader import PARALLEL
 from gpusim.mesh.formats.vtu import VtuFile
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import memory_limit
 
 __all__ = [
     "FIELD_SUFFIXES",

@@ -27,7 +27,7 @@ from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import memory_limit
 
 __all__ = ["decode", "decoding", "pages_of", "picture_file", "read_grey"]
 

@@ -15,7 +15,7 @@ from wgpu.backends.wgpu_native.extras import set_instance_extras
 
 from gpusim.errors import NoAdapter
 from gpusim.gpu.declarations import parse_names_alone
-from gpusim.parallel.main_memory import available_memory
+from gpusim.parallel.machine import available_memory
 
 __all__ = ["find_adapter", "free_memory", "is_processor", "software_adapter"]
 

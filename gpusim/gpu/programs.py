@@ -18,7 +18,7 @@ from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.priming import CompiledPrograms, prime
 from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Module, load
-from gpusim.parallel.cpu_budget import processors
+from gpusim.parallel.machine import processors
 
 __all__ = ["Key", "Programs", "kernel_key"]
 

@@ -3,29 +3,28 @@ points in space. Sees pictures only.
 
 In the order in which data passes:
 
-- `images`: What every measurement accepts as an image, and the checks at the border.
-- `nearest_points`: The nearest of many points.
-- `interpolation`: Quintic B-spline interpolation of an image: values and gradients at any
-  position.
-- `fitting`: Fits of straight borders, and how certain they are.
-- `targets`: Markers and boards, found in images.
+- `images`: What every measurement accepts as an image, and how it reads it between the pixels.
+- `targets`: Markers and boards, found in images, and the fits of their borders.
 - `calibration`: Calibration of cameras and rigs.
 - `correlation`: Digital image correlation.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
-from gpusim.measure.calibration.calibration import CalibratedCamera, Calibration, calibrate
+from gpusim.measure.calibration.calibration import (
+    CalibratedCamera,
+    Calibration,
+    calibrate,
+    rig_camera,
+)
 from gpusim.measure.correlation.dic import dic, grid_points
-from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.correlation.sequence import dic_sequence
-from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain
-from gpusim.measure.correlation.subsets import DicResult
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain, surface_strain
+from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
 from gpusim.measure.stereo.stereo_correlation import StereoResult, stereo_dic, stereo_shape
-from gpusim.measure.stereo.surface_strain import surface_strain
 from gpusim.measure.stereo.triangulation import (
     Alignment,
     Displacement3D,
@@ -34,7 +33,6 @@ from gpusim.measure.stereo.triangulation import (
     displacement_3d,
     triangulate,
 )
-from gpusim.measure.stereo.view_matching import rig_camera
 from gpusim.measure.structures.damage import SlopeChanges, difference_curve, slope_changes
 from gpusim.measure.structures.deflection import (
     DeflectionLine,
@@ -46,15 +44,20 @@ from gpusim.measure.structures.deflection import (
 )
 from gpusim.measure.structures.dot_centres import Dots, circle_centres, find_dots
 from gpusim.measure.structures.marker_tracking import TrackResult, track
-from gpusim.measure.targets.boards import Chessboard, Sighting, TargetStatistics, target_statistics
-from gpusim.measure.targets.charuco import CharucoBoard, find_charuco
+from gpusim.measure.targets.board_detection import find_charuco, find_chessboard
+from gpusim.measure.targets.boards import (
+    CharucoBoard,
+    Chessboard,
+    Sighting,
+    TargetStatistics,
+    target_statistics,
+)
 from gpusim.measure.targets.checker_markers import (
     Markers,
     MarkerStatus,
     find_markers,
     locate_markers,
 )
-from gpusim.measure.targets.chessboard import find_chessboard
 from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
 

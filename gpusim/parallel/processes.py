@@ -36,8 +36,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Generic, ParamSpec, TypeVar
 
 from gpusim.errors import GpusimError, InputError
-from gpusim.parallel.cpu_budget import limited, processors
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import limited, memory_limit, processors
 
 __all__ = ["CHILD_SECONDS", "begin", "call_in_child", "in_copies", "prepare", "serve"]
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from gpusim._version import __version__
-from gpusim.parallel.cpu_budget import all_processors
+from gpusim.parallel.machine import all_processors
 
 __all__ = ["HOST_SECONDS", "Speed", "Workload", "cache_folder", "host_seconds"]
 

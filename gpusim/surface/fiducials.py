@@ -11,16 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import (
-    Features,
-    Stack,
-    check_albedo,
-    check_finish,
-    check_grid,
-    check_length,
-    check_places,
-)
+from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Stack, check_paint
 from gpusim.validation import checked
 
 __all__ = ["Aruco", "Charuco", "RingCodes", "ring_codes"]
@@ -53,13 +44,12 @@ def _marker(
     """A marker with its lower left corner at ``corner``: a dark square and white runs on it."""
     runs, cells = _white_runs(dictionary, number)
     dark, light = albedo
-    stack.patches(corner[None], size, dark, under, layer, angle)
+    stack.add(PATCH, corner[None], size, dark, under, layer, angle=angle)
     cell = size / cells
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.array([[cos, sin], [-sin, cos]])
-    stack.patches(
-        corner + runs[:, :2] * cell @ turn, runs[:, 2:] * cell, light, dark, layer + 1, angle
-    )
+    place, sides = corner + runs[:, :2] * cell @ turn, runs[:, 2:] * cell
+    stack.add(PATCH, place, sides, light, dark, layer + 1, angle=angle)
 
 
 @checked
@@ -91,12 +81,7 @@ class Aruco:
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_finish("Aruco", self.roughness, self.metallic)
-        object.__setattr__(self, "centres", check_places("Aruco", self.centres))
-        check_length("Aruco", size=self.size)
-        check_albedo("Aruco", dark=self.dark, light=self.light, ground=self.ground)
-        if not np.isfinite(self.angle):
-            raise InputError(f"Aruco angle; got {self.angle}; expected a finite angle in rad")
+        check_paint(self)
         count = len(_dictionary("Aruco", self.dictionary).bytesList)
         if len(self.ids) != len(self.centres) or not all(
             i == int(i) and 0 <= i < count for i in self.ids
@@ -147,10 +132,7 @@ class Charuco:
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_finish("Charuco", self.roughness, self.metallic)
-        check_length("Charuco", square=self.square, marker=self.marker)
-        check_albedo("Charuco", dark=self.dark, light=self.light, ground=self.ground)
-        check_grid("Charuco", self.origin, self.columns, self.rows)
+        check_paint(self)
         if not self.marker < self.square:
             raise InputError(f"Charuco marker; got {self.marker}; expected less than the square")
         count = len(_dictionary("Charuco", self.dictionary).bytesList)
@@ -181,8 +163,8 @@ class Charuco:
         i, j = (a.ravel() for a in np.meshgrid(np.arange(self.columns), np.arange(self.rows)))
         corner = origin + self.square * np.stack([i, self.rows - 1 - j], axis=1)
         even = (i + j) % 2 == 0
-        stack.patches(corner[even], self.square, self.dark, self.ground, 0)
-        stack.patches(corner[~even], self.square, self.light, self.ground, 0)
+        stack.add(PATCH, corner[even], self.square, self.dark, self.ground, 0)
+        stack.add(PATCH, corner[~even], self.square, self.light, self.ground, 0)
         inset = 0.5 * (self.square - self.marker)
         for number, place in enumerate(corner[~even]):
             _marker(
@@ -233,14 +215,9 @@ class RingCodes:
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_finish("RingCodes", self.roughness, self.metallic)
-        object.__setattr__(self, "centres", check_places("RingCodes", self.centres))
-        check_length("RingCodes", diameter=self.diameter)
-        check_albedo("RingCodes", dot=self.dot, ground=self.ground)
+        check_paint(self)
         if not (3 <= self.bits <= 20 and self.bits == int(self.bits)):
             raise InputError(f"RingCodes bits; got {self.bits}; expected 3 to 20")
-        if not np.isfinite(self.angle):
-            raise InputError(f"RingCodes angle; got {self.angle}; expected a finite angle in rad")
         if len(self.codes) != len(self.centres) or not all(
             c == int(c) and 0 <= c < 1 << self.bits for c in self.codes
         ):
@@ -255,8 +232,8 @@ class RingCodes:
         Below all of it is a disc that changes nothing, so that targets that overlap are refused.
         """
         stack = Stack(self.ground)
-        stack.discs(self.centres, 1.5 * self.diameter, self.ground, self.ground, 0)
-        stack.discs(self.centres, 0.5 * self.diameter, self.dot, self.ground, 1)
+        stack.add(DISC, self.centres, 1.5 * self.diameter, self.ground, self.ground, 0)
+        stack.add(DISC, self.centres, 0.5 * self.diameter, self.dot, self.ground, 1)
         bit = 2.0 * np.pi / self.bits
         for centre, code in zip(self.centres, self.codes, strict=True):
             # of at most half a turn each
@@ -265,9 +242,10 @@ class RingCodes:
                 begin, width = self.angle + start * bit, count * bit
                 for layer, reach in enumerate((1.5, 1.0)):
                     albedo, under = (self.dot, self.ground)[:: 1 - 2 * layer]
-                    stack.sectors(
-                        centre[None], reach * self.diameter, begin, width, albedo, under, 1 + layer
-                    )
+                    stack.add(
+                        SECTOR, centre[None], reach * self.diameter, albedo, under, 1 + layer,
+                        angle=begin, width=width,
+                    )  # fmt: skip
         return stack.features()
 
 

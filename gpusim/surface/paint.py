@@ -16,19 +16,9 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import (
-    Features,
-    Paint,
-    check_albedo,
-    check_finish,
-    check_grid,
-    check_length,
-    check_places,
-)
+from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Paint, Stack, check_paint
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
-from gpusim.surface.targets import Circles, Lines, Star
 from gpusim.validation import checked
 
 __all__ = [
@@ -49,7 +39,10 @@ __all__ = [
     "Star",
 ]
 
+Array = npt.NDArray[np.float64]
+
 MOST_DOTS = 1 << 22
+MOST_LINES = 1 << 20
 
 
 @checked
@@ -74,17 +67,14 @@ class Plain:
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_finish("Plain", self.roughness, self.metallic)
-        check_albedo("Plain", albedo=self.albedo)
+        check_paint(self)
 
     @property
     def ground(self) -> float:
         """The albedo."""
         return self.albedo
 
-    def features(
-        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
-    ) -> Features | None:
+    def features(self, low: Array, high: Array) -> Features | None:
         """No features."""
         return None
 
@@ -115,14 +105,9 @@ class Checker:
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_finish("Checker", self.roughness, self.metallic)
-        check_length("Checker", size=self.size)
-        check_albedo("Checker", dark=self.dark, light=self.light, ground=self.ground)
-        check_grid("Checker", self.origin, self.columns, self.rows)
+        check_paint(self)
 
-    def features(
-        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
-    ) -> Features | None:
+    def features(self, low: Array, high: Array) -> Features | None:
         """One patch; an unlimited one is cut to the region, on a whole number of square pairs."""
         origin = np.array(self.origin)
         first = 2.0 * np.floor((low - origin) / (2.0 * self.size)) - 2.0
@@ -163,16 +148,11 @@ class Dots:
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_finish("Dots", self.roughness, self.metallic)
-        check_length("Dots", diameter=self.diameter, pitch=self.pitch)
-        check_albedo("Dots", albedo=self.albedo, ground=self.ground)
-        check_grid("Dots", self.origin, self.columns, self.rows)
+        check_paint(self)
         if not self.diameter <= self.pitch:
             raise InputError(f"Dots diameter; got {self.diameter}; expected at most the pitch")
 
-    def features(
-        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
-    ) -> Features | None:
+    def features(self, low: Array, high: Array) -> Features | None:
         """One disc per grid point; an unlimited grid covers the region."""
         origin = np.array(self.origin)
         first = np.floor((low - origin) / self.pitch)
@@ -212,7 +192,7 @@ class Markers:
     0.0
     """
 
-    centres: npt.NDArray[np.float64]
+    centres: Array
     size: float
     dark: float = 0.04
     light: float = 0.9
@@ -224,17 +204,9 @@ class Markers:
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_finish("Markers", self.roughness, self.metallic)
-        centres = check_places("Markers", self.centres)
-        check_length("Markers", size=self.size)
-        check_albedo("Markers", dark=self.dark, light=self.light, ground=self.ground)
-        if not np.isfinite(self.angle):
-            raise InputError(f"Markers angle; got {self.angle}; expected a finite angle in rad")
-        object.__setattr__(self, "centres", centres)
+        check_paint(self)
 
-    def features(
-        self, low: npt.NDArray[np.float64], high: npt.NDArray[np.float64]
-    ) -> Features | None:
+    def features(self, low: Array, high: Array) -> Features | None:
         """One 2 x 2 patch per centre."""
         count = len(self.centres)
         half = 0.5 * self.size
@@ -248,6 +220,161 @@ class Markers:
             np.full((count, 2), 2.0),
             np.tile([self.dark, self.light], (count, 1)),
         )
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class Circles:
+    """Concentric circles around every centre (M, 2): the largest is ``dark``, then they alternate.
+
+    ``diameters`` fall; (30, 20, 10) is a dark ring of width 5 around a dark disc of diameter 10.
+
+    Examples
+    --------
+    >>> gs.paint.Circles(np.zeros((1, 2)), diameters=(0.03, 0.02, 0.01)).dark
+    0.05
+    """
+
+    centres: Array
+    diameters: tuple[float, ...]
+    dark: float = 0.05
+    light: float = 0.9
+    ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
+    bump: Bump | None = None
+    __repr__ = field_summary
+
+    def __post_init__(self) -> None:
+        check_paint(self)
+        sizes = np.asarray(self.diameters, np.float64)
+        good = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
+        if not good or not (sizes > 0.0).all() or not (np.diff(sizes) < 0.0).all():
+            raise InputError(
+                f"Circles diameters; got {self.diameters}; expected lengths above 0 that fall"
+            )
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        """Discs upon discs."""
+        stack, under = Stack(self.ground), self.ground
+        for layer, diameter in enumerate(self.diameters):
+            albedo = self.light if layer % 2 else self.dark
+            stack.add(DISC, self.centres, 0.5 * diameter, albedo, under, layer)
+            under = albedo
+        return stack.features()
+
+
+@checked
+@dataclass(frozen=True)
+class Lines:
+    """Lines of ``width`` at a ``pitch``: along s, along t, or both, a grid.
+
+    ``origin`` is the middle of a line (of a crossing). ``columns`` and ``rows`` count pitches;
+    without them the lines cover the region.
+
+    Examples
+    --------
+    >>> gs.paint.Lines(pitch=0.01, width=0.001, along="both").albedo
+    0.05
+    """
+
+    pitch: float
+    width: float
+    along: str = "both"
+    columns: int | None = None
+    rows: int | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+    albedo: float = 0.05
+    ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
+    bump: Bump | None = None
+
+    def __post_init__(self) -> None:
+        check_paint(self)
+        if not self.width < self.pitch:
+            raise InputError(f"Lines width; got {self.width}; expected less than the pitch")
+        if self.along not in ("s", "t", "both"):
+            raise InputError(f"Lines along; got {self.along!r}; expected 's', 't' or 'both'")
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        """Strips along s; along t too, less the crossings."""
+        origin = np.array(self.origin)
+        given = [self.columns, self.rows]
+        first = np.where([n is None for n in given], np.floor((low - origin) / self.pitch) - 1, 0)
+        last = np.where(
+            [n is None for n in given],
+            np.ceil((high - origin) / self.pitch) + 1,
+            [n or 0 for n in given],
+        )
+        if not np.prod(last - first + 1.0) <= MOST_LINES:
+            raise InputError(
+                f"Lines pitch; got {self.pitch}, which makes {np.prod(last - first + 1):.3g} "
+                f"crossings; expected at most {MOST_LINES} in a region"
+            )
+        stack = Stack(self.ground)
+        places = [origin[k] + np.arange(first[k], last[k] + 1) * self.pitch for k in (0, 1)]
+        length = (last - first) * self.pitch + self.width
+        for k, name in enumerate("st"):
+            if self.along not in (name, "both"):
+                continue
+            corner = np.empty((len(places[1 - k]), 2))
+            corner[:, k], corner[:, 1 - k] = places[k][0], places[1 - k]
+            size = np.full(2, self.width)
+            size[k] = length[k]
+            stack.add(
+                PATCH, corner - 0.5 * self.width, size, self.albedo, self.ground, k, covers=1.0
+            )
+        if self.along == "both":
+            # both lines darken a crossing: that is one too many
+            s, t = np.meshgrid(*places)
+            corner = np.stack([s.ravel(), t.ravel()], axis=1) - 0.5 * self.width
+            stack.add(PATCH, corner, self.width, self.ground, self.albedo, 2, covers=-1.0)
+        return stack.features()
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class Star:
+    """Siemens stars: ``spokes`` dark sectors around every centre (M, 2), as wide as the gaps.
+
+    The first spoke begins at ``angle`` (rad) from the s axis. At the distance r from a centre the
+    period is 2 pi r / spokes.
+
+    Examples
+    --------
+    >>> gs.paint.Star(np.zeros((1, 2)), diameter=0.1, spokes=36).light
+    0.9
+    """
+
+    centres: Array
+    diameter: float
+    spokes: int = 36
+    angle: float = 0.0
+    dark: float = 0.05
+    light: float = 0.9
+    ground: float = 0.9
+    roughness: float = 1.0
+    metallic: float = 0.0
+    bump: Bump | None = None
+    __repr__ = field_summary
+
+    def __post_init__(self) -> None:
+        check_paint(self)
+        if not (2 <= self.spokes <= 1000 and self.spokes == int(self.spokes)):
+            raise InputError(f"Star spokes; got {self.spokes}; expected a whole number, 2 to 1000")
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        """Light discs and the spokes on them."""
+        stack = Stack(self.ground)
+        stack.add(DISC, self.centres, 0.5 * self.diameter, self.light, self.ground, 0)
+        start = self.angle + np.arange(self.spokes) * (2.0 * np.pi / self.spokes)
+        stack.add(
+            SECTOR, np.repeat(self.centres, self.spokes, axis=0), 0.5 * self.diameter,
+            self.dark, self.light, 1,
+            angle=np.tile(start, len(self.centres)), width=np.pi / self.spokes,
+        )  # fmt: skip
+        return stack.features()
 
 
 def __dir__() -> list[str]:

@@ -18,8 +18,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
-from gpusim.surface.bump import Bump
-from gpusim.surface.features import Features, check_albedo, check_finish, check_length
+from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
@@ -88,9 +87,7 @@ class Speckle:
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_finish("Speckle", self.roughness, self.metallic)
-        check_length("Speckle", diameter=self.diameter)
-        check_albedo("Speckle", dot=self.dot, ground=self.ground)
+        check_paint(self)
         if not (np.isfinite(self.coverage) and 0.0 < self.coverage < 1.0):
             raise InputError(f"Speckle coverage; got {self.coverage}; expected above 0, below 1")
         if not (np.isfinite(self.softness) and 0.0 <= self.softness <= 0.5 * self.diameter):

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.surface.frames import Frame
+from gpusim.surface.frames import Frame, PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.paint import Paint, Plain
-from gpusim.surface.plane import PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.topology import Topology, triangulate
 from gpusim.validation import checked
 

@@ -10,9 +10,6 @@ import numpy.typing as npt
 
 __all__ = ["Topology", "sorted_keys", "triangulate"]
 
-FEW = 8
-"""Edges for each that has a flag, from which on sides are found from the edges."""
-
 
 @dataclass(frozen=True, eq=False)
 class Topology:
@@ -68,17 +65,7 @@ class Topology:
     ) -> npt.NDArray[np.bool_]:
         """(n, 3): of every side of triangles ``kept`` (n,), ascending, whether its edge has a flag
         (E,)."""
-        some = np.flatnonzero(flags)
-        two = 2 * len(flags) - np.count_nonzero(~self.manifold) == self.edge.size
-        if not two or not len(kept) or FEW * len(some) > len(flags):
-            # more than two triangles meet somewhere, or there is little to spare
-            return np.asarray(flags[self.edge if len(kept) == len(self.edge) else self.edge[kept]])
-        result = np.zeros((len(kept), 3), bool)
-        for triangle in (self.first[some], self.second[some]):
-            place = np.minimum(np.searchsorted(kept, triangle), len(kept) - 1)
-            seen = kept[place] == triangle
-            result[place[seen]] = flags[self.edge[triangle[seen]]]
-        return result
+        return np.asarray(flags[self.edge if len(kept) == len(self.edge) else self.edge[kept]])
 
 
 def sorted_keys(

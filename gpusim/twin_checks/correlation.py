@@ -6,10 +6,10 @@ import numpy as np
 
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.measure.correlation.icgn import correlate, correlate_numpy
-from gpusim.measure.correlation.matching import Pair, Settings, Status, Subsets
+from gpusim.measure.correlation.image_pair import Pair, Subsets
+from gpusim.measure.correlation.matching import Settings, Status
 from gpusim.measure.correlation.warp import SHAPES
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, SplineImage
 
 
 @twin_check("measure/correlation/icgn")

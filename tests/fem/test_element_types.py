@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from gpusim import Device
-from gpusim.arrays.congruence import congruence_classes
+from gpusim.arrays.unique import congruence_classes
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.elements.element import ELEMENTS

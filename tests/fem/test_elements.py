@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from gpusim.arrays.congruence import congruence_classes
+from gpusim.arrays.unique import congruence_classes
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, body_force, face_force, nodal_force, pressure, traction
 from gpusim.fem.assembly.assembly import assemble

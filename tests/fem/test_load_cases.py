@@ -20,7 +20,7 @@ from gpusim.fem.krylov.error_estimates import Norm
 from gpusim.fem.krylov.outer_iteration import Outcome, each_case, iterate
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.mesh import Mesh, box
-from gpusim.parallel.cpu_budget import limited
+from gpusim.parallel.machine import limited
 
 Float = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import pytest
 
 import gpusim.fem.multigrid.hierarchy as hierarchy
 from benchmarks.solver.cases import uneven_bricks
-from gpusim.arrays.path_sums import along_paths
+from gpusim.arrays.ragged import along_paths
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.block_rows import block_matrix

@@ -26,7 +26,7 @@ import gpusim.measure
 import gpusim.pipeline
 import gpusim.report
 from gpusim.mesh import box
-from gpusim.parallel.cpu_budget import limited
+from gpusim.parallel.machine import limited
 
 __all__ = ["LIMIT", "Begun", "command", "files", "results", "write_scene", "wrong"]
 

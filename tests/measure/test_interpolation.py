@@ -7,7 +7,7 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.measure import SplineImage
-from gpusim.measure.interpolation import quintic_slopes, quintic_weights
+from gpusim.measure.images import quintic_slopes, quintic_weights
 from tests.support.measure_images import speckles
 
 

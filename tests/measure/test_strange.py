@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.measure import Status, dic
-from gpusim.measure.correlation.pixel_search import search_template
+from gpusim.measure.correlation.start_values import search_template
 from tests.support.measure_images import Waves
 
 Images = tuple[np.ndarray, np.ndarray]

@@ -20,7 +20,7 @@ import pytest
 
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.parallel import processes as parallel_processes
-from gpusim.parallel.cpu_budget import all_processors, limited, processors
+from gpusim.parallel.machine import all_processors, limited, processors
 from gpusim.parallel.processes import _can_be_copied, in_copies
 
 needs_copies = pytest.mark.skipif(

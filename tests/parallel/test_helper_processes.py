@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from gpusim.parallel import processes
-from gpusim.parallel.cpu_budget import processors
+from gpusim.parallel.machine import processors
 from gpusim.report import prepare_figures
 from gpusim.report.figures import draw_convergence
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.arrays.congruence import unique_rows
+from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import (
     Elements,

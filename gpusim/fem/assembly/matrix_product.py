@@ -24,7 +24,7 @@ from gpusim.fem.assembly.block_rows import (
     diagonal_blocks,
     invert_blocks,
 )
-from gpusim.parallel.cpu_budget import processors
+from gpusim.parallel.machine import processors
 
 __all__ = [
     "Product",

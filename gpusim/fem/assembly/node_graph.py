@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.arrays.congruence import mix, unique_hashes
+from gpusim.arrays.unique import mix, unique_hashes
 from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
 from gpusim.fem.assembly.matrix_product import add_rows, ahead, counting_sort, transpose_pattern

@@ -26,8 +26,8 @@ from itertools import pairwise
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.arrays.congruence import mix
 from gpusim.arrays.error_free_sums import high_half, two_sum
+from gpusim.arrays.unique import mix
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import Elements, Group

@@ -23,8 +23,8 @@ import numpy.typing as npt
 from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Long, Single
-from gpusim.arrays.congruence import mix
 from gpusim.arrays.ragged import batches
+from gpusim.arrays.unique import mix
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.matrix_product import ahead
 from gpusim.fem.device.node_texels import Allocator

@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.arrays.path_sums import along_paths
+from gpusim.arrays.ragged import along_paths
 from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 

@@ -23,7 +23,7 @@ from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dpotrf
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.congruence import unique_rows
+from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.element_batches import Group
 from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.assembly.stiffness_rounding import indefinite

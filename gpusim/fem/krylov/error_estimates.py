@@ -34,7 +34,7 @@ import numpy as np
 from scipy.linalg import eigvalsh_tridiagonal
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.stiffness_rounding import check_finite, indefinite
 from gpusim.fem.assembly.system import System
 

@@ -11,8 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.congruence import mix
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct, mix
 from gpusim.errors import InputError
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.arrays.congruence import unique_rows
+from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.element_batches import (
     DistinctGroup,
     Elements,

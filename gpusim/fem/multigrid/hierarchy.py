@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, group_matrix, lattice_stencil
 from gpusim.fem.assembly.block_rows import (

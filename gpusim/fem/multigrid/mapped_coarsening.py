@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.arrays.path_sums import along_paths
+from gpusim.arrays.ragged import along_paths
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, crowded, filled_grids
 
 __all__ = ["mapped_lattice"]

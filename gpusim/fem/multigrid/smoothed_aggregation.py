@@ -12,7 +12,7 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.arrays.congruence import noise
+from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.block_rows import pattern, ranges
 from gpusim.fem.assembly.matrix_product import Product, ahead, row_shares, shared
 from gpusim.fem.lattice.stencil import StencilProduct

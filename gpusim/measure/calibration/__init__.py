@@ -2,12 +2,10 @@
 
 In the order in which data passes:
 
-- `view_scatter`: How much more the views of a calibration differ than by independent errors of
-  their points.
 - `bundle_adjustment`: Bundle adjustment of a rig: cameras, their places in the rig, and where the
   target stood.
-- `board_orientation`: Boards that look the same when they are turned: which way round each camera
-  of a rig saw them.
+- `first_estimate`: First estimates of a rig: each camera by itself, and how they stand to each
+  other.
 - `calibration`: Camera calibration from images of a target: one camera, a stereo pair or a larger
   rig.
 """

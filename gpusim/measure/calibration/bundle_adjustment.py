@@ -4,6 +4,12 @@ All parameters at once by Levenberg-Marquardt in float64 (Triggs et al., "Bundle
 modern synthesis", 2000), with the lens model and derivatives of OpenCV. ``cv2.calibrateCamera``
 takes points in float32 and ``cv2.stereoCalibrate`` keeps one pose per view for two cameras only;
 here any number of cameras share the views, and the covariance of every parameter comes with it.
+
+A covariance from the residuals takes every point's error for its own. Where neighbours err alike (a
+lens model that lacks a term, corners that share a bias, a board that isn't flat) parameters are
+less certain than that says, as the pull of whole views on them shows: the clustered variance of
+Liang and Zeger, "Longitudinal data analysis using generalized linear models", Biometrika 73 (1986),
+here one factor for all parameters, since some ten views don't tell one for each.
 """
 
 from __future__ import annotations
@@ -16,7 +22,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError
-from gpusim.measure.calibration.view_scatter import view_scatter
 from gpusim.measure.images import FloatArray
 
 __all__ = ["LENSES", "Adjusted", "Rig", "Rows", "adjust"]
@@ -78,7 +83,7 @@ class Rig:
 class Adjusted:
     """The result: ``rig``, ``residuals`` per entry of the rows (N, 2) px, ``covariance`` (Q, Q)
     of the free parameters named ``names``, and how many steps it took. The covariance is wider than
-    that of independent errors where whole views differ by more (`view_scatter`)."""
+    that of independent errors where whole views differ by more (`_view_scatter`)."""
 
     rig: Rig
     residuals: tuple[FloatArray, ...]
@@ -204,7 +209,7 @@ def adjust(
     inverted = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True)
     variance = square / max(count - len(p), 1)
     covariance = inverted / np.outer(scale, scale) * variance
-    covariance *= max(_scatter(layout, p, rows, variance), 1.0)
+    covariance *= max(_view_scatter(layout, p, rows, variance), 1.0)
     residuals = tuple(_project(layout, rig, r)[0] - r.image for r in rows)
     return Adjusted(rig, residuals, covariance, layout.names, steps)
 
@@ -226,16 +231,25 @@ def _weakest(names: Sequence[tuple[str, int, str]], normal: FloatArray) -> str:
     return ", ".join(parts)
 
 
-def _scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance: float) -> float:
-    """`view_scatter` of the views at the minimum ``p``."""
-    shared = np.arange(layout.first_view)
-    normals, gradients = [], []
+def _view_scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance: float) -> float:
+    """Mean squared pull of the views on the parameters they share, at the minimum ``p``, over that
+    of independent errors whose residuals have the ``variance`` (px^2)."""
+    shared, rest = [], slice(None, layout.first_view)
     for view in sorted({r.view for r in rows}):
         normal, gradient, _ = _normal(layout, p, [r for r in rows if r.view == view])
-        at = np.concatenate([shared, layout.first_view + 6 * view + np.arange(6)])
-        normals.append(normal[np.ix_(at, at)])
-        gradients.append(gradient[at])
-    return view_scatter(normals, gradients, variance, 6)
+        mine = slice(layout.first_view + 6 * view, layout.first_view + 6 * view + 6)
+        right = np.column_stack([normal[mine, rest], gradient[mine]])
+        taken = normal[rest, mine] @ np.linalg.pinv(normal[mine, mine], hermitian=True) @ right
+        shared.append((normal[rest, rest] - taken[:, :-1], gradient[rest] - taken[:, -1]))
+    total = np.sum([normal for normal, _ in shared], axis=0)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
+    both = np.outer(scale, scale)
+    inverse = np.linalg.pinv(total * both, hermitian=True) * both
+    pull = sum(float(gradient @ inverse @ gradient) for _, gradient in shared)
+    # the pulls add up to nothing, so that a view which tells most of a parameter pulls little
+    parts = [inverse @ normal for normal, _ in shared]
+    expected = variance * sum(float(np.trace(part - part @ part)) for part in parts)
+    return pull / expected if expected > 0 else 1.0
 
 
 def _normal(

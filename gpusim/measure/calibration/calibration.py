@@ -1,8 +1,6 @@
 """Camera calibration from images of a target: one camera, a stereo pair or a larger rig.
 
-First estimates come from ``cv2.calibrateCamera`` (Zhang, "A flexible new technique for camera
-calibration", 2000), the result from our own bundle adjustment
-(`gpusim.measure.calibration.bundle_adjustment`).
+First estimates come from OpenCV, the result from our own bundle adjustment.
 """
 
 from __future__ import annotations
@@ -14,30 +12,26 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.calibration.board_orientation import best_turns, turned, turned_pose
 from gpusim.measure.calibration.bundle_adjustment import (
-    DISTORTION,
     LENSES,
     Adjusted,
     Rig,
     Rows,
     adjust,
-    compose,
-    inverse,
     residuals,
     rotation,
     without,
 )
+from gpusim.measure.calibration.first_estimate import MIN_POINTS, calibrated_single, first_rig
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.boards import Sighting
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["CalibratedCamera", "Calibration", "calibrate"]
+__all__ = ["CalibratedCamera", "Calibration", "calibrate", "rig_camera"]
 
-MIN_POINTS = 6  # per view
 MIN_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
 MAX_ROUNDS = 8
@@ -73,6 +67,47 @@ class CalibratedCamera:
     sigma: dict[str, float]
     rms: float
     __repr__ = field_summary
+
+
+@unmasked()
+def rig_camera(
+    resolution: tuple[int, int],
+    K: npt.ArrayLike,
+    distortion: npt.ArrayLike | None = None,
+    R: npt.ArrayLike | None = None,
+    t: npt.ArrayLike | None = None,
+    name: str = "camera",
+) -> CalibratedCamera:
+    """A camera of a rig from arrays as OpenCV and others write them.
+
+    ``R`` (3, 3) and ``t`` (3,) lead from the first camera's coordinates to this one's; without
+    them it is the first. ``distortion`` has OpenCV's order, up to 14 coefficients.
+
+    Raises InputError for shapes or values that make no camera.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> gs.measure.rig_camera((160, 120), K, t=(-0.1, 0, 0)).camera_from_rig[:3, 3]
+    array([-0.1,  0. ,  0. ])
+    """
+    matrix = np.asarray(K, dtype=np.float64)
+    turn = np.eye(3) if R is None else np.asarray(R, dtype=np.float64)
+    shift = np.zeros(3) if t is None else np.ravel(np.asarray(t, dtype=np.float64))
+    given = np.zeros(0) if distortion is None else np.ravel(np.asarray(distortion, np.float64))
+    if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or (matrix[2] != [0, 0, 1]).any():
+        raise InputError(f"{name} K: got {matrix.tolist()}; expected [[fx, 0, cx], [0, fy, cy], …]")
+    rigid = turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-6
+    if not (rigid and np.linalg.det(turn) > 0):
+        raise InputError(f"{name} R: got {turn.tolist()}; expected a (3, 3) rotation")
+    if shift.shape != (3,) or not np.isfinite(shift).all():
+        raise InputError(f"{name} t: got {shift.tolist()}; expected 3 finite lengths")
+    if given.size > 14 or not np.isfinite(given).all():
+        raise InputError(f"{name} distortion: got {given.tolist()}; expected up to 14 coefficients")
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, shift
+    lens = np.concatenate([given, np.zeros(14 - given.size)])
+    return CalibratedCamera(name, resolution, matrix, lens, pose, {}, float("nan"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,8 +203,8 @@ def calibrate(
     """
     seen = _checked(sightings, lens)
     names = list(seen)
-    own = [_calibrated_single(name, seen[name], lens) for name in names]
-    start = _first_rig(names, own, list(seen.values()))
+    own = [calibrated_single(name, seen[name], lens) for name in names]
+    start = first_rig(names, own, list(seen.values()))
     rows = [
         Rows(c, v, s.board, s.image)
         for c, name in enumerate(names)
@@ -212,104 +247,6 @@ def _checked(
         if len(sizes) > 1:
             raise InputError(f"calibrate: camera {name!r}: got images of sizes {sorted(sizes)}")
     return seen
-
-
-@dataclass(frozen=True, eq=False)
-class _SingleCamera:
-    """First estimate of one camera: K (3, 3), distortion (14,), pose (6,) and rms by view."""
-
-    K: FloatArray
-    distortion: FloatArray
-    poses: dict[int, FloatArray]
-
-
-def _calibrated_single(name: str, views: Sequence[Sighting], lens: str) -> _SingleCamera:
-    used = [v for v, s in enumerate(views) if len(s) >= MIN_POINTS]
-    resolution = views[used[0]].resolution
-    flags = cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
-    if lens == "pinhole":
-        flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2
-    try:
-        _, K, coefficients, turns, shifts = cv2.calibrateCamera(
-            [views[v].board.astype(np.float32) for v in used],
-            [views[v].image.astype(np.float32) for v in used],
-            resolution,
-            np.eye(3),
-            np.zeros(5),
-            flags=flags,
-        )
-    except cv2.error as error:
-        raise GpusimError(
-            f"calibrate: camera {name!r}: no first estimate ({error.err}); expected views of the "
-            "target at different tilts"
-        ) from None
-    distortion = np.zeros(DISTORTION)
-    distortion[:5] = np.ravel(coefficients)[:5]
-    if not np.isfinite(K).all():
-        raise GpusimError(f"calibrate: camera {name!r}: no first estimate; views too much alike")
-    poses = {
-        v: np.concatenate([np.ravel(turn), np.ravel(shift)])
-        for v, turn, shift in zip(used, turns, shifts, strict=True)
-    }
-    return _SingleCamera(np.asarray(K, dtype=np.float64), distortion, poses)
-
-
-def _first_rig(
-    names: Sequence[str], own: Sequence[_SingleCamera], seen: Sequence[list[Sighting]]
-) -> Rig:
-    """The cameras in one rig: relative poses from the views that two cameras share.
-
-    Sightings (and poses) of boards that a camera saw the other way round are turned.
-    """
-    placed = {0: np.zeros(6)}
-    while len(placed) < len(own):
-        best: tuple[int, int, int] | None = None
-        for c in range(len(own)):
-            for known in placed:
-                common = len(own[c].poses.keys() & own[known].poses.keys())
-                if c not in placed and common and (best is None or common > best[0]):
-                    best = common, c, known
-        if best is None:
-            apart = [names[c] for c in range(len(own)) if c not in placed]
-            raise InputError(f"calibrate: {apart} share no view of the target with {names[0]!r}")
-        _, c, known = best
-        common_views = sorted(own[c].poses.keys() & own[known].poses.keys())
-        turns = best_turns(
-            [own[known].poses[v] for v in common_views],
-            [own[c].poses[v] for v in common_views],
-            [seen[c][v] for v in common_views],
-        )
-        for v, quarter in zip(common_views, turns, strict=True):
-            if quarter:
-                own[c].poses[v] = turned_pose(own[c].poses[v], seen[c][v], quarter)
-                seen[c][v] = turned(seen[c][v], quarter)
-        between = _middle(
-            [compose(inverse(own[known].poses[v]), own[c].poses[v]) for v in common_views]
-        )
-        placed[c] = compose(placed[known], between)
-    views = max(max(o.poses) for o in own) + 1
-    poses = np.full((views, 6), np.nan)
-    for c, camera in enumerate(own):
-        for v, pose in camera.poses.items():
-            if not np.isfinite(poses[v]).all():
-                poses[v] = compose(pose, inverse(placed[c]))
-    return Rig(
-        np.array([[o.K[0, 0], o.K[1, 1]] for o in own]),
-        np.array([[o.K[0, 2], o.K[1, 2]] for o in own]),
-        np.stack([o.distortion for o in own]),
-        np.stack([placed[c] for c in range(len(own))]),
-        poses,
-    )
-
-
-def _middle(poses: Sequence[FloatArray]) -> FloatArray:
-    """The pose with the least sum of distances to the others: no mean, so outliers don't count."""
-    stack = np.stack(poses)
-    size = np.maximum(np.median(np.linalg.norm(stack[:, 3:], axis=1)), 1e-30)
-    scaled = np.concatenate([stack[:, :3], stack[:, 3:] / size], axis=1)
-    apart = np.linalg.norm(scaled[:, None] - scaled[None], axis=2).sum(axis=1)
-    result: FloatArray = stack[int(np.argmin(apart))]
-    return result
 
 
 def _robust(
@@ -393,7 +330,7 @@ def _rms(residuals: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))) if len(residuals) else np.nan
 
 
-def _matrix(pose: FloatArray) -> npt.NDArray[np.float64]:
+def _matrix(pose: FloatArray) -> FloatArray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation(pose), pose[3:]
     return matrix

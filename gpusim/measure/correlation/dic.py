@@ -14,32 +14,28 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
-from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.features import feature_motions, global_shift
-from gpusim.measure.correlation.matching import Correlation, Settings, Status
-from gpusim.measure.correlation.pixel_mask import MaskedImage, masked_image
-from gpusim.measure.correlation.propagation import Front, seeds
-from gpusim.measure.correlation.subsets import (
+from gpusim.measure.correlation.matching import (
+    Correlation,
     DicResult,
+    Settings,
+    Status,
     Window,
-    check_mask,
     make_result,
     make_settings,
+    noise_factor,
 )
+from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name_failures
+from gpusim.measure.correlation.propagation import Front, seeds
+from gpusim.measure.correlation.start_values import feature_motions, global_shift
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import FloatArray, check_points
-from gpusim.measure.nearest_points import point_tree
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Start", "dic", "given_or_grid", "grid_points", "name_failures"]
+__all__ = ["Start", "dic", "given_or_grid", "grid_points"]
 
 Start = Literal["auto", "search", "features"]
 MIN_FOUND_SEEDS = 0.5  # share of the seeds that must be found by searching
-MAX_COVERED_SHARE = 0.02  # share of a subset in the deformed image that may be unusable
-# a subset that ended like this may have met with something that covers the deformed image
-UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, Status.INCOHERENT)
-PROBES = 9  # positions across a subset at which that is looked up
 
 
 @unmasked("reference", "deformed")
@@ -155,7 +151,8 @@ def _measure_all(
     if front.extend_deformed():
         front.propagate()
     if begin is None:
-        unreached = np.flatnonzero((front.status == Status.NO_GUESS) | (front.attempts == 0))
+        lost = front.matches.status == Status.NO_GUESS
+        unreached = np.flatnonzero(lost | (front.attempts == 0))
         if unreached.size:
             front.search(unreached, search_px, np.zeros(2))
             front.propagate()
@@ -166,7 +163,7 @@ def _measure_all(
     front.retry_with_tolerances()
     front.recheck_outliers()
     front.reject_discontinuities()
-    return front.matches()
+    return front.matches
 
 
 def _seed(front: Front, start: Start, search_px: int) -> None:
@@ -185,7 +182,7 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
 
 def _found(front: Front, chosen: npt.NDArray[np.int64]) -> float:
     """Share of the points that have a texture which have been measured; 0 if there are none."""
-    open_ = chosen[front.status[chosen] != Status.NO_TEXTURE]
+    open_ = chosen[front.matches.status[chosen] != Status.NO_TEXTURE]
     return float(front.ok[open_].mean()) if open_.size else 0.0
 
 
@@ -208,60 +205,6 @@ def _check_guess(
         raise InputError(f"guess: got shape {values.shape}; expected finite (2,) or {points.shape}")
     begin[:, :, 0] = values
     return begin
-
-
-def name_failures(
-    matches: Correlation,
-    points: FloatArray,
-    settings: Settings,
-    first: MaskedImage,
-    second: MaskedImage,
-) -> None:
-    """Name subsets that are masked or saturated, in the reference or where they went to, and those
-    that left the deformed image."""
-    half = settings.half
-    lost = np.flatnonzero(np.isin(matches.status, (Status.OUTSIDE, Status.NO_GUESS)))
-    if lost.size and (first.masked is not None or first.saturated is not None):
-        reasons = first.reasons(points[lost], half)
-        named = reasons != Status.OUTSIDE
-        matches.status[lost[named]] = reasons[named]
-    # what wasn't found went with its nearest neighbour, as far as anybody can tell
-    known = np.flatnonzero(matches.status == Status.OK)
-    if not known.size:
-        return
-    covers = second.masked is not None or second.saturated is not None
-    unknown = np.isin(matches.status, UNEXPLAINED)
-    asked = np.flatnonzero(unknown | ((matches.status == Status.OK) & covers))
-    if not asked.size:
-        return
-    guide = known[point_tree(points[known]).query(points[asked])[1]]
-    # at whole pixels: halfway between two, the last bit of a motion would choose
-    offset = np.rint(np.linspace(-half, half, PROBES)) / half
-    a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
-    c = matches.coefficients[guide]
-    terms = np.stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b])
-    here = points[asked][:, :, None] + half * np.stack([a, b])
-    away = (points[asked] - points[guide]) / half
-    motion = c @ terms + np.einsum("mij,mj->mi", c[:, :, 1:3], away)[:, :, None]
-    there = here + motion
-    last = np.array(second.image.shape[::-1])[:, None] - 0.5
-    gone = ~((there >= -0.5) & (there <= last)).all(axis=(1, 2))
-    gone &= unknown[asked] & (matches.status[asked] != Status.INCOHERENT)
-    matches.status[asked[gone]] = Status.OUTSIDE
-    if not covers:
-        return
-    # what the reference leaves out anyway may be covered: white patches of the pattern itself
-    used = ~first.bad_at(here)[..., None]
-    masked, saturated = (
-        (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
-        for part in np.split(second.parts_at(there), 2, axis=-1)
-    )
-    covered = (masked + saturated > MAX_COVERED_SHARE) & ~gone
-    reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
-    target = asked[covered]
-    matches.status[target] = reason[covered]
-    matches.coefficients[target] = np.nan
-    matches.sigma[target] = np.nan
 
 
 def given_or_grid(

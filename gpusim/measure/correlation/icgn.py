@@ -15,7 +15,7 @@ Working with the small difference e instead of g keeps float32 sums good on the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
@@ -23,16 +23,16 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.gpu.adapter import is_processor
-from gpusim.measure.correlation.image_tiles import Limits, Sampled, Tile, plan_tiles
-from gpusim.measure.correlation.matching import (
-    Correlation,
+from gpusim.measure.correlation.image_pair import (
+    Limits,
     Pair,
-    Settings,
-    Status,
+    Sampled,
     Subsets,
-    check_subsets,
+    Tile,
+    plan_tiles,
+    subset_pixels,
 )
-from gpusim.measure.correlation.normal_equations import cholesky, solve
+from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.warp import (
     COEFFICIENTS,
     SHAPES,
@@ -43,13 +43,13 @@ from gpusim.measure.correlation.warp import (
     steepest_descent,
     step_coefficients,
 )
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import PAD
+from gpusim.measure.images import PAD, FloatArray
 
 __all__ = ["correlate", "correlate_numpy"]
 
 BoolArray = npt.NDArray[np.bool_]
 
+MIN_PIVOT = 1e-5  # of a Cholesky pivot over its diagonal: below, a motion can't be told
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 FASTEST = 0.03  # ratio of two steps that is trusted to go on
@@ -64,15 +64,13 @@ SPREAD = 1.5  # half widths that the pixels of a subset are expected to lie from
 
 def correlate_numpy(subsets: Subsets, settings: Settings) -> Correlation:
     """Match every subset in float64 on the host."""
-    check_subsets(subsets, settings)
-    count = subsets.points.shape[0]
+    count = len(subsets.points)
     chunk = max(1, CHUNK // settings.window.size)
-    parts = [
-        _correlate_chunk(subsets, settings, slice(start, start + chunk))
-        for start in range(0, count, chunk)
-    ]
-    names = [field.name for field in fields(Correlation)]
-    return Correlation(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
+    result = Correlation.unmatched(count)
+    for start in range(0, count, chunk):
+        part = slice(start, start + chunk)
+        result.put(part, _correlate_chunk(subsets, settings, part))
+    return result
 
 
 @dataclass(frozen=True)
@@ -101,9 +99,7 @@ class _References:
 def _references(pair: Pair, points: FloatArray, settings: Settings) -> _References:
     half, shape = settings.half, settings.shape
     status = np.full(len(points), Status.NOT_CONVERGED, dtype=np.int8)
-    offset = np.arange(-half, half + 1)
-    column = np.rint(points[:, :1]).astype(np.int64) + np.tile(offset, offset.size)
-    row = np.rint(points[:, 1:]).astype(np.int64) + np.repeat(offset, offset.size)
+    column, row = subset_pixels(points, half)
     spline = pair.reference
     in_crop: BoolArray = np.all(
         spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1
@@ -193,10 +189,10 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
             sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
         active = active[~(done | lost)]
     status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
-    bad = status != Status.OK
-    c[bad] = np.nan
-    sigma[bad] = np.nan
-    return Correlation(c, zncc, sigma, iterations, status)
+    result = Correlation(c, zncc, sigma, iterations, status)
+    bad = ~result.ok
+    result.refuse(bad, status[bad])
+    return result
 
 
 def remaining(size: FloatArray, before: FloatArray) -> FloatArray:
@@ -244,7 +240,6 @@ def correlate(
     """
     if device is None:
         return correlate_numpy(subsets, settings)
-    check_subsets(subsets, settings)
     pair, half = subsets.pair, settings.half
     centre = np.rint(subsets.points)
     corner = np.array([[-half, -half], [half, half]])
@@ -282,11 +277,8 @@ def correlate(
     )
     stray = np.flatnonzero(status == BEYOND_TILE)
     if stray.size:
-        again = correlate_numpy(
-            Subsets(pair, subsets.points[stray], subsets.start[stray]), settings
-        )
-        for field in fields(Correlation):
-            getattr(result, field.name)[stray] = getattr(again, field.name)
+        again = Subsets(pair, subsets.points[stray], subsets.start[stray])
+        result.put(stray, correlate_numpy(again, settings))
     return result
 
 
@@ -343,8 +335,8 @@ def _dispatch(
             "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
             "box": box,
         },
-        reference=pair.reference_texture(device, tile.reference, limits),
-        deformed=pair.deformed_texture(device, tile.deformed, limits),
+        reference=pair.texture(device, "reference", tile.reference, limits),
+        deformed=pair.texture(device, "deformed", tile.deformed, limits),
         window=Sampled(device, settings.window.astype(np.float32), "measure.icgn.window"),
         places=device.buffer(places.astype(np.int32), label="measure.icgn.places"),
         starts=device.buffer(starts.astype(np.float32), label="measure.icgn.starts"),
@@ -355,3 +347,32 @@ def _dispatch(
         recording.dispatch(kernel, bindings, groups=(-(-rows.size // lines), lines, 1))
     values: FloatArray = result.read(np.float32, (rows.size, 16)).astype(np.float64)
     return values
+
+
+def cholesky(matrix: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Lower factors of (B, P, P) matrices and whether each is safely positive definite."""
+    size = matrix.shape[1]
+    factor = np.zeros_like(matrix)
+    good = np.ones(matrix.shape[0], dtype=bool)
+    largest = np.einsum("bii->bi", matrix).max(axis=1)
+    for j in range(size):
+        diagonal = matrix[:, j, j]
+        pivot = diagonal - (factor[:, j, :j] ** 2).sum(axis=1)
+        good &= (pivot > MIN_PIVOT * diagonal) & (diagonal > MIN_PIVOT**2 * largest)
+        root = np.sqrt(np.where(good, pivot, 1.0))
+        factor[:, j, j] = root
+        for i in range(j + 1, size):
+            dot = (factor[:, i, :j] * factor[:, j, :j]).sum(axis=1)
+            factor[:, i, j] = (matrix[:, i, j] - dot) / root
+    return factor, good
+
+
+def solve(factor: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve L L^T x = right for (B, P, P) factors and (B, P) right sides."""
+    size = factor.shape[1]
+    x = right.copy()
+    for i in range(size):
+        x[:, i] = (x[:, i] - (factor[:, i, :i] * x[:, :i]).sum(axis=1)) / factor[:, i, i]
+    for i in reversed(range(size)):
+        x[:, i] = (x[:, i] - (factor[:, i + 1 :, i] * x[:, i + 1 :]).sum(axis=1)) / factor[:, i, i]
+    return x

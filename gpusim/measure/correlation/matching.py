@@ -1,28 +1,48 @@
-"""What goes into matching subsets and what comes out, shared by the kernel and its twin."""
+"""What goes into matching subsets and what comes out, whichever way they are matched.
+
+A blur G takes white noise n to G n: its variance shrinks to the sum of G's squares, and so does
+what a match leaves as residuals. But neighbouring pixels now err together, and a displacement comes
+from sums over many: with the slopes J of the blurred image its variance is J^T G G^T J over
+(J^T J)^2, times that of the noise, where independent residuals would give 1 over J^T J
+(`noise_factor`).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
-from functools import cached_property
+from math import sqrt
+from typing import Any, Literal
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
-from gpusim.gpu import Device
-from gpusim.measure.correlation.image_tiles import Box, Limits, Sampled, TextureCache
-from gpusim.measure.correlation.warp import UNKNOWNS, Shape
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.field_summary import field_summary
+from gpusim.measure.correlation.warp import UNKNOWNS, Shape, check_shape
+from gpusim.measure.images import BLUR_REACH, FloatArray, SplineImage
 
-__all__ = ["Correlation", "Pair", "Settings", "Status", "Subsets", "check_subsets", "grey_range"]
+__all__ = [
+    "Correlation",
+    "DicResult",
+    "PointResult",
+    "Settings",
+    "Status",
+    "Window",
+    "make_result",
+    "make_settings",
+    "noise_factor",
+]
 
+Window = Literal["square", "round"]
+BoolArray = npt.NDArray[np.bool_]
 
-IntArray = npt.NDArray[np.int64]
 # sum of squares of the slope filter: spline coefficients of an impulse, read by quintic_slopes(0)
 SLOPE_NOISE = 1.89396
-KEEP_PLANES = 1 << 22  # pixels of a reference crop: 134 MB of planes
+MIN_BLUR = 0.5  # px: it takes noise off the slopes
+MIN_SHARE = 1e-3  # of the slopes' energy that a second blur leaves
 
 
 class Status(IntEnum):
@@ -70,129 +90,62 @@ class Settings:
     apart_px: float = 0.1
     slope_noise: float = SLOPE_NOISE
 
+    def __post_init__(self) -> None:
+        window, most = self.window, self.max_iterations
+        if not 0 < self.tolerance < 1:
+            raise InputError(f"tolerance: got {self.tolerance!r}; expected 0 < tolerance < 1 px")
+        if not isinstance(most, (int, np.integer)) or most < 1:
+            raise InputError(f"max_iterations: got {most!r}; expected a whole number >= 1")
+        if not -1 <= self.min_zncc <= 1:
+            raise InputError(f"min_zncc: got {self.min_zncc!r}; expected -1..1")
+        if not 0 < self.max_move < np.inf:
+            raise InputError(f"max_move: got {self.max_move!r}; expected px > 0")
+        if not self.apart_px > 0:
+            raise InputError(f"apart_px: got {self.apart_px!r}; expected px > 0, or inf")
+        check_shape(self.shape)
+        size = len(window)
+        if window.shape != (size, size) or size % 2 == 0 or size < 5:
+            raise InputError(
+                f"window: wrong shape; got {window.shape}; expected (S, S), S odd, at least 5"
+            )
+        if not (np.isfinite(window).all() and window.min() >= 0 and 0 < window.max() <= 1):
+            raise InputError("window: weights out of range; expected 0..1, not all 0")
+        if window.sum() <= UNKNOWNS[self.shape] + 2:
+            raise InputError("window: too few pixels with weight for the unknowns of the shape")
+
     @property
     def half(self) -> int:
         """Half width of the subset: it spans 2 half + 1 pixels."""
-        return int(self.window.shape[0]) // 2
+        return len(self.window) // 2
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Two images to be matched. What matching needs of them is prepared once per pair.
-
-    reference, deformed : splines that cover every subset.
-    mask : (H, W) bool of the whole reference image, True = may be used; or None.
-    """
-
-    reference: SplineImage
-    deformed: SplineImage
-    mask: npt.NDArray[np.bool_] | None = None
-
-    @cached_property
-    def planes(self) -> FloatArray:
-        """Reference grey value, its slopes by x and y, and the mask: (h, w, 4), grey range 1."""
-        height, width = self.reference.pixels.shape
-        result = np.empty((height, width, 4))
-        self.fill_planes((0, 0, width, height), result)
-        return result
-
-    def planes_at(self, x: IntArray, y: IntArray, size: int) -> FloatArray:
-        """The planes of subsets with first pixels ``x``, ``y`` (B,): (B, size * size, 4).
-
-        Those of the whole crop are kept only where that is small.
-        """
-        found = np.zeros((x.size, size, size, 4))
-        if size > min(self.reference.pixels.shape):
-            pass  # no subset fits
-        elif self.reference.pixels.size <= KEEP_PLANES:
-            offset = np.arange(size)
-            rows, columns = y[:, None] + offset, x[:, None] + offset
-            found[...] = self.planes[rows[:, :, None], columns[:, None, :]]
-        else:
-            for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-                self.fill_planes((left, top, left + size, top + size), found[i])
-        return found.reshape(x.size, size * size, 4)
-
-    def part(self, box: Box) -> npt.NDArray[np.float32]:
-        """The planes of a part of the reference crop, for a device; ``box`` as in
-        ``image_tiles``."""
-        x0, y0, x1, y1 = box
-        size = self.reference.pixels.size
-        if size <= KEEP_PLANES and 2 * (x1 - x0) * (y1 - y0) > size:
-            return self.planes[y0:y1, x0:x1].astype(np.float32)  # the host will ask for them, too
-        planes = np.empty((y1 - y0, x1 - x0, 4), dtype=np.float32)
-        self.fill_planes(box, planes)
-        return planes
-
-    def fill_planes(
-        self, box: Box, planes: npt.NDArray[np.float64] | npt.NDArray[np.float32]
-    ) -> None:
-        """Write the planes of a part of the reference crop; ``box`` as in ``image_tiles``."""
-        spline = self.reference
-        x0, y0, x1, y1 = box
-        low, scale = self.reference_range
-        planes[:, :, 0] = (spline.pixels[y0:y1, x0:x1] - low) * scale
-        by_x, by_y = spline.pixel_gradients(box)
-        planes[:, :, 1] = by_x * scale
-        planes[:, :, 2] = by_y * scale
-        planes[:, :, 3] = 1.0
-        if self.mask is not None:
-            x, y = spline.origin
-            planes[:, :, 3] = self.mask[y + y0 : y + y1, x + x0 : x + x1]
-
-    @cached_property
-    def reference_range(self) -> tuple[float, float]:
-        """``grey_range`` of the reference crop."""
-        return grey_range(self.reference)
-
-    @cached_property
-    def deformed_range(self) -> tuple[float, float]:
-        """``grey_range`` of the deformed crop."""
-        return grey_range(self.deformed)
-
-    @cached_property
-    def _textures(self) -> TextureCache:
-        return TextureCache()
-
-    def reference_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
-        """Grey value, slopes by x and y, mask."""
-        return self._textures.get(device, "reference", box, limits, self.part)
-
-    def deformed_texture(self, device: Device, box: Box, limits: Limits) -> Sampled:
-        """Spline coefficients; a texel holds those of 2x2 pixels, row by row."""
-        return self._textures.get(device, "deformed", box, limits, self._packed_coefficients)
-
-    def _packed_coefficients(self, box: Box) -> npt.NDArray[np.float32]:
-        x0, y0, x1, y1 = box
-        low, scale = self.deformed_range
-        part = (self.deformed.coefficients[y0:y1, x0:x1] - low) * scale
-        packed = np.zeros((*part.shape, 4), dtype=np.float32)
-        packed[:, :, 0] = part
-        packed[:, :-1, 1] = part[:, 1:]
-        packed[:-1, :, 2] = part[1:]
-        packed[:-1, :-1, 3] = part[1:, 1:]
-        return packed
+def make_settings(
+    subset: int, window: Window | npt.ArrayLike, *, blur_px: float = 0.0, **others: Any
+) -> Settings:
+    """Settings of square subsets ``subset`` px wide; ``others`` as of `Settings`."""
+    # a blur takes noise off the slopes first
+    slope_noise = SLOPE_NOISE if blur_px < MIN_BLUR else 0.0
+    return Settings(make_window(subset, window), slope_noise=slope_noise, **others)
 
 
-def grey_range(spline: SplineImage) -> tuple[float, float]:
-    """Lowest grey value and 1 / range of a crop; the second is 0 for a flat image."""
-    low = float(spline.pixels.min())
-    span = float(spline.pixels.max()) - low
-    return low, 1.0 / span if span > 0 else 0.0
-
-
-@dataclass(frozen=True)
-class Subsets:
-    """Reference subsets to be found in a deformed image.
-
-    pair : the two images.
-    points : (M, 2) float64, x, y in the reference image.
-    start : (M, 2, 6) float64, warp coefficients to start from, px.
-    """
-
-    pair: Pair
-    points: FloatArray
-    start: FloatArray
+def make_window(subset: int, window: Window | npt.ArrayLike) -> FloatArray:
+    """Weights (subset, subset) in 0..1: all pixels, those of the inscribed disc, or an array."""
+    if not isinstance(subset, (int, np.integer)) or subset % 2 == 0 or not 5 <= subset <= 255:
+        raise InputError(f"subset: got {subset!r}; expected an odd whole number of px, 5..255")
+    if isinstance(window, str):
+        if window == "square":
+            return np.ones((subset, subset))
+        if window == "round":
+            offset = np.arange(subset) - subset // 2
+            radius = np.hypot(offset[:, None], offset[None, :])
+            return (radius <= subset / 2).astype(np.float64)
+        raise InputError(f"window: got {window!r}; expected 'square', 'round' or an array")
+    weights = np.asarray(window, dtype=np.float64)
+    if weights.shape != (subset, subset):
+        raise InputError(
+            f"window: wrong shape; got {weights.shape}; expected ({subset}, {subset}) as subset"
+        )
+    return weights.copy()
 
 
 @dataclass(frozen=True)
@@ -211,26 +164,138 @@ class Correlation:
     iterations: npt.NDArray[np.int32]
     status: npt.NDArray[np.int8]
 
+    @staticmethod
+    def unmatched(count: int) -> Correlation:
+        """``count`` subsets of which nothing is known."""
+        return Correlation(
+            np.full((count, 2, 6), np.nan),
+            np.full(count, np.nan),
+            np.full(count, np.nan),
+            np.zeros(count, dtype=np.int32),
+            np.full(count, Status.NO_GUESS, dtype=np.int8),
+        )
 
-def check_subsets(subsets: Subsets, settings: Settings) -> None:
-    """Refuse inputs that no kernel should see."""
-    count = subsets.points.shape[0]
-    if subsets.points.shape != (count, 2) or subsets.start.shape != (count, 2, 6):
-        raise InputError(
-            f"subsets: shapes don't match; got points {subsets.points.shape}, start "
-            f"{subsets.start.shape}; expected (M, 2) and (M, 2, 6)"
-        )
-    if not (np.isfinite(subsets.points).all() and np.isfinite(subsets.start).all()):
-        raise InputError("subsets: got NaN or infinite points or start values; expected finite")
-    window = settings.window
-    size = window.shape[0]
-    if window.ndim != 2 or window.shape != (size, size) or size % 2 == 0 or size < 5:
-        raise InputError(
-            f"window: wrong shape; got {window.shape}; expected (S, S), S odd, at least 5"
-        )
-    if not (np.isfinite(window).all() and window.min() >= 0 and 0 < window.max() <= 1):
-        raise InputError("window: weights out of range; expected 0..1, not all 0")
-    if window.sum() <= UNKNOWNS[settings.shape] + 2:
-        raise InputError("window: too few pixels with weight for the unknowns of the shape")
-    if not 0 < settings.tolerance < 1 or settings.max_iterations < 1:
-        raise InputError("settings: expected 0 < tolerance < 1 px and at least one iteration")
+    @property
+    def ok(self) -> BoolArray:
+        """(M,) bool: the subsets that were matched."""
+        return np.asarray(self.status == Status.OK)
+
+    def put(self, rows: Any, found: Correlation, chosen: Any = slice(None)) -> None:
+        """Take over those of the matches ``found`` that are ``chosen``."""
+        for field in fields(self):
+            getattr(self, field.name)[rows] = getattr(found, field.name)[chosen]
+
+    def refuse(self, rows: Any, status: Any) -> None:
+        """Count ``rows`` as failed."""
+        self.status[rows] = status
+        self.coefficients[rows] = np.nan
+        self.sigma[rows] = np.nan
+
+
+class PointResult:
+    """What results at M points share."""
+
+    status: npt.NDArray[np.int8]
+
+    @property
+    def ok(self) -> BoolArray:
+        """(M,) bool: the points that were measured."""
+        return np.asarray(self.status == Status.OK)
+
+    def counts(self) -> dict[str, int]:
+        """How many points ended in each status, only those that occur."""
+        numbers = {status.name: int((self.status == status).sum()) for status in Status}
+        return {name: number for name, number in numbers.items() if number}
+
+
+@dataclass(frozen=True)
+class DicResult(PointResult):
+    """Displacement of M points. Only points with status ``OK`` carry numbers, the others NaN.
+
+    Attributes
+    ----------
+    points : (M, 2) float64, x, y in the reference image, px.
+    displacement : (M, 2) float64, where each point went, px.
+    gradient : (M, 2, 2) float64, [[du/dx, du/dy], [dv/dx, dv/dy]].
+    zncc : (M,) float64, correlation coefficient of the match (also of poor ones).
+    sigma : (M,) float64, standard uncertainty of the worse displacement component from the grey
+        residuals, px; with a blur, what independent noise before the blur would give. It doesn't
+        contain the interpolation's own bias.
+    iterations : (M,) int32.
+    status : (M,) int8, values of ``Status``.
+    subset : width of the subsets, px.
+
+    Examples
+    --------
+    >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
+    >>> result = gs.measure.dic(before, after, subset=31, step=20, backend="numpy")
+    >>> result.points.shape, bool(result.ok.all())
+    ((35, 2), True)
+    """
+
+    points: FloatArray
+    displacement: FloatArray
+    gradient: FloatArray
+    zncc: FloatArray
+    sigma: FloatArray
+    iterations: npt.NDArray[np.int32]
+    status: npt.NDArray[np.int8]
+    subset: int
+    __repr__ = field_summary
+
+
+def make_result(
+    points: FloatArray, matches: Correlation, subset: int, widening: FloatArray
+) -> DicResult:
+    """Turn raw matches into the public result; ``widening`` (M,) is the `noise_factor`.
+
+    A match is uncertain in the pixels of the reference; what it says of the deformed image is
+    stretched with the subset.
+    """
+    coefficients = matches.coefficients
+    gradient = coefficients[:, :, 1:3] / (subset // 2)
+    stretch = np.full(len(points), np.nan)
+    known = np.isfinite(gradient).all(axis=(1, 2))
+    stretch[known] = np.linalg.norm(np.eye(2) + gradient[known], ord=2, axis=(1, 2))
+    return DicResult(
+        points=points,
+        displacement=coefficients[:, :, 0].copy(),
+        gradient=gradient,
+        zncc=matches.zncc,
+        sigma=matches.sigma * stretch * widening,
+        iterations=matches.iterations,
+        status=matches.status,
+        subset=subset,
+    )
+
+
+def noise_factor(blurred: SplineImage, points: FloatArray, half: int, blur_px: float) -> FloatArray:
+    """Standard uncertainty over that from the residuals alone, of subsets at ``points`` (M, 2).
+
+    ``blurred`` is the reference after a Gaussian of ``blur_px``. The slopes along the axis that
+    fares worse are taken, the window as a square. 1 without a blur.
+    """
+    if not blur_px > 0:
+        return np.ones(len(points))
+    reach = int(np.ceil(BLUR_REACH * blur_px))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / blur_px) ** 2)
+    kernel /= kernel.sum()
+    pixels = blurred.pixels
+    height, width = pixels.shape
+    column = np.clip(np.rint(points[:, 0]).astype(np.int64) - blurred.origin[0], 0, width - 1)
+    row = np.clip(np.rint(points[:, 1]).astype(np.int64) - blurred.origin[1], 0, height - 1)
+    left, right = np.maximum(column - half, 0), np.minimum(column + half + 1, width)
+    top, bottom = np.maximum(row - half, 0), np.minimum(row + half + 1, height)
+    shares = []
+    for axis in (0, 1):
+        slope = np.gradient(pixels, axis=axis)
+        again = scipy.ndimage.gaussian_filter(slope, sqrt(2.0) * blur_px, truncate=BLUR_REACH)
+        sums = []
+        for product in (slope * again, slope * slope):
+            table = cv2.integral(product, sdepth=cv2.CV_64F)
+            sums.append(
+                table[bottom, right] - table[top, right] - table[bottom, left] + table[top, left]
+            )
+        shares.append(sums[0] / np.maximum(sums[1], 1e-300))
+    share = np.clip(np.maximum(*shares), MIN_SHARE, 1.0)
+    return np.asarray(np.sqrt(share) / np.square(kernel).sum())

@@ -9,17 +9,20 @@ usable as long as its white parts are smaller than that.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
-from gpusim.measure.correlation.matching import Status
+from gpusim.measure.correlation.matching import Correlation, Settings, Status
+from gpusim.measure.correlation.warp import basis
 from gpusim.measure.images import FloatArray, Image, check_image, pixels_of
 
-__all__ = ["MaskedImage", "full_scale", "masked_image"]
+__all__ = ["MaskedImage", "check_mask", "full_scale", "masked_image", "name_failures"]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -28,6 +31,10 @@ RIM = 2  # px around such an area over which its edge disturbs the interpolation
 DEPTHS = (8, 10, 12, 14, 16)  # bits of cameras
 # share of pixels at the highest level that makes it full scale and not chance
 MIN_SATURATED_SHARE = 1e-4
+MAX_COVERED_SHARE = 0.02  # share of a subset in the deformed image that may be unusable
+# a subset that ended like this may have met with something that covers the deformed image
+UNEXPLAINED = (Status.NOT_CONVERGED, Status.LOW_CORRELATION, Status.NO_GUESS, Status.INCOHERENT)
+PROBES = 9  # positions across a subset at which that is looked up
 
 
 @dataclass(frozen=True)
@@ -113,12 +120,7 @@ def masked_image(
             bad = None
     array = check_image(array, name)
     if mask is not None:
-        given = np.asarray(mask)
-        if given.dtype != np.bool_ or given.shape != array.shape:
-            raise InputError(
-                f"mask: got {given.dtype} {given.shape}; expected bool {array.shape} as the "
-                f"{name} image"
-            )
+        given = _given_mask(mask, array, f"the {name} image")
         bad = ~given if bad is None else bad | ~given
     if saturation is None:
         level = full_scale(given_pixels)
@@ -135,6 +137,15 @@ def masked_image(
     rim = np.ones((2 * RIM + 1, 2 * RIM + 1), dtype=np.uint8)
     area: BoolArray = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
     return MaskedImage(_scaled(array), bad, area if area.any() else None)
+
+
+def _given_mask(mask: npt.NDArray[Any], image: Image, whose: str) -> BoolArray:
+    array = np.asarray(mask)
+    if array.dtype != np.bool_ or array.shape != image.shape:
+        raise InputError(
+            f"mask: got {array.dtype} {array.shape}; expected bool {image.shape} as {whose}"
+        )
+    return array
 
 
 def _scaled(image: Image) -> Image:
@@ -173,3 +184,67 @@ def _share(part: BoolArray, x: npt.NDArray[Any], y: npt.NDArray[Any], half: int)
     x0, x1, y0, y1 = x - half, x + half + 1, y - half, y + half + 1
     total = table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
     return np.asarray(total / (2 * half + 1) ** 2)
+
+
+def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> BoolArray | None:
+    """Check that a mask is boolean and as large as the reference image, and shrink it.
+
+    Pixels next to what is masked out are dropped too, as far as the interpolation and the blur
+    mix them with it: 1 px + 2 standard deviations.
+    """
+    if mask is None:
+        return None
+    array = _given_mask(mask, image, "the reference")
+    size = 2 * ceil(1.0 + 2.0 * blur_px) + 1
+    kept = cv2.erode(array.astype(np.uint8), np.ones((size, size), dtype=np.uint8))
+    return np.asarray(kept, dtype=np.bool_)
+
+
+def name_failures(
+    matches: Correlation,
+    points: FloatArray,
+    settings: Settings,
+    first: MaskedImage,
+    second: MaskedImage,
+) -> None:
+    """Name subsets that are masked or saturated, in the reference or where they went to, and those
+    that left the deformed image."""
+    half = settings.half
+    lost = np.flatnonzero(np.isin(matches.status, (Status.OUTSIDE, Status.NO_GUESS)))
+    if lost.size and (first.masked is not None or first.saturated is not None):
+        reasons = first.reasons(points[lost], half)
+        named = reasons != Status.OUTSIDE
+        matches.status[lost[named]] = reasons[named]
+    # what wasn't found went with its nearest neighbour, as far as anybody can tell
+    known = np.flatnonzero(matches.ok)
+    if not known.size:
+        return
+    covers = second.masked is not None or second.saturated is not None
+    unknown = np.isin(matches.status, UNEXPLAINED)
+    asked = np.flatnonzero(unknown | (matches.ok & covers))
+    if not asked.size:
+        return
+    guide = known[scipy.spatial.cKDTree(points[known]).query(points[asked])[1]]
+    # at whole pixels: halfway between two, the last bit of a motion would choose
+    offset = np.rint(np.linspace(-half, half, PROBES)) / half
+    a, b = (axis.ravel() for axis in np.meshgrid(offset, offset))
+    c = matches.coefficients[guide]
+    here = points[asked][:, :, None] + half * np.stack([a, b])
+    away = (points[asked] - points[guide]) / half
+    motion = c @ basis(a, b, 6) + np.einsum("mij,mj->mi", c[:, :, 1:3], away)[:, :, None]
+    there = here + motion
+    last = np.array(second.image.shape[::-1])[:, None] - 0.5
+    gone = ~((there >= -0.5) & (there <= last)).all(axis=(1, 2))
+    gone &= unknown[asked] & (matches.status[asked] != Status.INCOHERENT)
+    matches.status[asked[gone]] = Status.OUTSIDE
+    if not covers:
+        return
+    # what the reference leaves out anyway may be covered: white patches of the pattern itself
+    used = ~first.bad_at(here)[..., None]
+    masked, saturated = (
+        (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
+        for part in np.split(second.parts_at(there), 2, axis=-1)
+    )
+    covered = (masked + saturated > MAX_COVERED_SHARE) & ~gone
+    reason = np.where(saturated > masked, Status.SATURATED, Status.MASKED)
+    matches.refuse(asked[covered], reason[covered])

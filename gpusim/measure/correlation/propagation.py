@@ -13,17 +13,16 @@ from math import ceil
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.gpu import Device
-from gpusim.measure.correlation.features import Motion
 from gpusim.measure.correlation.icgn import correlate
-from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Status, Subsets
-from gpusim.measure.correlation.pixel_search import integer_search
+from gpusim.measure.correlation.image_pair import Pair, Subsets
+from gpusim.measure.correlation.matching import Correlation, Settings, Status
+from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
-from gpusim.measure.images import FloatArray, Image
-from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.nearest_points import point_tree
+from gpusim.measure.images import FloatArray, Image, SplineImage, point_spacing
 
 __all__ = ["Front", "seeds"]
 
@@ -55,9 +54,7 @@ def seeds(points: FloatArray) -> IntArray:
     """One point per cell of 8x8 points, the one nearest to the cell's centre."""
     if len(points) < 4:
         return np.arange(len(points))
-    apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
-    spacing = float(np.median(apart[:, 1]))
-    size = SEED_EVERY * max(spacing, 1.0)
+    size = SEED_EVERY * max(point_spacing(points), 1.0)
     cell = np.floor((points - points.min(axis=0)) / size)
     offset = np.hypot(*((points - points.min(axis=0)) / size - cell - 0.5).T)
     order = np.lexsort([offset, cell[:, 0], cell[:, 1]])
@@ -78,7 +75,7 @@ class Front:
         deformed: Image,
         points: FloatArray,
         settings: Settings,
-        mask: npt.NDArray[np.bool_] | None,
+        mask: BoolArray | None,
         blur_px: float,
         near: float,
         device: Device | None,
@@ -97,18 +94,19 @@ class Front:
             mask,
         )
         count = len(points)
-        self.coefficients = np.full((count, 2, 6), np.nan)
-        self.zncc = np.full(count, np.nan)
-        self.sigma = np.full(count, np.nan)
-        self.iterations = np.zeros(count, dtype=np.int32)
-        self.status = np.full(count, Status.NO_GUESS, dtype=np.int8)
+        self.matches = Correlation.unmatched(count)
         self.attempts = np.zeros(count, dtype=np.int64)
         self.source = np.full(count, -1, dtype=np.int64)
 
     @property
-    def ok(self) -> npt.NDArray[np.bool_]:
+    def ok(self) -> BoolArray:
         """(M,) bool: the points measured so far."""
-        return np.asarray(self.status == Status.OK)
+        return self.matches.ok
+
+    @property
+    def _open(self) -> BoolArray:
+        """(M,) bool: the points that could be measured and haven't been so far."""
+        return np.asarray(~self.ok & (self.matches.status != Status.NO_TEXTURE))
 
     def search(self, which: IntArray, search_px: int, shift: FloatArray) -> None:
         """Start ``which`` from an integer search around the displacement ``shift`` (2,)."""
@@ -130,7 +128,7 @@ class Front:
         found = [motion.at(points) for motion in motions]
         order = np.argsort([distance for _, distance in found], axis=0)
         for rank in range(len(motions)):
-            open_ = np.flatnonzero(~self.ok[which] & (self.status[which] != Status.NO_TEXTURE))
+            open_ = np.flatnonzero(self._open[which])
             for number, motion in enumerate(motions):
                 part = open_[order[rank, open_] == number]
                 gradient = np.broadcast_to(motion.matrix * self.settings.half, (part.size, 2, 2))
@@ -162,22 +160,15 @@ class Front:
             settings = replace(settings, tolerance=tolerance)
         result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
         if tolerance is not None:
-            early = (result.status == Status.OK) & ~(result.sigma >= MIN_SIGMA_RATIO * tolerance)
-            result.status[early] = Status.NOT_CONVERGED
-            result.coefficients[early] = np.nan
-            result.sigma[early] = np.nan
+            early = result.ok & ~(result.sigma >= MIN_SIGMA_RATIO * tolerance)
+            result.refuse(early, Status.NOT_CONVERGED)
         self.attempts[which] += 1
         if keep:
-            better = (result.status == Status.OK) & (result.zncc > self.zncc[which])
+            better = result.ok & (result.zncc > self.matches.zncc[which])
             chosen = ~self.ok[which] | better
         else:
             chosen = np.isin(result.status, (Status.OUTSIDE, Status.NO_TEXTURE)) & ~self.ok[which]
-        target = which[chosen]
-        self.coefficients[target] = result.coefficients[chosen]
-        self.zncc[target] = result.zncc[chosen]
-        self.sigma[target] = result.sigma[chosen]
-        self.iterations[target] = result.iterations[chosen]
-        self.status[target] = result.status[chosen]
+        self.matches.put(which[chosen], result, chosen)
 
     def retry_with_tolerances(self) -> None:
         """Measure what noise keeps from converging as far as its own uncertainty makes sense.
@@ -186,11 +177,11 @@ class Front:
         tolerance; a tenth of the standard uncertainty is as good a place to stop.
         """
         for tolerance in RELAXED_TOLERANCES:
-            which = np.flatnonzero(self.status == Status.NOT_CONVERGED)
+            which = np.flatnonzero(self.matches.status == Status.NOT_CONVERGED)
             if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
                 continue
             neighbour = self._neighbours[which]
-            score = np.where(self.ok[neighbour], self.zncc[neighbour], -1.0)
+            score = np.where(self.ok[neighbour], self.matches.zncc[neighbour], -1.0)
             source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
             near = score.max(axis=1) > 0
             start = self._extrapolated(which[near], source[near])
@@ -204,8 +195,8 @@ class Front:
         neighbour = self._neighbours
         while True:
             ok = self.ok
-            open_points = ~ok & (self.status != Status.NO_TEXTURE) & (self.attempts < ATTEMPTS)
-            score = np.where(ok[neighbour], self.zncc[neighbour], -1.0)
+            open_points = self._open & (self.attempts < ATTEMPTS)
+            score = np.where(ok[neighbour], self.matches.zncc[neighbour], -1.0)
             column = np.argmax(score, axis=1)
             source = neighbour[np.arange(count), column]
             usable = open_points & (score.max(axis=1) > 0) & (source != self.source)
@@ -225,10 +216,10 @@ class Front:
         if len(self.points) < NEIGHBOURS:
             return
         neighbour = self._neighbours
-        lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.zncc >= SURE_ZNCC)
-        self._reject(np.flatnonzero(lonely), Status.LOW_CORRELATION)
+        lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.matches.zncc >= SURE_ZNCC)
+        self.matches.refuse(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
-        own = self.coefficients[:, :, 0]
+        own = self.matches.coefficients[:, :, 0]
         said = np.stack(
             [self._extrapolated(np.arange(len(own)), column)[0] for column in neighbour.T], axis=1
         )
@@ -258,12 +249,12 @@ class Front:
         asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
-            found = self.points[which], self.coefficients[which]
+            found = self.points[which], self.matches.coefficients[which]
             torn, uncertain[which], likely[which] = inconsistent_subsets(
                 self.pair, *found, self.settings, self.blur_px
             )
-            self._reject(which[torn], Status.INCOHERENT)
-            self._reject(which[one_sided], Status.NO_TEXTURE)
+            self.matches.refuse(which[torn], Status.INCOHERENT)
+            self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
                 return
             near = distinct(self._neighbours[which[torn]])
@@ -278,11 +269,11 @@ class Front:
         Those whose middle by itself says something else of the point; and likely ones among
         several: an edge through a subset's middle looks the same in there.
         """
-        lost = np.isin(self.status[self._neighbours], BESIDE_EDGES).sum(axis=1)
+        lost = np.isin(self.matches.status[self._neighbours], BESIDE_EDGES).sum(axis=1)
         asked = np.flatnonzero(uncertain & (lost > 0))
         company = np.where(likely[asked], MIN_REJECTED_NEIGHBOURS, 2 * MIN_REJECTED_NEIGHBOURS)
         torn = self._centre_disagrees(asked) | (lost[asked] >= company)
-        self._reject(asked[torn], Status.INCOHERENT)
+        self.matches.refuse(asked[torn], Status.INCOHERENT)
 
     def _centre_disagrees(self, which: IntArray) -> BoolArray:
         """Whether the middle of a subset by itself says something else of its point.
@@ -296,20 +287,13 @@ class Front:
         cut = slice(half - inner, half + inner + 1)
         settings = replace(self.settings, window=self.settings.window[cut, cut])
         scale = np.array([1.0, *[inner / half] * 2, *[(inner / half) ** 2] * 3])
-        start = self.coefficients[which] * scale
+        start = self.matches.coefficients[which] * scale
         result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
         away = np.abs(result.coefficients[:, :, 0] - start[:, :, 0]).max(axis=1)
-        limit = np.maximum(self.settings.apart_px, 4.0 * self._blur_widened(result.sigma))
-        return np.asarray((result.status == Status.OK) & (away > limit))
-
-    def _blur_widened(self, sigma: FloatArray) -> FloatArray:
-        """Blurred noise is correlated: the uncertainty is that much larger."""
-        return np.asarray(sigma * max(1.0, 2.0 * np.sqrt(np.pi) * self.blur_px))
-
-    def _reject(self, which: IntArray, status: Status) -> None:
-        self.status[which] = status
-        self.coefficients[which] = np.nan
-        self.sigma[which] = np.nan
+        # blurred noise is correlated: the uncertainty is that much larger
+        sigma = result.sigma * max(1.0, 2.0 * np.sqrt(np.pi) * self.blur_px)
+        limit = np.maximum(self.settings.apart_px, 4.0 * sigma)
+        return np.asarray(result.ok & (away > limit))
 
     def _outliers(self) -> IntArray:
         """Measured points that a neighbour would put elsewhere, or that leave much."""
@@ -318,29 +302,28 @@ class Front:
             return which
         neighbour = self._neighbours[which]
         said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
-        away = np.abs(said - self.coefficients[which, None, :, 0]).max(axis=2)
-        unsure = np.hypot(self.sigma[which][:, None], self.sigma[neighbour])
+        away = np.abs(said - self.matches.coefficients[which, None, :, 0]).max(axis=2)
+        unsure = np.hypot(self.matches.sigma[which][:, None], self.matches.sigma[neighbour])
         # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
-        slopes = self.coefficients[:, :, 1:3]
+        slopes = self.matches.coefficients[:, :, 1:3]
         bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         alone = ~self.ok[neighbour].all(axis=1)
-        left = 1.0 - self.zncc[which]
+        left = 1.0 - self.matches.zncc[which]
         poor = left > POOR_RESIDUAL * np.quantile(left, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _one_sided(self, which: IntArray) -> npt.NDArray[np.bool_]:
-        return one_sided_texture(self.pair, self.points[which], self.zncc[which], self.settings)
+    def _one_sided(self, which: IntArray) -> BoolArray:
+        zncc = self.matches.zncc[which]
+        return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
 
     @cached_property
     def _neighbours(self) -> IntArray:
         """(M, 8) the points nearest to each, nearest first."""
         number = min(NEIGHBOURS, len(self.points))
-        nearest = np.asarray(
-            point_tree(self.points).query(self.points, k=number)[1], dtype=np.int64
-        )
-        return nearest[:, 1:]
+        nearest = scipy.spatial.cKDTree(self.points).query(self.points, k=number)[1]
+        return np.asarray(nearest, dtype=np.int64)[:, 1:]
 
     def _extrapolated(self, which: IntArray, source: IntArray) -> tuple[FloatArray, FloatArray]:
         """Displacements and slopes of points as their sources' warps continue to them.
@@ -348,13 +331,13 @@ class Front:
         Second derivatives are left out: they are noisier than what they would add.
         """
         offset = (self.points[which] - self.points[source]) / self.settings.half
-        linear = self.coefficients[source][:, :, 1:3]
-        displacement = self.coefficients[source][:, :, 0] + np.einsum("mij,mj->mi", linear, offset)
-        return displacement, linear
+        warp = self.matches.coefficients[source]
+        linear = warp[:, :, 1:3]
+        return warp[:, :, 0] + np.einsum("mij,mj->mi", linear, offset), linear
 
     def extend_deformed(self) -> bool:
         """Take in the whole deformed image if a point has left the part around the start."""
-        left = self.status == Status.OUTSIDE
+        left = self.matches.status == Status.OUTSIDE
         if not (left.any() and self.ok.any()) or not self.take_whole_image():
             return False
         self.attempts[left] = 0
@@ -369,10 +352,6 @@ class Front:
         whole = SplineImage.from_image(self.images[1], blur_px=self.blur_px)
         self.pair = Pair(self.pair.reference, whole, self.pair.mask)
         return True
-
-    def matches(self) -> Correlation:
-        """The outcome so far."""
-        return Correlation(self.coefficients, self.zncc, self.sigma, self.iterations, self.status)
 
 
 def _around(points: FloatArray, margin: float) -> tuple[float, float, float, float]:

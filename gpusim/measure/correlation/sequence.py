@@ -14,13 +14,12 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.measure.correlation.dic import dic, grid_points
-from gpusim.measure.correlation.matching import Status
-from gpusim.measure.correlation.subsets import DicResult
+from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.images import FloatArray, check_points
-from gpusim.measure.nearest_points import point_tree
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -57,7 +56,7 @@ def dic_sequence(
     step: int = 10,
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
-    mask: npt.NDArray[np.bool_] | None = None,
+    mask: BoolArray | None = None,
     progress: Callable[[int, DicResult], None] | None = None,
     **options: Any,
 ) -> list[DicResult]:
@@ -184,7 +183,7 @@ def _moved_mask(
     nearest point; beyond the first image nothing is masked."""
     row, column = np.indices(shape)
     pixels = np.column_stack([column.ravel(), row.ravel()]).astype(np.float64)
-    nearest = np.asarray(point_tree(points).query(pixels)[1], dtype=np.int64)
+    nearest = np.asarray(scipy.spatial.cKDTree(points).query(pixels)[1], dtype=np.int64)
     back = np.linalg.inv(deformation)[nearest]
     origin = first[nearest] + np.einsum("nij,nj->ni", back, pixels - points[nearest])
     x, y = np.rint(origin).astype(np.int64).T
@@ -200,27 +199,25 @@ def _total(
 ) -> DicResult:
     """The result in terms of the first reference."""
     count, which = len(places), base.which
-    displacement = np.full((count, 2), np.nan)
-    gradient = np.full((count, 2, 2), np.nan)
-    zncc, sigma = np.full(count, np.nan), np.full(count, np.nan)
-    iterations = np.zeros(count, dtype=np.int32)
-    if before is None or len(which) == count:
-        status = np.full(count, Status.NO_GUESS, dtype=np.int8)
-    else:
+    status = np.full(count, Status.NO_GUESS, dtype=np.int8)
+    if before is not None and len(which) < count:
         status = np.where(before.ok, Status.NO_GUESS, before.status).astype(np.int8)
-    displacement[which] = base.displacement + found.displacement
-    gradient[which] = (np.eye(2) + found.gradient) @ base.deformation - np.eye(2)
-    zncc[which] = found.zncc
-    sigma[which] = np.sqrt(base.variance + found.sigma**2)
-    iterations[which] = found.iterations
     status[which] = found.status
+    iterations = np.zeros(count, dtype=np.int32)
+    iterations[which] = found.iterations
+
+    def every(values: FloatArray) -> FloatArray:
+        result = np.full((count, *values.shape[1:]), np.nan)
+        result[which] = values
+        return result
+
     return replace(
         found,
         points=places,
-        displacement=displacement,
-        gradient=gradient,
-        zncc=zncc,
-        sigma=sigma,
+        displacement=every(base.displacement + found.displacement),
+        gradient=every((np.eye(2) + found.gradient) @ base.deformation - np.eye(2)),
+        zncc=every(found.zncc),
+        sigma=every(np.sqrt(base.variance + found.sigma**2)),
         iterations=iterations,
         status=status,
     )

@@ -4,6 +4,10 @@ The window is the virtual strain gauge: its size, (points across - 1) x step + s
 Practices Guide for Digital Image Correlation, 2018, 5.4), decides over what length a strain is
 averaged and is reported with it. Displacements are taken along the image axes: x right, y down.
 With y down the sign of the shear exy is opposite to that in axes with y up.
+
+On a curved surface positions are fitted locally as functions of the image coordinates (xi, eta).
+With the tangents A = dX/d(xi, eta) before and a = dx/d(xi, eta) after, and A = Q R, the right
+Cauchy-Green tensor in the surface is C = R^-T a^T a R^-1: no reference plane, no projection.
 """
 
 from __future__ import annotations
@@ -15,15 +19,23 @@ from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray
-from gpusim.measure.nearest_points import point_tree
+from gpusim.measure.images import FloatArray, point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["StrainKind", "StrainResult", "StrainStatus", "check_kind", "strain", "strain_tensor"]
+__all__ = [
+    "StrainKind",
+    "StrainResult",
+    "StrainStatus",
+    "check_kind",
+    "strain",
+    "strain_tensor",
+    "surface_strain",
+]
 
 IntArray = npt.NDArray[np.int64]
 
@@ -63,6 +75,18 @@ class Measured(Protocol):
     @property
     def subset(self) -> float:
         """Width of the subsets, in the unit of ``points``."""
+
+
+class MeasuredSurface(Measured, Protocol):
+    """Points of a surface in space, as ``stereo_dic`` returns them."""
+
+    @property
+    def shape(self) -> FloatArray:
+        """(M, 3) positions before."""
+
+    @property
+    def ok(self) -> npt.NDArray[np.bool_]:
+        """(M,), whether measured."""
 
 
 @dataclass(frozen=True)
@@ -152,26 +176,20 @@ def strain(
     >>> gs.measure.strain(result, window=3, kind="hencky").kind
     'hencky'
     """
-    if not isinstance(window, (int, np.integer)) or window < 3 or window % 2 == 0:
-        raise InputError(f"window: got {window!r}; expected an odd number of points >= 3")
+    points, displacement = result.points, result.displacement
+    _check_gauge("strain", window, points)
     if order not in TERMS:
         raise InputError(f"order: got {order!r}; expected 1 or 2")
     check_kind(kind)
-    points, displacement = result.points, result.displacement
-    if len(points) < 2:
-        raise InputError(f"strain: got {len(points)} points; expected at least 2")
     if spacing is None:
-        apart = np.asarray(point_tree(points).query(points, k=2)[0], dtype=np.float64)
-        spacing = float(np.median(apart[:, 1]))
+        spacing = point_spacing(points)
     if not 0 < spacing < np.inf:
         raise InputError(f"spacing: got {spacing!r}; expected a distance > 0 between points")
     gradient, residual, count = fit_gradients(
         points, displacement, 0.5 * (window - 1) * spacing, order, window
     )
     measured = np.isfinite(displacement).all(axis=1)
-    status = np.full(len(points), StrainStatus.OK, dtype=np.int8)
-    status[~np.isfinite(gradient).all(axis=(1, 2))] = StrainStatus.FEW_POINTS
-    status[~measured] = StrainStatus.NOT_MEASURED
+    status = _statuses(np.isfinite(gradient).all(axis=(1, 2)), measured)
     gradient[~measured] = np.nan
     residual[~measured] = np.nan
     return StrainResult(
@@ -184,6 +202,87 @@ def strain(
         kind=kind,
         gauge_px=float((window - 1) * spacing + result.subset),
     )
+
+
+@unmasked()
+@one_blas_thread()
+def surface_strain(
+    result: MeasuredSurface, *, window: int = 5, kind: StrainKind = "green-lagrange"
+) -> StrainResult:
+    """Strain in the surface. The local x axis lies along the surface as the image's rows do.
+
+    Parameters
+    ----------
+    result : what ``stereo_dic`` returned.
+    window : points across the square window, odd, at least 3.
+    kind : "green-lagrange" (C - 1) / 2 or "hencky" ln C / 2.
+
+    ``gradient`` of the result is U - 1 with the stretch U = sqrt(C), ``residual`` the RMS distance
+    of the fit from the measured displacement, in the unit of the positions. Raises InputError for
+    another window or kind.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> rig = [gs.measure.rig_camera((160, 120), K, t=(x, 0, 0)) for x in (0, -0.02)]
+    >>> left, right = (gs.export.read_image(f"{name}.png") for name in ("left", "right"))
+    >>> shape = gs.measure.stereo_shape(left, right, rig, step=30, backend="numpy")
+    >>> bool(np.nanmax(np.abs(gs.measure.surface_strain(shape, window=3).tensor)) < 1e-9)
+    True
+    """
+    points = result.points
+    _check_gauge("surface_strain", window, points)
+    if kind not in ("green-lagrange", "hencky"):
+        raise InputError(f"kind: got {kind!r}; expected 'green-lagrange' or 'hencky'")
+    spacing = point_spacing(points)
+    reach = 0.5 * (window - 1) * spacing
+    before, _, _ = fit_gradients(points, result.shape, reach, 1, window)
+    moved, residual, count = fit_gradients(points, result.displacement, reach, 1, window)
+    fitted = np.isfinite(before).all(axis=(1, 2)) & np.isfinite(moved).all(axis=(1, 2))
+    good = fitted & result.ok
+    status = _statuses(fitted, result.ok)
+    tensor = np.full((len(points), 2, 2), np.nan)
+    stretch = np.full((len(points), 2, 2), np.nan)
+    A, d = before[good], moved[good]
+    # R from the Cholesky factor of A^T A, with a positive diagonal: x stays x
+    metric = np.swapaxes(A, 1, 2) @ A
+    R = np.swapaxes(np.linalg.cholesky(metric), 1, 2)
+    # a^T a - A^T A without the difference of large numbers
+    cross = np.swapaxes(A, 1, 2) @ d
+    change = cross + np.swapaxes(cross, 1, 2) + np.swapaxes(d, 1, 2) @ d
+    inverse = np.linalg.inv(R)
+    twice = np.swapaxes(inverse, 1, 2) @ change @ inverse  # C - 1
+    values, vectors = np.linalg.eigh(twice)
+    values = np.maximum(values, -1 + 1e-15)
+    turned = np.swapaxes(vectors, 1, 2)
+    if kind == "hencky":
+        tensor[good] = (vectors * (0.5 * np.log1p(values))[:, None, :]) @ turned
+    else:
+        tensor[good] = 0.5 * twice
+    roots = values / (np.sqrt(1.0 + values) + 1.0)  # sqrt(1 + v) - 1
+    stretch[good] = (vectors * roots[:, None, :]) @ turned
+    return StrainResult(
+        points=points,
+        tensor=tensor,
+        gradient=stretch,
+        residual=np.where(good, residual, np.nan),
+        count=count,
+        status=status,
+        kind=kind,
+        gauge_px=float((window - 1) * spacing + result.subset),
+    )
+
+
+def _check_gauge(what: str, window: int, points: FloatArray) -> None:
+    if not isinstance(window, (int, np.integer)) or window < 3 or window % 2 == 0:
+        raise InputError(f"window: got {window!r}; expected an odd number of points >= 3")
+    if len(points) < 2:
+        raise InputError(f"{what}: got {len(points)} points; expected at least 2")
+
+
+def _statuses(fitted: Any, measured: Any) -> npt.NDArray[np.int8]:
+    status = np.where(fitted, StrainStatus.OK, StrainStatus.FEW_POINTS)
+    return np.where(measured, status, StrainStatus.NOT_MEASURED).astype(np.int8)
 
 
 def strain_tensor(gradient: FloatArray, kind: StrainKind) -> FloatArray:
@@ -268,7 +367,7 @@ def _pairs(
     points: FloatArray, known: FloatArray, reach: float, window: int
 ) -> Iterator[tuple[int, int, IntArray, IntArray]]:
     """Ranges (first, last) of points, with their pairs: row in the range, known point."""
-    tree = point_tree(known)
+    tree = scipy.spatial.cKDTree(known)
     chunk = max(1, CHUNK // (window * window))
     for first in range(0, len(points), chunk):
         part = points[first : first + chunk]

@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontinuities
-from gpusim.measure.correlation.matching import Pair, Settings
+from gpusim.measure.correlation.image_pair import Pair, subset_pixels
+from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
+from gpusim.measure.images import FloatArray, SplineImage
 
 __all__ = ["inconsistent_subsets", "one_sided_texture"]
 
@@ -159,12 +159,9 @@ def _subsets(
     pair: Pair, points: FloatArray, settings: Settings
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
     """Pixels (M, n) of subsets in the whole reference image, columns and rows, and the planes."""
-    half = settings.half
-    offset = np.arange(-half, half + 1)
-    column = np.rint(points[:, :1]).astype(np.int64) + np.tile(offset, offset.size)
-    row = np.rint(points[:, 1:]).astype(np.int64) + np.repeat(offset, offset.size)
+    column, row = subset_pixels(points, settings.half)
     x, y = pair.reference.origin
-    return column, row, pair.planes_at(column[:, 0] - x, row[:, 0] - y, offset.size)
+    return column, row, pair.planes_at(column[:, 0] - x, row[:, 0] - y, len(settings.window))
 
 
 def _inconsistent_chunk(

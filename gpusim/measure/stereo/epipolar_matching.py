@@ -1,20 +1,43 @@
-"""Which marker of one image is which of the other: epipolar distance, depth, one to one."""
+"""Which point of one image is which of the other, for a calibrated pair of cameras.
+
+Markers are paired by their distances from epipolar lines, by depth, and one to one. Of surfaces,
+features that satisfy the epipolar constraint give the first motions; seeds that they don't reach
+are searched along their epipolar line. The front then spreads with quadratic subsets, which follow
+the perspective of a tilted or curved surface. What doesn't end on its epipolar line is refused.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
+from gpusim.gpu import Device
 from gpusim.measure.calibration.calibration import CalibratedCamera
-from gpusim.measure.images import FloatArray
-from gpusim.measure.stereo.triangulation import essential, normalised, triangulate
+from gpusim.measure.correlation.matching import Correlation, Settings, Status
+from gpusim.measure.correlation.propagation import Front, seeds
+from gpusim.measure.correlation.start_values import common_motions, feature_matches, search_template
+from gpusim.measure.images import FloatArray, Image
+from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
 from gpusim.validation import unmasked
 
-__all__ = ["Matches", "epipolar_distance", "match_epipolar", "paired_epipolar_distance"]
+__all__ = [
+    "Matches",
+    "epipolar_distance",
+    "match_epipolar",
+    "match_views",
+    "paired_epipolar_distance",
+]
+
+FEATURE_PX = 4.0  # from its epipolar line: further away a feature match is wrong
+MIN_EPIPOLAR_SHARE = 0.1  # share of the feature matches that at least satisfy a right calibration
+DEPTHS = 160  # places along an epipolar line, from half a baseline to 500 of them
+BAND = 3  # px beside the line
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,11 +162,95 @@ def match_epipolar(
             possible[i, j] = (z >= low) & (z <= high)
     dear = 1e3 * limit_px * (1 + max(distance.shape, default=0))
     cost = np.where(possible, np.where(np.isfinite(distance), distance, 0.0), dear)
-    # here: a tenth of all that a measurement imports, for the few that pair points
-    from scipy.optimize import linear_sum_assignment
-
-    i, j = linear_sum_assignment(cost)
+    i, j = scipy.optimize.linear_sum_assignment(cost)
     kept = possible[i, j]
     i, j = i[kept], j[kept]
     rivals = (possible[i].sum(axis=1) > 1) | (possible[:, j].sum(axis=0) > 1)
     return Matches(np.stack([i, j], axis=1).astype(np.int64), distance[i, j], rivals)
+
+
+def match_views(
+    left: Image,
+    right: Image,
+    points: FloatArray,
+    cameras: tuple[CalibratedCamera, CalibratedCamera],
+    settings: Settings,
+    mask: npt.NDArray[np.bool_] | None,
+    blur_px: float,
+    epipolar_px: float,
+    device: Device | None,
+) -> Correlation:
+    """Correlate ``points`` (M, 2) of the left image in the right one.
+
+    Pairs further than ``epipolar_px`` from the epipolar constraint have the status ``EPIPOLAR``.
+    """
+    front = Front(left, right, points, settings, mask, blur_px, 1.0, device)
+    front.take_whole_image()
+    chosen = seeds(points)
+    here, there = feature_matches(left, right)
+    if len(here):
+        true = paired_epipolar_distance(cameras, here, there) <= FEATURE_PX
+        if true.mean() < MIN_EPIPOLAR_SHARE:
+            true[:] = True  # the calibration is wrong: match all the same, so that it shows
+        diagonal = float(np.hypot(*left.shape))
+        front.start_from_features(chosen, common_motions(here[true], there[true], diagonal))
+    lost = chosen[~front.ok[chosen] & (front.matches.status[chosen] != Status.NO_TEXTURE)]
+    if lost.size > 0.5 * chosen.size:
+        found = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
+        start = np.array([place for place, _ in found])
+        good = np.array([score for _, score in found]) > 0.5 * settings.min_zncc
+        front.attempt(lost[good], (start - points[lost])[good])
+    front.propagate()
+    untried = np.flatnonzero(front.attempts == 0)
+    front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
+    front.recheck_outliers()
+    front.reject_discontinuities()
+    matches = front.matches
+    ok = np.flatnonzero(front.ok)
+    miss = paired_epipolar_distance(
+        cameras, points[ok], points[ok] + matches.coefficients[ok, :, 0]
+    )
+    wrong = ok[~(miss <= epipolar_px)]
+    matches.refuse(wrong, Status.EPIPOLAR)
+    return matches
+
+
+def _along_line(
+    left: Image,
+    right: Image,
+    point: FloatArray,
+    cameras: tuple[CalibratedCamera, CalibratedCamera],
+    half: int,
+) -> tuple[FloatArray, float]:
+    """Where on its epipolar line a subset fits best, to whole pixels, and its correlation."""
+    column, row = (int(v) for v in np.rint(point))
+    height, width = left.shape
+    nowhere: tuple[FloatArray, float] = (point, -1.0)
+    if not (half <= column < width - half and half <= row < height - half):
+        return nowhere
+    template = left[row - half : row + half + 1, column - half : column + half + 1]
+    first, second = cameras
+    ray = np.append(normalised(first, point[None])[0], 1.0)
+    relative = second.camera_from_rig @ np.linalg.inv(first.camera_from_rig)
+    baseline = float(np.linalg.norm(relative[:3, 3]))
+    depths = baseline * np.geomspace(0.5, 500.0, DEPTHS)
+    places = np.append(depths[:, None] * ray, np.ones((DEPTHS, 1)), axis=1)
+    in_rig = places @ np.linalg.inv(first.camera_from_rig).T
+    in_front = (in_rig @ second.camera_from_rig.T)[:, 2] > 0
+    seen: npt.NDArray[Any] = project(second, in_rig[in_front, :3])[0]
+    tall, wide = right.shape
+    inside = (seen >= half).all(axis=1) & (seen < [wide - half, tall - half]).all(axis=1)
+    line = seen[inside]
+    if not len(line):
+        return nowhere
+    best = nowhere
+    covered = np.full(2, -np.inf)
+    for place in line:
+        if np.abs(place - covered).max() < BAND:
+            continue
+        covered = place
+        centre = (round(float(place[0])), round(float(place[1])))
+        x, y, score = search_template(template.astype(np.float64), right, centre, BAND)
+        if score > best[1]:
+            best = np.array([x, y], dtype=np.float64), score
+    return best

@@ -16,21 +16,20 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
-from gpusim.measure.correlation.matching import Status
-from gpusim.measure.correlation.subsets import DicResult
+from gpusim.measure.correlation.matching import DicResult, PointResult, Status
 from gpusim.measure.images import FloatArray
 from gpusim.measure.stereo.triangulation import normalised
+from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
 __all__ = ["MappedResult", "Mapping", "lens_mapping", "mapped", "plane_mapping"]
 
 Mapping = Callable[[FloatArray], FloatArray]
-STEP = 0.5  # px, of the central differences
 
 
 @dataclass(frozen=True)
-class MappedResult:
+class MappedResult(PointResult):
     """A ``DicResult`` in the coordinates of a mapping; NaN where ``status`` isn't ``OK``.
 
     points, displacement : (M, 2) float64, unit of the mapping.
@@ -54,11 +53,6 @@ class MappedResult:
     status: npt.NDArray[np.int8]
     subset: float
     __repr__ = field_summary
-
-    @property
-    def ok(self) -> npt.NDArray[np.bool_]:
-        """(M,) bool: the points that were measured."""
-        return np.asarray(self.status == Status.OK)
 
 
 @unmasked()
@@ -159,13 +153,11 @@ def plane_mapping(camera: CalibratedCamera, camera_from_plane: npt.ArrayLike) ->
 
 def _mapped(mapping: Mapping, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Places (N, 2) and slopes (N, 2, 2): [[dX/dx, dX/dy], [dY/dx, dY/dy]]."""
-    place = np.asarray(mapping(pixels), dtype=np.float64)
+
+    def at(where: FloatArray) -> FloatArray:
+        return np.asarray(mapping(where), dtype=np.float64)
+
+    place = at(pixels)
     if place.shape != pixels.shape:
         raise InputError(f"mapping: returned shape {place.shape}; expected {pixels.shape}")
-    slope = np.empty((len(pixels), 2, 2))
-    for axis in range(2):
-        step = np.zeros(2)
-        step[axis] = STEP
-        ahead, behind = mapping(pixels + step), mapping(pixels - step)
-        slope[:, :, axis] = (np.asarray(ahead) - np.asarray(behind)) / (2 * STEP)
-    return place, slope
+    return place, field_slope(at, pixels)

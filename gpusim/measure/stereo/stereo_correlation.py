@@ -1,7 +1,7 @@
 """Stereo correlation: shape, displacement and strain of a surface from two calibrated cameras.
 
-The left reference image is matched with the right one once (`gpusim.measure.stereo.view_matching`),
-then each camera's images are tracked in time, and the two tracks of a point are triangulated.
+The left reference image is matched with the right one once, then each camera's images are tracked
+in time, and the two tracks of a point are triangulated.
 Coordinates are those of the rig: the first camera's axes (x right, y down, z forward), in the unit
 of the baseline.
 """
@@ -9,7 +9,7 @@ of the baseline.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,18 +19,20 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
 from gpusim.measure.calibration.calibration import CalibratedCamera
-from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.dic import given_or_grid, name_failures
-from gpusim.measure.correlation.matching import Status
-from gpusim.measure.correlation.pixel_mask import masked_image
+from gpusim.measure.correlation.dic import given_or_grid
+from gpusim.measure.correlation.matching import (
+    DicResult,
+    PointResult,
+    Status,
+    make_settings,
+    noise_factor,
+)
+from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name_failures
 from gpusim.measure.correlation.sequence import Update, dic_sequence
-from gpusim.measure.correlation.subsets import DicResult, check_mask, make_settings
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray
-from gpusim.measure.interpolation import SplineImage
-from gpusim.measure.stereo.epipolar_matching import paired_epipolar_distance
+from gpusim.measure.images import FloatArray, SplineImage
+from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
-from gpusim.measure.stereo.view_matching import match_views
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -40,7 +42,7 @@ Cameras = tuple[CalibratedCamera, CalibratedCamera]
 
 
 @dataclass(frozen=True)
-class StereoResult:
+class StereoResult(PointResult):
     """M points of a surface. Only points with status ``OK`` carry numbers, the others NaN.
 
     Attributes
@@ -78,19 +80,9 @@ class StereoResult:
     __repr__ = field_summary
 
     @property
-    def ok(self) -> npt.NDArray[np.bool_]:
-        """(M,) bool: the points that were measured."""
-        return np.asarray(self.status == Status.OK)
-
-    @property
     def position(self) -> FloatArray:
         """(M, 3) float64, where each point is now."""
         return self.shape + self.displacement
-
-    def counts(self) -> dict[str, int]:
-        """How many points ended in each status, only those that occur."""
-        numbers = {status.name: int((self.status == status).sum()) for status in Status}
-        return {name: number for name, number in numbers.items() if number}
 
 
 @unmasked("left", "right")
@@ -297,29 +289,20 @@ def _triangulated(
     status = status.copy()
     status[good & ~np.isfinite(found.points).all(axis=1)] = Status.EPIPOLAR
     bad = status != Status.OK
-    position = np.where(bad[:, None], np.nan, found.points)
-    origin = position if shape is None else np.where(bad[:, None], np.nan, shape)
-    result = StereoResult(
+
+    def known(values: FloatArray) -> FloatArray:
+        return np.where(bad if values.ndim == 1 else bad[:, None], np.nan, values)
+
+    position = known(found.points)
+    origin = position if shape is None else known(shape)
+    return StereoResult(
         points=points,
-        left=seen[0],
-        right=seen[1],
+        left=known(seen[0]),
+        right=known(seen[1]),
         shape=origin,
         displacement=position - origin,
-        sigma=spread,
-        residual=found.residual,
+        sigma=known(spread),
+        residual=known(found.residual),
         status=status,
         subset=subset,
-    )
-    return result if not bad.any() else _blanked(result, bad)
-
-
-def _blanked(result: StereoResult, bad: npt.NDArray[np.bool_]) -> StereoResult:
-    """No numbers where nothing was measured."""
-    rows = bad[:, None]
-    return replace(
-        result,
-        left=np.where(rows, np.nan, result.left),
-        right=np.where(rows, np.nan, result.right),
-        sigma=np.where(rows, np.nan, result.sigma),
-        residual=np.where(bad, np.nan, result.residual),
     )

@@ -4,7 +4,6 @@ In the order in which data passes:
 
 - `dot_centres`: Round dots: their centres by grey-value moments, and what perspective does to
   them.
-- `image_patches`: Small parts of one image, one below the other in a single spline image.
 - `marker_matching`: Markers of one image matched in another: searched to a pixel, correlated, and
   traced back.
 - `marker_tracking`: Follow markers that all look alike, from those that hardly move to those that

@@ -229,6 +229,12 @@ def _columns(x: FloatArray, breaks: FloatArray) -> FloatArray:
     return np.column_stack([np.ones_like(x), x, bends])
 
 
+def _slopes(x: FloatArray, breaks: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Derivatives of the line by its parameters and by the places of its breaks."""
+    moved = -parameters[2:] * (x[:, None] > breaks)
+    return np.column_stack([_columns(x, breaks), moved])
+
+
 def _one_more(
     x: FloatArray, y: FloatArray, breaks: FloatArray, gap: float
 ) -> tuple[FloatArray, float] | None:
@@ -253,8 +259,7 @@ def _refined(
     count, length = len(breaks), float(x[-1] - x[0])
     for _ in range(ROUNDS):
         parameters, _ = _line(x, y, breaks)
-        slopes = -parameters[2:] * (x[:, None] > breaks)
-        matrix = np.column_stack([_columns(x, breaks), slopes])
+        matrix = _slopes(x, breaks, parameters)
         left = y - _columns(x, breaks) @ parameters
         move = np.linalg.lstsq(matrix, left, rcond=None)[0][-count:]
         for _ in range(12):
@@ -305,8 +310,7 @@ def _far_enough(x: FloatArray, breaks: FloatArray, clearance: float) -> npt.NDAr
 def _result(x: FloatArray, y: FloatArray, breaks: FloatArray) -> SlopeChanges:
     parameters, squares = _line(x, y, breaks)
     count = len(breaks)
-    slopes = -parameters[2:] * (x[:, None] > breaks)
-    matrix = np.column_stack([_columns(x, breaks), slopes])
+    matrix = _slopes(x, breaks, parameters)
     freedom = max(len(x) - matrix.shape[1], 1)
     size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     inverse = np.linalg.pinv((matrix / size).T @ (matrix / size), hermitian=True)

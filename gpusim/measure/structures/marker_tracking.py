@@ -16,18 +16,18 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.correlation.blur_uncertainty import noise_factor
-from gpusim.measure.correlation.matching import Correlation, Status
-from gpusim.measure.correlation.subsets import (
+from gpusim.measure.correlation.matching import (
     DicResult,
+    Status,
     Window,
-    check_mask,
     make_result,
     make_settings,
+    noise_factor,
 )
+from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import FloatArray, check_image, check_points
-from gpusim.measure.structures.marker_matching import Match, Matcher
+from gpusim.measure.structures.marker_matching import Matcher, Matches
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -165,7 +165,7 @@ class _Tracker:
         self.matcher = matcher
         self.points = matcher.points
         self.half = matcher.settings.half
-        self.matches: list[Match | None] = [None] * len(self.points)
+        self.found = Matches.none(len(self.points))
 
     def follow(self, chains: Sequence[Sequence[int]]) -> None:
         """Track chains, each in its order.
@@ -181,16 +181,18 @@ class _Tracker:
             starts[first:last] = self._predicted_chain(chain)
             sources[first + 1 : last] = chain[:-1]
             first = last
-        sketched = dict(zip(order, self.matcher.match(order, starts, sources), strict=True))
+        sketched = self.matcher.match(order, starts, sources)
+        row = 0
         for chain in chains:
             done: list[int] = []
             for index in chain:
-                match: Match | None = sketched[index]
-                if not self._is_confirmed(index, sketched[index], done):
-                    match = self._best(index, self._nearest(index, done), still=not done)
-                self.matches[index] = match
-                if match is not None and match.good:
+                if self._is_confirmed(index, sketched, row, done):
+                    self.found.put(index, sketched, row)
+                else:
+                    self._put_best(index, self._nearest(index, done), still=not done)
+                if self.found.ok[index]:
                     done.append(index)
+                row += 1
 
     def grow(self) -> None:
         """Track what hardly moved, then always the marker nearest to a tracked one."""
@@ -198,8 +200,8 @@ class _Tracker:
         starts = np.zeros((len(every), 2, 6))
         for index in every:
             starts[index, :, 0] = self.matcher.search(index, starts[index])
-        self.matches = list(self.matcher.match(every, starts, [-1] * len(every)))
-        done = [i for i, match in enumerate(self.matches) if match is not None and match.good]
+        self.found = self.matcher.match(every, starts, [-1] * len(every))
+        done = np.flatnonzero(self.found.ok).tolist()
         waiting = set(every) - set(done)
         tried: set[tuple[int, ...]] = set()
         while waiting and done:
@@ -212,9 +214,7 @@ class _Tracker:
                 if key in tried:
                     continue
                 tried.add(key)
-                match = self._best(int(index), near, still=False)
-                if match is not None and match.good:
-                    self.matches[index] = match
+                if self._put_best(int(index), near, still=False, only_good=True):
                     waiting.remove(int(index))
                     done.append(int(index))
                     progress = True
@@ -224,31 +224,12 @@ class _Tracker:
 
     def result(self, subset: int) -> TrackResult:
         """Gather the matches; markers never tried are ``NO_GUESS``."""
-        count = len(self.points)
-        coefficients = np.full((count, 2, 6), np.nan)
-        zncc, sigma, backward = (np.full(count, np.nan) for _ in range(3))
-        iterations = np.zeros(count, dtype=np.int32)
-        status = np.full(count, Status.NO_GUESS, dtype=np.int8)
-        source = np.full(count, -1, dtype=np.int64)
-        for i, match in enumerate(self.matches):
-            if match is None:
-                continue
-            coefficients[i], zncc[i], sigma[i] = match.coefficients, match.zncc, match.sigma
-            iterations[i], status[i] = match.iterations, match.status
-            backward[i], source[i] = match.backward, match.source
-        shared = self._coinciding(coefficients[:, :, 0])
-        status[shared] = Status.AMBIGUOUS
-        coefficients[shared] = np.nan
-        sigma[shared] = np.nan
-        raw = Correlation(coefficients, zncc, sigma, iterations, status)
-        patches = self.matcher.patches
-        stacked_mask = self.points + patches.stack_offset(np.arange(count))
-        widening = noise_factor(patches, stacked_mask, self.half, self.matcher.blur_px)
-        return TrackResult(
-            **vars(make_result(self.points, raw, subset, widening)),
-            backward=backward,
-            source=source,
-        )
+        found, patches = self.found, self.matcher.patches
+        found.refuse(self._coinciding(found.coefficients[:, :, 0]), Status.AMBIGUOUS)
+        stacked = self.points + patches.stack_offset(np.arange(len(self.points)))
+        widening = noise_factor(patches, stacked, self.half, self.matcher.blur_px)
+        result = vars(make_result(self.points, found, subset, widening))
+        return TrackResult(**result, backward=found.backward, source=found.source)
 
     def _coinciding(self, displacement: FloatArray) -> npt.NDArray[np.bool_]:
         """Markers that ended where another one ended though they began further apart.
@@ -287,20 +268,22 @@ class _Tracker:
             c[:, 0] = self.matcher.search(index, c)
         return starts
 
-    def _is_confirmed(self, index: int, match: Match, done: list[int]) -> bool:
+    def _is_confirmed(self, index: int, sketched: Matches, row: int, done: list[int]) -> bool:
         """Whether a sketched match is what tracking by itself would find: as good that no further
         prediction is tried, and where the neighbour's own motion and turn predict it."""
-        if not (match.good and match.zncc >= SURE_ZNCC):
+        if not (sketched.ok[row] and sketched.zncc[row] >= SURE_ZNCC):
             return False
-        if (match.source not in done) if done else (match.source != -1):
+        source = int(sketched.source[row])
+        if (source not in done) if done else (source != -1):
             return False
-        near = [match.source] if done else []
-        (_, start), *_ = self._predictions(index, near, still=not done)
-        off = np.abs(match.coefficients[:, 0] - start[:, 0]).max()
+        (_, start), *_ = self._predictions(index, [source] if done else [], still=not done)
+        off = np.abs(sketched.coefficients[row, :, 0] - start[:, 0]).max()
         return bool(off <= self.matcher.search_px + 1.0)
 
-    def _best(self, index: int, sources: list[int], *, still: bool) -> Match | None:
-        """The best match of one marker over its predictions."""
+    def _put_best(
+        self, index: int, sources: list[int], *, still: bool, only_good: bool = False
+    ) -> bool:
+        """Take the best match of one marker over its predictions, and tell whether it was found."""
         tried: list[FloatArray] = []
         of: list[int] = []
         for source, start in self._predictions(index, sources, still=still):
@@ -310,16 +293,22 @@ class _Tracker:
                 continue
             tried.append(start)
             of.append(source)
-        best: Match | None = None
+        if not tried:
+            return False
         # one by one they would take as long each as all of them at once
-        for match in self.matcher.match([index] * len(tried), np.array(tried), of):
-            if best is None or (match.good, match.zncc) > (best.good, best.zncc):
-                best = match
+        found = self.matcher.match([index] * len(tried), np.array(tried), of)
+        ranks = list(zip(found.ok.tolist(), found.zncc.tolist(), strict=True))
+        best = 0
+        for k, rank in enumerate(ranks):
+            best = k if rank > ranks[best] else best
             # converged on what fits well: another start would go there too, the way back as well
-            settled = best.good or best.status == Status.BACKWARD
-            if settled and best.zncc >= SURE_ZNCC:
+            settled = found.status[best] in (Status.OK, Status.BACKWARD)
+            if settled and found.zncc[best] >= SURE_ZNCC:
                 break
-        return best
+        good = bool(found.ok[best])
+        if good or not only_good:
+            self.found.put(index, found, best)
+        return good
 
     def _predictions(
         self, index: int, sources: list[int], *, still: bool
@@ -329,9 +318,7 @@ class _Tracker:
         if still:
             starts.append((-1, np.zeros((2, 6))))
         for source in sources:
-            match = self.matches[source]
-            assert match is not None
-            c = match.coefficients.copy()
+            c = self.found.coefficients[source].copy()
             offset = (self.points[index] - self.points[source]) / self.half
             c[:, 0] += c[:, 1:3] @ offset
             c[:, 3:] = 0.0

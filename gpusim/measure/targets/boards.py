@@ -8,15 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
+from gpusim.measure.targets.crossings import Crossings
 
-__all__ = ["Chessboard", "Sighting", "TargetStatistics", "target_statistics"]
+__all__ = [
+    "CharucoBoard",
+    "Chessboard",
+    "Sighting",
+    "TargetStatistics",
+    "Turns",
+    "check_dictionary",
+    "target_statistics",
+]
 
 
 @dataclass(frozen=True)
@@ -73,6 +84,61 @@ class Chessboard:
 
 
 @dataclass(frozen=True)
+class CharucoBoard:
+    """``columns`` x ``rows`` squares of side ``square``, markers of side ``marker`` (same unit).
+
+    ``dictionary`` as OpenCV names it, without DICT_. The square at the upper left is dark.
+
+    Examples
+    --------
+    >>> gs.measure.CharucoBoard(columns=4, rows=3, square=0.04, marker=0.026).corners
+    (3, 2)
+    """
+
+    columns: int
+    rows: int
+    square: float
+    marker: float
+    dictionary: str = "4X4_50"
+
+    def __post_init__(self) -> None:
+        if not (self.columns >= 3 and self.rows >= 3):
+            raise InputError(f"CharucoBoard; got {self.columns} x {self.rows}; expected 3 x 3 up")
+        if not 0 < self.marker < self.square < np.inf:
+            raise InputError(
+                f"CharucoBoard: got marker {self.marker}, square {self.square}; expected "
+                "0 < marker < square"
+            )
+        markers = len(check_dictionary(self.dictionary, "CharucoBoard dictionary").bytesList)
+        if self.columns * self.rows // 2 > markers:
+            raise InputError(
+                f"CharucoBoard dictionary: got {self.dictionary} of {markers} markers; expected at "
+                f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
+            )
+
+    @property
+    def corners(self) -> tuple[int, int]:
+        """Inner corners across and down."""
+        return self.columns - 1, self.rows - 1
+
+    def detector(self) -> Any:
+        """OpenCV's detector of this board."""
+        dictionary = check_dictionary(self.dictionary, "CharucoBoard dictionary")
+        size = self.columns, self.rows
+        return cv2.aruco.CharucoDetector(
+            cv2.aruco.CharucoBoard(size, self.square, self.marker, dictionary)
+        )
+
+
+def check_dictionary(name: str, what: str) -> Any:
+    """OpenCV's dictionary of that name, without DICT_. Raises InputError for others."""
+    names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))
+    if name not in names:
+        raise InputError(f"{what}: got {name!r}; expected one of {', '.join(names)}")
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+@dataclass(frozen=True)
 class Turns:
     """A board that looks the same when it is turned about its ``middle``: by half, or, a
     ``square`` one, by a quarter."""
@@ -126,6 +192,17 @@ class Sighting:
         return Sighting(
             np.zeros((0, 3)), np.zeros((0, 2)), empty, empty, empty, resolution, missed, problem
         )
+
+    @staticmethod
+    def fitted(
+        places: FloatArray, fit: Crossings, ok: npt.NDArray[np.bool_], resolution: tuple[int, int],
+        total: int, turns: Turns | None = None,
+    ) -> Sighting:  # fmt: skip
+        """Those of the corners at ``places`` (N, 3) that are ``ok``, of so many in ``total``."""
+        return Sighting(
+            places[ok], fit.points[ok], fit.sigma[ok], fit.contrast[ok], fit.blur[ok], resolution,
+            total - int(np.count_nonzero(ok)), turns=turns,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -187,26 +264,3 @@ def target_statistics(sightings: Sequence[Sighting]) -> TargetStatistics:
         covered=len(np.unique(cell[:, 0] * 10 + cell[:, 1])) / 100.0,
         problems=problems,
     )
-
-
-def grid_steps(
-    points: FloatArray, index: npt.NDArray[np.int64]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Steps (N, 2) in px to the next point across and down, from neighbours in a grid.
-
-    ``index`` (N, 2) is each point's column and row. The third result tells which points have a
-    neighbour in both directions; the steps of others are zero.
-    """
-    place = {(int(i), int(j)): k for k, (i, j) in enumerate(index)}
-    steps = np.zeros((2, len(points), 2))
-    known = np.ones(len(points), dtype=bool)
-    for k, (i, j) in enumerate(index):
-        for axis, (di, dj) in enumerate(((1, 0), (0, 1))):
-            ahead, behind = place.get((i + di, j + dj)), place.get((i - di, j - dj))
-            ends = (k if ahead is None else ahead, k if behind is None else behind)
-            if ends[0] == ends[1]:
-                known[k] = False
-                continue
-            count = (ahead is not None) + (behind is not None)
-            steps[axis, k] = (points[ends[0]] - points[ends[1]]) / count
-    return steps[0], steps[1], known

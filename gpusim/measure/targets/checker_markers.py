@@ -9,7 +9,7 @@ values. ``cv2.cornerSubPix`` isn't used: on perfect images it is off by 0.035-0.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -20,9 +20,9 @@ import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
 from gpusim.measure.images import FloatArray, Image, check_image, check_points
-from gpusim.measure.targets.cross_fit import Cross, fit_crosses
+from gpusim.measure.targets.cross_fit import fit_crosses
+from gpusim.measure.targets.noise import allowed_residual, noise_level
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -125,7 +125,8 @@ def find_markers(
         raise InputError(
             f"min_response, max_residual: got {min_response!r}, {max_residual!r}; expected 0..1"
         )
-    return _markers(_crosses([array], low, high, min_response, max_residual, [None])[0])
+    found = _crosses([array], low, high, min_response, max_residual, [None])[0]
+    return _markers(found, np.zeros(len(found), dtype=np.int8))
 
 
 def _crosses(
@@ -135,9 +136,9 @@ def _crosses(
     min_response: float,
     max_residual: float,
     near: Sequence[tuple[float, float, float] | None],
-) -> list[list[Cross]]:
-    """The markers of each image, contrast in grey levels; with ``near`` = (x, y, distance) none
-    is fitted that can't end within that distance."""
+) -> list[FloatArray]:
+    """The markers of each image as `fit_crosses` gives them, contrast in grey levels; with ``near``
+    = (x, y, distance) none is fitted that can't end within that distance."""
     places: list[tuple[npt.NDArray[np.float32], float, float]] = []
     spans, whose, greys = [], [], {}
     for k, (array, around) in enumerate(zip(images, near, strict=True)):
@@ -148,18 +149,17 @@ def _crosses(
             places += [(grey, *place) for place in own]
             whose += [k] * len(own)
             greys[k] = grey
-    found: list[list[Cross]] = [[] for _ in images]
-    noise: dict[int, float] = {}
-    for k, cross in zip(whose, fit_crosses(places, low, high), strict=True):
-        if cross is None:
-            continue
-        if not cross.residual <= max_residual:
-            if k not in noise:
-                noise[k] = noise_level(greys[k])
-            if not cross.residual <= allowed_residual(max_residual, noise[k], cross.contrast):
-                continue
-        found[k].append(replace(cross, contrast=cross.contrast * spans[k]))
-    return [_distinct(one, low) for one in found]
+    every, owner = fit_crosses(places, low, high), np.array(whose, dtype=np.int64)
+    found = []
+    for k, span in enumerate(spans):
+        own = every[(owner == k) & np.isfinite(every[:, 0])]
+        most: float | FloatArray = max_residual
+        if not (own[:, 4] <= max_residual).all():
+            most = allowed_residual(max_residual, noise_level(greys[k]), own[:, 3])
+        own = own[own[:, 4] <= most]
+        own[:, 3] *= span
+        found.append(_distinct(own, low))
+    return found
 
 
 def _candidates(
@@ -215,7 +215,7 @@ def locate_markers(
         raise InputError(f"search_px: got {search_px!r}; expected px > 0")
     count = len(places)
     status = np.full(count, MarkerStatus.NOT_FOUND, dtype=np.int8)
-    found: list[Cross | None] = [None] * count
+    found = np.full((count, 7), np.nan)
     height, width = array.shape
     reach = search_px + high
     rows: list[int] = []
@@ -235,20 +235,17 @@ def locate_markers(
     around = [(*(places[i] - c), search_px) for i, c in zip(rows, corners, strict=True)]
     near = _crosses(windows, low, high, MIN_RESPONSE, MAX_RESIDUAL, around)
     for i, (x0, y0), own in zip(rows, corners, near, strict=True):
-        moved = [replace(cross, x=cross.x + x0, y=cross.y + y0) for cross in own]
-        x, y = places[i]
-        close = [cross for cross in moved if np.hypot(cross.x - x, cross.y - y) <= search_px]
+        own[:, :2] += x0, y0
+        close = own[np.hypot(*(own[:, :2] - places[i]).T) <= search_px]
         if len(close) > 1:
             status[i] = MarkerStatus.AMBIGUOUS
-        elif close:
+        elif len(close):
             status[i] = MarkerStatus.FOUND
             found[i] = close[0]
-    for i, one in enumerate(found):
-        for k in range(i):
-            other = found[k]
-            if one and other and np.hypot(one.x - other.x, one.y - other.y) < 0.25 * low:
-                status[i] = status[k] = MarkerStatus.AMBIGUOUS
-    return _markers([c if s == 0 else None for c, s in zip(found, status, strict=True)], status)
+    apart = np.hypot(*np.moveaxis(found[:, None, :2] - found[None, :, :2], -1, 0))
+    np.fill_diagonal(apart, np.inf)
+    status[(apart < 0.25 * low).any(axis=1)] = MarkerStatus.AMBIGUOUS
+    return _markers(np.where((status == MarkerStatus.FOUND)[:, None], found, np.nan), status)
 
 
 def _check_size(size_px: tuple[float, float]) -> tuple[float, float]:
@@ -338,26 +335,16 @@ def _checkered(grey: npt.NDArray[np.float32], place: tuple[float, float], size: 
     return True
 
 
-def _distinct(found: list[Cross], size: float) -> list[Cross]:
-    """Drop the poorer one of two fits that ended at the same place."""
-    kept: list[Cross] = []
-    for cross in sorted(found, key=lambda c: c.residual):
-        if all(np.hypot(cross.x - k.x, cross.y - k.y) > 0.25 * size for k in kept):
-            kept.append(cross)
-    return sorted(kept, key=lambda c: (round(c.y / size), c.x))
+def _distinct(found: FloatArray, size: float) -> FloatArray:
+    """Drop the poorer one of two fits that ended at the same place; row by row."""
+    kept: list[int] = []
+    for k in np.argsort(found[:, 4], kind="stable"):
+        if (np.hypot(*(found[kept, :2] - found[k, :2]).T) > 0.25 * size).all():
+            kept.append(int(k))
+    own = found[kept]
+    return np.asarray(own[np.lexsort([own[:, 0], np.rint(own[:, 1] / size)])])
 
 
-def _markers(
-    found: list[Cross] | list[Cross | None],
-    status: npt.NDArray[np.int8] | None = None,
-) -> Markers:
-    empty = Cross(np.nan, np.nan, np.nan, np.nan, np.nan, (np.nan, np.nan))
-    rows = [empty if cross is None else cross for cross in found]
-    return Markers(
-        points=np.array([[c.x, c.y] for c in rows], dtype=np.float64).reshape(-1, 2),
-        size=np.array([c.size for c in rows], dtype=np.float64).reshape(-1, 2),
-        angle=np.array([c.angle for c in rows], dtype=np.float64),
-        contrast=np.array([c.contrast for c in rows], dtype=np.float64),
-        residual=np.array([c.residual for c in rows], dtype=np.float64),
-        status=np.zeros(len(rows), dtype=np.int8) if status is None else status,
-    )
+def _markers(found: FloatArray, status: npt.NDArray[np.int8]) -> Markers:
+    angle, contrast, residual = found[:, 2:5].T.copy()
+    return Markers(found[:, :2].copy(), found[:, 5:].copy(), angle, contrast, residual, status)

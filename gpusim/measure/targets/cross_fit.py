@@ -1,22 +1,21 @@
 """Fit the crosses of square 2x2 checker markers: the junction of their borders, and its ends.
 
 All markers of an image are fitted at once with the model of
-`gpusim.measure.fitting.border_junction`, each twice: in its inner part first, which tells where the
+`gpusim.measure.targets.border_junction`, each twice: in its inner part first, which tells where the
 marker ends, then as far out as it goes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.measure.fitting.border_junction import CENTRE, fit_junctions, frames
 from gpusim.measure.images import FloatArray
+from gpusim.measure.targets.border_junction import CENTRE, fit_junctions, frames
 
-__all__ = ["Cross", "fit_crosses"]
+__all__ = ["fit_crosses"]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -32,28 +31,17 @@ MAX_SKEW, MAX_TURN = 0.35, 1.2  # rad: of the borders to each other, from +x
 CHUNK = 1 << 20  # pixels fitted at once
 
 
-@dataclass(frozen=True)
-class Cross:
-    """Centre x, y (px), angle (rad), contrast and residual as in ``Markers``, size (2) in px."""
-
-    x: float
-    y: float
-    angle: float
-    contrast: float
-    residual: float
-    size: tuple[float, float]
-
-
 def fit_crosses(
     places: Sequence[tuple[npt.NDArray[np.float32], float, float]], low: float, high: float
-) -> list[Cross | None]:
+) -> FloatArray:
     """Fit the markers whose centres are near places (grey image, x, y), of ``low`` to ``high`` px.
 
-    None where no cross of that size is. The images may be one or many.
+    The images may be one or many. Returns (K, 7): centre x, y (px), angle (rad), contrast and
+    residual as in ``Markers``, widths along both borders (px); NaN where no cross of that size is.
     """
     reach = int(np.ceil(0.75 * high)) + 3
     size = 2 * reach + 1
-    found: list[Cross | None] = []
+    found = [np.zeros((0, 7))]
     chunk = max(1, CHUNK // size**2)
     for first in range(0, len(places), chunk):
         part = places[first : first + chunk]
@@ -66,13 +54,13 @@ def fit_crosses(
             inner = slice(y0 - at[1], y0 - at[1] + own.shape[0])
             patch[inner, x0 - at[0] : x0 - at[0] + own.shape[1]] = own
         start = np.array([[x, y] for _, x, y in part], dtype=np.float64) - corner.astype(np.float64)
-        found += _fit_patches(patches, corner, start, low, high)
-    return found
+        found.append(_fit_patches(patches, corner, start, low, high))
+    return np.concatenate(found)
 
 
 def _fit_patches(
     patches: FloatArray, corner: npt.NDArray[np.int64], start: FloatArray, low: float, high: float
-) -> Iterator[Cross | None]:
+) -> FloatArray:
     """Patches (K, S, S), NaN outside the image, whose first pixel lies at ``corner`` (K, 2)."""
     count = len(patches)
     angle, contrast = _first_angles(patches, start, 0.27 * low)
@@ -94,20 +82,9 @@ def _fit_patches(
     fine, rms, good = _fit(patches, coarse, reach, good)
     with np.errstate(invalid="ignore"):
         good &= np.linalg.norm(fine[:, :2] - start, axis=1) <= max(2.0, 0.2 * low)
-    for k in range(count):
-        p = fine[k]
-        yield (
-            Cross(
-                float(p[0] + corner[k, 0]),
-                float(p[1] + corner[k, 1]),
-                float(0.5 * (p[2] + p[3])),
-                float(p[5]),
-                float(rms[k] / abs(p[5])),
-                (float(width[k, 0]), float(width[k, 1])),
-            )
-            if good[k]
-            else None
-        )
+    angle, contrast = 0.5 * (fine[:, 2] + fine[:, 3]), fine[:, 5]
+    found = np.column_stack([fine[:, :2] + corner, angle, contrast, rms / np.abs(contrast), width])
+    return np.where(good[:, None], found, np.nan)
 
 
 def _sampled(patches: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:

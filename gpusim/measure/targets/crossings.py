@@ -1,10 +1,10 @@
 """Chessboard corners to a thousandth of a pixel: all crossings of an image fitted at once.
 
-The model is that of `gpusim.measure.fitting.border_junction`: two straight borders, integrated over
+The model is that of `gpusim.measure.targets.border_junction`: two straight borders, integrated over
 the pixels and blurred by the lens, under a light that varies linearly. A corner of a board has no
 ends to find but neighbours that give its two directions, also under strong perspective. Where the
 lens bends the borders, pixels are looked at in coordinates that make them straight
-(`gpusim.measure.fitting.plumb_lines`). The true image and the model are both symmetric about the
+(`gpusim.measure.targets.plumb_lines`). The true image and the model are both symmetric about the
 corner, so that what the model leaves out (the few pixels that both borders cross) doesn't move it.
 ``cv2.cornerSubPix`` is off by 0.035-0.08 px on perfect images.
 """
@@ -19,17 +19,16 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.fitting.border_junction import (
+from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.targets.border_junction import (
     CENTRE,
     PARAMETERS,
     fit_junctions,
     frames,
     residual_and_slopes,
 )
-from gpusim.measure.fitting.noise_correlation import widening
-from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
-from gpusim.measure.fitting.plumb_lines import Straighten, plumb_lines, straight_offsets
-from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.targets.noise import allowed_residual, noise_level, widening
+from gpusim.measure.targets.plumb_lines import Straighten, plumb_lines, straight_offsets
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 

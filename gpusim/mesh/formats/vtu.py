@@ -24,7 +24,7 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.formats.vtk import vtk_blocks
-from gpusim.parallel.main_memory import memory_limit
+from gpusim.parallel.machine import memory_limit
 
 __all__ = ["VtuFile"]
 

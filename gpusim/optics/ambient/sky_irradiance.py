@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.optics.ambient.hemisphere_mask import COLUMNS, ROWS, HemisphereMasks, directions
 from gpusim.optics.ambient.sample_points import tangent
 from gpusim.optics.light.environment import Environment

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.gpu import Device
 from gpusim.optics.ambient.discontinuities import Discontinuities
 from gpusim.optics.ambient.hemisphere_mask import (

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.visible_polygons import depth_planes
 from gpusim.optics.geometry.polygon_clipping import (
     MIN_AREA,

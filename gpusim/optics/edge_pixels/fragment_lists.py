@@ -14,9 +14,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.ragged import expand
-from gpusim.arrays.sorted_unique import distinct
-from gpusim.arrays.summed_area import in_boxes, summed
+from gpusim.arrays.ragged import expand, in_boxes, summed
+from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.depth_order import order_overlapping
 from gpusim.optics.edge_pixels.pixel_rank import Ranks
 from gpusim.optics.geometry.clipping import ImagePlane

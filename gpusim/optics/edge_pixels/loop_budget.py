@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns

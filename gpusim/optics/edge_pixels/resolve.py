@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.interleave import WORKGROUP, dealt
+from gpusim.arrays.ragged import WORKGROUP, dealt
 from gpusim.gpu import Buffer
 from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gpusim.optics.geometry.clipping import ClippedTriangles, extent
 from gpusim.optics.geometry.triangle_corners import at_corners
-from gpusim.surface.plane import used_vertices
+from gpusim.surface.frames import used_vertices
 
 __all__ = ["IndexedTriangles"]
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 
 __all__ = ["pierced", "piercings"]
 

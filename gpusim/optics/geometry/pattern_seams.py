@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.topology import Topology

@@ -18,8 +18,8 @@ from gpusim.optics.geometry.triangle_corners import (
     at_corners,
     barycentric_planes,
 )
+from gpusim.surface.frames import used_vertices
 from gpusim.surface.paint import Paint
-from gpusim.surface.plane import used_vertices
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 

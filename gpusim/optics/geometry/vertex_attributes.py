@@ -15,7 +15,7 @@ from gpusim.optics.geometry.triangle_corners import (
     ST,
     at_corners,
 )
-from gpusim.surface.plane import PaintFrame, used_vertices
+from gpusim.surface.frames import PaintFrame, used_vertices
 from gpusim.surface.surface import Surface
 
 __all__ = ["VertexTable", "turned_corners"]

@@ -43,7 +43,7 @@ from gpusim.optics.geometry.triangle_corners import (
     products,
 )
 from gpusim.optics.geometry.vertex_attributes import VertexTable, turned_corners
-from gpusim.surface.plane import PaintFrame
+from gpusim.surface.frames import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 

@@ -18,8 +18,7 @@ import numpy.typing as npt
 
 from gpusim.optics.geometry.view import RegionPaint
 from gpusim.optics.paint import area_integrals
-from gpusim.surface.bitmap import Image
-from gpusim.surface.pyramid import MARGIN, Level
+from gpusim.surface.bitmap import MARGIN, Image, Level
 
 __all__ = [
     "BITMAP",

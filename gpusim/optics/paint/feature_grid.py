@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.summed_area import in_boxes, summed
+from gpusim.arrays.ragged import in_boxes, summed
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels

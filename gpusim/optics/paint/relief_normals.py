@@ -20,7 +20,7 @@ from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import REFERENCE, corner_mean
 from gpusim.optics.geometry.view import RegionPaint, View
-from gpusim.surface.bump import PERIOD, WAVES, Bump, bump_waves
+from gpusim.surface.features import PERIOD, WAVES, Bump, bump_waves
 
 __all__ = ["Bumps", "bump_of", "bump_texels", "bump_uniform"]
 

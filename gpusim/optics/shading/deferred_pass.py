@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.summed_area import covered
+from gpusim.arrays.ragged import covered
 from gpusim.gpu import Buffer, Recording, Texture
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.view import View

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpusim.errors import InputError
-from gpusim.parallel.main_memory import host_memory
+from gpusim.parallel.machine import host_memory
 from gpusim.plan.plan import Plan
 from gpusim.scene import Scene
 from gpusim.scene.cost.counts import element_counts

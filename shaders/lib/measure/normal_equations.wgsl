@@ -1,5 +1,5 @@
 // Normal equations of one subset in workgroup memory, worked on by a single thread.
-// The NumPy form is gpusim/measure/correlation/normal_equations.py.
+// The NumPy form is gpusim/measure/correlation/icgn.py.
 
 const MIN_PIVOT = 1e-5;
 

@@ -1,4 +1,4 @@
-// Quintic B-spline weights and sums. The NumPy form is gpusim/measure/interpolation.py.
+// Quintic B-spline weights and sums. The NumPy form is gpusim/measure/images.py.
 
 // Weights of the taps -2..3, two by two.
 struct Taps {

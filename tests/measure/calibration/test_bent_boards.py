@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import gpusim as gs
 from gpusim.measure import Chessboard, Sighting, calibrate, find_chessboard
-from gpusim.measure.fitting.plumb_lines import plumb_lines
+from gpusim.measure.targets.plumb_lines import plumb_lines
 from tests.support.target_images import board_surface, places_in_world
 
 BOARD = Chessboard(11, 8, 40.0)

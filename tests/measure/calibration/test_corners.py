@@ -7,7 +7,7 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.measure import MarkerStatus, find_markers, locate_markers
-from gpusim.measure.fitting.noise_level import allowed_residual, noise_level
+from gpusim.measure.targets.noise import allowed_residual, noise_level
 from tests.support.measure_images import Marker, Waves, blurred_board, board
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.measure import Status, dic
-from gpusim.measure.correlation.features import feature_motions, global_shift
+from gpusim.measure.correlation.matching import make_settings
 from gpusim.measure.correlation.pixel_mask import full_scale, masked_image
 from gpusim.measure.correlation.propagation import Front
-from gpusim.measure.correlation.subsets import make_settings
+from gpusim.measure.correlation.start_values import feature_motions, global_shift
 from tests.support.measure_images import speckles
 
 
@@ -141,10 +141,10 @@ def test_a_second_look_repairs_a_match_in_a_wrong_place() -> None:
     front = Front(first, second, points, Settings(np.ones((21, 21))), None, 0.0, 20.0, None)
     front.attempt(np.arange(len(points)), np.full_like(points, 0.5))
     wrong = 37
-    front.coefficients[wrong, :, 0] += 6.0
-    front.zncc[wrong] = 0.9
+    front.matches.coefficients[wrong, :, 0] += 6.0
+    front.matches.zncc[wrong] = 0.9
     front.recheck_outliers()
-    assert np.abs(front.coefficients[wrong, :, 0] - [0.37, 0.81]).max() <= 1e-3
+    assert np.abs(front.matches.coefficients[wrong, :, 0] - [0.37, 0.81]).max() <= 1e-3
 
 
 @pytest.mark.parametrize(
@@ -191,8 +191,8 @@ def test_a_match_that_is_stopped_too_early_is_no_number() -> None:
     )
     front = Front(image, image, points, settings, None, 0.0, 5.0, None)
     front.attempt(np.arange(2), np.full((2, 2), 0.3), tolerance=1e-2)
-    matches = front.matches()
+    matches = front.matches
     assert (matches.status == Status.NOT_CONVERGED).all()  # a perfect match is known much better
     assert np.isnan(matches.coefficients).all() and np.isnan(matches.sigma).all()
     front.attempt(np.arange(2), np.full((2, 2), 0.3))
-    assert (front.matches().status == Status.OK).all()
+    assert (front.matches.status == Status.OK).all()

@@ -12,8 +12,8 @@ from gpusim.gpu import Device, compare
 from gpusim.measure import SplineImage, Status, dic
 from gpusim.measure.correlation import icgn as stage
 from gpusim.measure.correlation.icgn import correlate, correlate_numpy
-from gpusim.measure.correlation.image_tiles import Limits, Sampled, plan_tiles
-from gpusim.measure.correlation.matching import Correlation, Pair, Settings, Subsets
+from gpusim.measure.correlation.image_pair import Limits, Pair, Sampled, Subsets, plan_tiles
+from gpusim.measure.correlation.matching import Correlation, Settings
 
 SMALL = Limits(side=128, pixels=128 * 128)
 

@@ -135,7 +135,7 @@ def test_features_may_be_missing(device: Device, monkeypatch: pytest.MonkeyPatch
     seen = views(device, np.inf)
     none = np.zeros((0, 2))
     monkeypatch.setattr(
-        "gpusim.measure.stereo.view_matching.feature_matches", lambda *_: (none, none)
+        "gpusim.measure.stereo.epipolar_matching.feature_matches", lambda *_: (none, none)
     )
     result = stereo_shape(*seen.before, RIG, subset=25, step=20, roi=ROI)
     assert result.ok.mean() >= 0.99

@@ -8,9 +8,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from gpusim.measure import fit_crossings, locate_markers
-from gpusim.measure.fitting.border_junction import residual_and_slopes
-from gpusim.measure.fitting.edge_profile import profile_and_slopes
-from gpusim.measure.fitting.levenberg_marquardt import fit_many
+from gpusim.measure.targets.border_junction import profile_and_slopes, residual_and_slopes
+from gpusim.measure.targets.levenberg_marquardt import fit_many
 from tests.support.measure_images import Marker, board
 
 

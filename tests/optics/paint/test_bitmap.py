@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.paint.bitmap import mean_over_pixels, mean_over_polygons
-from gpusim.surface.pyramid import MARGIN
+from gpusim.surface.bitmap import MARGIN
 from tests.support.bitmap_reference import Array, mean_of_pixels, speckle, surface
 from tests.support.optics_reference import Plate, difference, reference
 

@@ -14,7 +14,7 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight, Light, SunLight
 from gpusim.optics.paint.relief_normals import Bumps
 from gpusim.optics.shading.setup import Setup
-from gpusim.surface.bump import Bump
+from gpusim.surface.features import Bump
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 

@@ -11,7 +11,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
-from gpusim.surface.plane import used_vertices
+from gpusim.surface.frames import used_vertices
 from gpusim.surface.topology import Topology, sorted_keys
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.sorted_unique import distinct
+from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, is_plain, whole
 from gpusim.mesh.formats.abaqus.elements import ElementBlock

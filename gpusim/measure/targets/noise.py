@@ -1,4 +1,4 @@
-"""How uncertain fits are where the noise of neighbouring pixels is alike.
+"""How noisy a picture is, and how uncertain fits are where the noise of neighbours is alike.
 
 Colour filters, sharpening and compression correlate noise. A fit whose parameter is p = sum h_i n_i
 of the noise n then varies by sum_ij h_i h_j c(j - i); independent noise gives s^2 sum_i h_i^2.
@@ -16,12 +16,18 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["widening"]
+__all__ = ["allowed_residual", "noise_level", "widening"]
 
 FloatArray = npt.NDArray[np.float64]
+
+WINDOW = 7  # px: noise that neighbours share keeps most of its variance in it
+FLAT = 0.2  # share of a picture that is taken as flat, or next to it
+RMS_ALLOWANCE = 1.3  # RMS over the noise: chance, and what a level that is too low by a tenth lacks
+MIN_CLEAR = 0.35  # noise over the contrast beyond which nothing may be left for it
 Lag = tuple[int, int]
 
 REACH = 3  # px: noise further apart counts as independent
@@ -30,6 +36,29 @@ MAX_TAKEN = 3.0  # variance of the noise over that of what fits leave, if distan
 BLURS = np.linspace(0.3, 1.8, 31)  # px
 SAMPLED_FITS = 8  # fits that tell how much of the noise is taken up
 LAGS = [(d, a) for d in range(REACH + 1) for a in range(-REACH, REACH + 1) if d > 0 or a > 0]
+
+
+def noise_level(image: npt.NDArray[np.float32]) -> float:
+    """Standard deviation of the noise, in the image's (H, W) grey levels.
+
+    The lower quintile of the standard deviations in windows of 7 x 7 px; 0 for smaller images.
+    """
+    if min(image.shape) < WINDOW:
+        return 0.0
+    even = image - np.float32(image.mean())
+    size = (WINDOW, WINDOW)
+    mean = cv2.boxFilter(even, cv2.CV_64F, size)
+    square = cv2.sqrBoxFilter(even, cv2.CV_64F, size)
+    half = WINDOW // 2
+    variance = (square - mean * mean)[half:-half, half:-half] * (WINDOW**2 / (WINDOW**2 - 1.0))
+    return float(np.sqrt(max(float(np.quantile(variance, FLAT)), 0.0)))
+
+
+def allowed_residual(most: float, noise: float, contrast: float | FloatArray) -> FloatArray:
+    """RMS over the contrast that a fit may leave: ``most`` without noise, more with it."""
+    share = noise / np.maximum(np.abs(contrast), 1e-300)
+    more = np.where(share <= MIN_CLEAR, RMS_ALLOWANCE * share, 0.0)
+    return np.asarray(np.hypot(most, more))
 
 
 def widening(

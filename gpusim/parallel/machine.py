@@ -1,20 +1,54 @@
-"""Main memory: how much there is of it, and how much new work may take.
+"""Processors to share work out to, and main memory that new work may take.
 
-That is the least of what the system has free, what a container or job may take (control groups 2
-and 1) and what the process may map (``ulimit -v``).
+That memory is the least of what the system has free, what a container or job may take (control
+groups 2 and 1) and what the process may map (``ulimit -v``).
 """
 
 from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
-__all__ = ["available_memory", "host_memory", "memory_limit"]
+__all__ = [
+    "all_processors",
+    "available_memory",
+    "host_memory",
+    "limited",
+    "memory_limit",
+    "processors",
+]
 
+_own = threading.local()
 _GROUPS = Path("/sys/fs/cgroup")
 _SHARE = 0.8  # of the machine's memory, that one file may take
+
+
+@cache
+def all_processors() -> int:
+    """Processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def processors() -> int:
+    """Processors this thread may share its work out to: all of them, unless it is `limited`."""
+    limit: int | None = getattr(_own, "limit", None)
+    return all_processors() if limit is None else limit
+
+
+@contextmanager
+def limited(count: int) -> Iterator[None]:
+    """This thread shares its work out to ``count`` processors meanwhile."""
+    before: int | None = getattr(_own, "limit", None)
+    _own.limit = count
+    try:
+        yield
+    finally:
+        _own.limit = before
 
 
 def available_memory() -> int | None:

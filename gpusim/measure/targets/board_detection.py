@@ -1,8 +1,9 @@
-"""Find a chessboard in an image: OpenCV's sector detector, then our own fit of every corner.
+"""Find boards in an image: OpenCV tells their corners, our own fit places every one of them.
 
-Detection works on a reduced picture (the sector-based detector of Duda & Frese, "Accurate detection
-and localization of checkerboard corners", BMVC 2018, or the older quad detector where that one
-fails), since it only has to be right to some pixels. Sub-pixel positions come from
+Chessboards are detected in a reduced picture (by the sector-based detector of Duda & Frese,
+"Accurate detection and localization of checkerboard corners", BMVC 2018, or the older quad detector
+where that one fails), since that only has to be right to some pixels. Corners of ChArUco boards are
+told by the markers, so that partly hidden boards are fine. Sub-pixel positions come from
 `gpusim.measure.targets.crossings` in the full image.
 """
 
@@ -18,17 +19,18 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray, check_image, eight_bit
-from gpusim.measure.targets.boards import Chessboard, Sighting, grid_steps
+from gpusim.measure.targets.boards import CharucoBoard, Chessboard, Sighting
 from gpusim.measure.targets.crossings import fit_crossings
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["find_chessboard"]
+__all__ = ["find_charuco", "find_chessboard"]
 
 DETECTION_SIZES = (1000, 1800, 500, 3200)  # px on the longer side, tried in this order
 ATTEMPTS = 3  # detections that are tried while a whole line of corners is missing
 MIN_STEP = 6.0  # px between corners
 MIN_SHARE = 0.5  # of the corners that have to be fitted
+RIM_SHARE = 0.85  # of the white rim around a marker: what the fit of a corner may see
 
 
 @unmasked("image")
@@ -104,16 +106,7 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
     ok = fit.ok & fits
     if not np.count_nonzero(ok) >= MIN_SHARE * len(flat):
         return Sighting.none(*nothing, "colours don't fit a board")
-    return Sighting(
-        board=places[ok],
-        image=fit.points[ok],
-        sigma=fit.sigma[ok],
-        contrast=fit.contrast[ok],
-        blur=fit.blur[ok],
-        resolution=(width, height),
-        missed=int(np.count_nonzero(~ok)),
-        turns=board.turns,
-    )
+    return Sighting.fitted(places, fit, ok, (width, height), len(places), board.turns)
 
 
 def _detections(
@@ -170,3 +163,62 @@ def _upright(grid: FloatArray) -> FloatArray:
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     mirrored = across[0] * down[1] - across[1] * down[0] < 0
     return grid[:, ::-1] if mirrored else grid
+
+
+@unmasked("image")
+@one_blas_thread()
+def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
+    """The inner corners of ``board`` in a grey image; board places as in `Chessboard`.
+
+    A board that isn't found gives a sighting without points that says why. Raises InputError for
+    anything else.
+
+    Examples
+    --------
+    >>> board = gs.measure.CharucoBoard(columns=4, rows=3, square=0.04, marker=0.026)
+    >>> gs.measure.find_charuco(gs.export.read_image("charuco.png"), board).image[0].round(2)
+    array([47.5, 43.5])
+    """
+    array = check_image(image, "image")
+    across = board.columns - 1
+    total = across * (board.rows - 1)
+    resolution = array.shape[1], array.shape[0]
+    rough, numbers, _, _ = board.detector().detectBoard(eight_bit(array))
+    if numbers is None or len(numbers) < 4:
+        return Sighting.none(resolution, total, "no board found")
+    number = np.asarray(numbers).reshape(-1).astype(np.int64)
+    index = np.stack([number % across, number // across], axis=1)
+    near = np.asarray(rough, dtype=np.float64).reshape(-1, 2)
+    first, second, known = grid_steps(near, index)
+    share = RIM_SHARE * 0.5 * (1.0 - board.marker / board.square)
+    fit = fit_crossings(array, near, first, second, share=share, index=index)
+    # the square between corner (i, j) and the next ones is dark where i + j is even
+    dark = index.sum(axis=1) % 2 == 0
+    ok = fit.ok & known & ((fit.contrast < 0) == dark)
+    if not np.count_nonzero(ok) >= 4:
+        return Sighting.none(resolution, total, "corners not sharp")
+    places = np.column_stack([index * board.square, np.zeros(len(index))])
+    return Sighting.fitted(places, fit, ok, resolution, total)
+
+
+def grid_steps(
+    points: FloatArray, index: npt.NDArray[np.int64]
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    """Steps (N, 2) in px to the next point across and down, from neighbours in a grid.
+
+    ``index`` (N, 2) is each point's column and row. The third result tells which points have a
+    neighbour in both directions; the steps of others are zero.
+    """
+    place = {(int(i), int(j)): k for k, (i, j) in enumerate(index)}
+    steps = np.zeros((2, len(points), 2))
+    known = np.ones(len(points), dtype=bool)
+    for k, (i, j) in enumerate(index):
+        for axis, (di, dj) in enumerate(((1, 0), (0, 1))):
+            ahead, behind = place.get((i + di, j + dj)), place.get((i - di, j - dj))
+            ends = (k if ahead is None else ahead, k if behind is None else behind)
+            if ends[0] == ends[1]:
+                known[k] = False
+                continue
+            count = (ahead is not None) + (behind is not None)
+            steps[axis, k] = (points[ends[0]] - points[ends[1]]) / count
+    return steps[0], steps[1], known

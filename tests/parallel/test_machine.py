@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gpusim.errors import InputError
-from gpusim.parallel import main_memory
+from gpusim.parallel import machine
 from gpusim.pipeline.checks.memory import check_memory
 from gpusim.plan.plan import make_plan
 from gpusim.scene import load_scene
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="asks Linux")
 
 
 def test_what_the_process_may_map() -> None:
-    code = "from gpusim.parallel.main_memory import available_memory as a; print(a())"
+    code = "from gpusim.parallel.machine import available_memory as a; print(a())"
     limited = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({int(3e9)}, -1)); {code}"
     free = int(subprocess.check_output([sys.executable, "-c", limited]))
     assert 2e9 < free < 3e9
@@ -46,15 +46,15 @@ def test_what_a_container_may_take(
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     read = Path.read_text
-    monkeypatch.setattr(main_memory, "_GROUPS", tmp_path)
+    monkeypatch.setattr(machine, "_GROUPS", tmp_path)
     monkeypatch.setattr(
         Path,
         "read_text",
         lambda path, *a, **k: line if path == Path("/proc/self/cgroup") else read(path, *a, **k),
     )
-    assert main_memory.available_memory() == 2_000_000
-    monkeypatch.setattr(main_memory, "_GROUPS", tmp_path / "none")
-    assert main_memory.host_memory() > 1e8
+    assert machine.available_memory() == 2_000_000
+    monkeypatch.setattr(machine, "_GROUPS", tmp_path / "none")
+    assert machine.host_memory() > 1e8
 
 
 def test_too_little_for_the_libraries_is_said_before_any_work(

@@ -17,7 +17,14 @@ import numpy.typing as npt
 
 from gpusim.measure.images import FloatArray
 
-__all__ = ["PlumbField", "Straighten", "field_of_bends", "plumb_lines", "straight_offsets"]
+__all__ = [
+    "PlumbField",
+    "Straighten",
+    "field_of_bends",
+    "field_slope",
+    "plumb_lines",
+    "straight_offsets",
+]
 
 Straighten = Callable[[FloatArray], FloatArray]
 """From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
@@ -72,7 +79,7 @@ def field_of_bends(
     """
     slope = np.broadcast_to(np.eye(2), (len(at), 2, 2))
     if before is not None:
-        slope = _slope(before, at)
+        slope = field_slope(before, at)
         bend = bend + before.bends(at, normal, slope) @ before.weights
     middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
     best, found = np.inf, None
@@ -118,10 +125,10 @@ def plumb_lines(
 def straight_offsets(straighten: Straighten, at: FloatArray, offset: FloatArray) -> FloatArray:
     """Offsets (C, P, 2) from places ``at`` (C, 2) px, straightened; the same to first order."""
     bent = straighten(at[:, None, :] + offset) - straighten(at)[:, None, :]
-    return np.asarray(bent @ np.linalg.inv(_slope(straighten, at)).swapaxes(1, 2))
+    return np.asarray(bent @ np.linalg.inv(field_slope(straighten, at)).swapaxes(1, 2))
 
 
-def _slope(straighten: Straighten, at: FloatArray) -> FloatArray:
+def field_slope(straighten: Straighten, at: FloatArray) -> FloatArray:
     """Derivatives (N, 2, 2) of a field: [[dX/dx, dX/dy], [dY/dx, dY/dy]]."""
     ends = [(straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2)]
     return np.stack(ends, axis=-1)
