@@ -53,7 +53,7 @@ if _typing.TYPE_CHECKING:
     )
     from gpusim.optics.calibration.formats import read_calibration, write_calibration
     from gpusim.pipeline import run
-    from gpusim.pipeline.stages.solving import solve
+    from gpusim.pipeline.stages.mechanics import solve
     from gpusim.report import Report
     from gpusim.scene import Scene, load_scene
     from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface, paint
@@ -154,7 +154,7 @@ _HOMES = {
     ),
     "gpusim.optics.calibration.formats": ("read_calibration", "write_calibration"),
     "gpusim.pipeline": ("run",),
-    "gpusim.pipeline.stages.solving": ("solve",),
+    "gpusim.pipeline.stages.mechanics": ("solve",),
     "gpusim.report": ("Report",),
     "gpusim.scene": ("Scene", "load_scene"),
     "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),

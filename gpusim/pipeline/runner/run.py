@@ -9,8 +9,8 @@ from pathlib import Path
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
-from gpusim.pipeline.checks.folders import check_folders
-from gpusim.pipeline.runner.run_report import write_page
+from gpusim.pipeline.checks.resources import check_folders
+from gpusim.pipeline.runner.run_record import write_page
 from gpusim.pipeline.runner.stage_runner import Progress, StageRunner
 from gpusim.pipeline.runner.variants import run_variants
 from gpusim.plan.run_options import RunOptions

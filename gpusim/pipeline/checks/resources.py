@@ -1,4 +1,4 @@
-"""Files that a scene names, opened before any work: what is wrong in them is told at once."""
+"""What a run needs of the machine, asked before any work: files, folders, memory."""
 
 from __future__ import annotations
 
@@ -8,16 +8,28 @@ from pathlib import Path
 
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
+from gpusim.files.output_folder import check_below, inside
 from gpusim.mesh import check_gmsh
-from gpusim.pipeline.build.build import build_lights
-from gpusim.pipeline.build.cameras import build_camera
+from gpusim.parallel.main_memory import host_memory
+from gpusim.pipeline.build.cameras import build_camera, build_lens, build_lights
 from gpusim.pipeline.build.meshing import build_mesh, size_warnings_of
-from gpusim.pipeline.build.photo import build_lens
+from gpusim.plan.plan import Plan
+from gpusim.plan.state import variant_folder
 from gpusim.scene import Scene
+from gpusim.scene.cost.counts import element_counts
 from gpusim.scene.description import model as m
 from gpusim.surface.paint import Image
 
-__all__ = ["check_field", "check_files", "check_mesher", "check_views"]
+__all__ = [
+    "check_field",
+    "check_files",
+    "check_folders",
+    "check_memory",
+    "check_mesher",
+    "check_views",
+    "memory_fault",
+    "mesh_fault",
+]
 
 _QUICK = 50_000_000  # bytes of a mesh file that a plan reads, in a second or two
 
@@ -106,3 +118,58 @@ def check_field(field: Field, times: tuple[float, ...]) -> None:
         field.check(time)
     for time in times:
         field.at(time)
+
+
+_FILES = ("report.html", "report.json", "scene.toml", "state.json", "truth.h5")
+_FOLDERS = ("budget", "figures", "images", "measure", "solution", "stl", "variants")
+
+
+def check_folders(scene: Scene, out: Path) -> None:
+    """Raises InputError naming the first thing in ``out`` that has the name of a folder or file
+    that the run writes, but is something else, leads elsewhere or can't be written."""
+    check_below(out, *_FOLDERS)
+    for root in (out, *(variant_folder(out, variant.name) for variant in scene.variants)):
+        check_below(root, *(f"images/{camera.name}" for camera in scene.cameras), *_FOLDERS)
+        for name in _FILES:
+            if inside(root, name).is_dir():
+                raise InputError(f"{root / name}: is a folder; expected a file, or nothing")
+
+
+_DOUBT = 2.0  # the plan's estimates may be this far off
+_LEAST = 256_000_000  # bytes that libraries map besides; OpenBLAS can hang with less
+_BUILT = 600  # bytes per node of a mesh, its faces and its surface while they are made
+
+
+def check_memory(plan: Plan) -> None:
+    """Raises InputError naming the first stage that can't fit the free memory."""
+    if fault := memory_fault(plan):
+        raise InputError(fault)
+
+
+def memory_fault(plan: Plan) -> str:
+    """The same as a sentence; "" for a plan that fits."""
+    free = host_memory()
+    if free < _LEAST:
+        return (
+            f"memory: got {free / 1e6:.0f} MB free (of the machine, the container or ulimit -v); "
+            f"expected at least {_LEAST / 1e6:.0f} MB"
+        )
+    for stage in plan.stages:
+        if not stage.memory_bytes <= _DOUBT * free:
+            return (
+                f"{stage.name}: needs about {stage.memory_bytes / 1e9:.3g} GB of memory "
+                f"({stage.detail}); got {free / 1e9:.3g} GB free; expected a smaller scene"
+            )
+    return ""
+
+
+def mesh_fault(scene: Scene) -> str:
+    """Why the meshes and surfaces of ``scene`` can't be built to look at; "" if they fit."""
+    free = host_memory()
+    nodes = sum(element_counts(body.mesh)[0] for body in scene.bodies)
+    if _BUILT * nodes <= free:
+        return ""
+    return (
+        f"the scene's geometry was not looked at: meshes of {nodes:,} nodes need about "
+        f"{_BUILT * nodes / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free"
+    )
