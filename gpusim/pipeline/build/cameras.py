@@ -31,7 +31,15 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["build_lights", "build_camera", "build_lens", "build_sensor", "build_shutter", "moving", "opening"]
+__all__ = [
+    "build_camera",
+    "build_lens",
+    "build_lights",
+    "build_sensor",
+    "build_shutter",
+    "moving",
+    "opening",
+]
 
 Array = npt.NDArray[np.float64]
 

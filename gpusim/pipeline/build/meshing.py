@@ -1,4 +1,4 @@
-"""A scene's mesh recipe turned into a mesh, what is said of it, and its where as nodes and faces."""
+"""A scene's mesh recipe turned into a mesh; its ``where`` as nodes, faces and cells of that."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gpusim import mesh
 from gpusim.errors import InputError
-from gpusim.field import read_field
+from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Faces, Mesh
 from gpusim.report import MeshSummary
@@ -25,6 +25,7 @@ __all__ = [
     "faces_of",
     "mesh_summary",
     "nodes_of",
+    "read_given_field",
     "size_warnings_of",
     "surface_faces_of",
 ]
@@ -46,7 +47,7 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
     Raises InputError for a file that can't be read or meshed, and for notches that don't fit.
     """
     if isinstance(recipe, m.FieldMesh):
-        return read_field(read(recipe.path), name=recipe.variable, scale=recipe.scale).mesh
+        return read_given_field(recipe, read).mesh
     if isinstance(recipe, m.FileMesh):
         return _from_file(recipe, read)
     # a recipe has the names of what it is made by
@@ -60,6 +61,13 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
         # midside nodes of bricks lie on the curves
         sizes["element"] = cells if cells in ("hex20", "hex27") else "hex8"
     return _of_cells(BUILDERS[type(recipe)](**sizes), cells)
+
+
+def read_given_field(recipe: m.FieldMesh, read: Reader = read_input) -> Field:
+    """The displacements that a body is given, on their mesh."""
+    return read_field(
+        read(recipe.path), name=recipe.variable, scale=recipe.scale, magnify=recipe.magnify
+    )
 
 
 def _of_cells(bricks: Mesh, cells: str) -> Mesh:

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.errors import InputError
 from gpusim.fem.model.rigid_body_modes import check_supports
-from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.pipeline.build.meshing import cells_of, faces_of, nodes_of
+from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 

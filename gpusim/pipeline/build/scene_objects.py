@@ -1,4 +1,4 @@
-"""What stands in front of the cameras: bodies, props and their solution, and where they are when."""
+"""What stands in front of the cameras, where it is in each frame, and the bodies' solution."""
 
 from __future__ import annotations
 

@@ -12,20 +12,10 @@ import numpy.typing as npt
 
 from gpusim import mesh
 from gpusim.errors import InputError
-from gpusim.field import Field, read_field
+from gpusim.field import Field
 from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Mesh, read_surface
-from gpusim.optics.light.lights import (
-    AmbientLight,
-    AreaLight,
-    EnvironmentLight,
-    Light,
-    PointLight,
-    SpotLight,
-    SunLight,
-)
-from gpusim.pipeline.build.meshing import build_mesh, faces_of, surface_faces_of
-from gpusim.scene import Scene
+from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
 from gpusim.scene.schema.prop import SURFACE_SUFFIXES
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
@@ -165,12 +155,7 @@ def build_body(body: m.Body, read: Reader = read_input) -> BodyParts:
 
     ``read``: how the files that it names are read.
     """
-    field = None
-    if isinstance(body.mesh, m.FieldMesh):
-        given = body.mesh
-        field = read_field(
-            read(given.path), name=given.variable, scale=given.scale, magnify=given.magnify
-        )
+    field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMesh) else None
     grid = field.mesh if field is not None else build_mesh(body.mesh, read)
     faces = mesh.boundary_faces(grid)
     skin = Skin(grid, faces)

@@ -1,4 +1,4 @@
-"""Whether pictures can be measured: markers in sight and in focus, discs, loads along the view."""
+"""Whether pictures can be measured: markers in sight and focus, sizes of discs, axial loads."""
 
 from __future__ import annotations
 

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 
 from gpusim.errors import InputError
-from gpusim.field import Field, read_field
+from gpusim.field import Field
 from gpusim.files.output_folder import check_below, inside
 from gpusim.mesh import check_gmsh
 from gpusim.parallel.main_memory import host_memory
 from gpusim.pipeline.build.cameras import build_camera, build_lens, build_lights
-from gpusim.pipeline.build.meshing import build_mesh, size_warnings_of
+from gpusim.pipeline.build.meshing import build_mesh, read_given_field, size_warnings_of
 from gpusim.plan.plan import Plan
 from gpusim.plan.state import variant_folder
 from gpusim.scene import Scene
@@ -46,18 +46,20 @@ def check_files(scene: Scene) -> list[str]:
         All that is wrong: a file that can't be read or doesn't fit, a lens that folds inside the
         image, a frame's time outside of a field, a displacement that isn't finite.
     """
-    states = [scene.variant(variant.name) for variant in scene.variants] or [scene]
-    problems: list[str] = []
+    problems: dict[str, None] = {}
     warnings: list[str] = []
-    for check in (check for state in states for check in _checks(state, warnings)):
+    for check in (check for state in _states(scene) for check in _checks(state, warnings)):
         try:
             check()
         except InputError as error:
-            if str(error) not in problems:
-                problems.append(str(error))
+            problems[str(error)] = None
     if problems:
         raise InputError("\n".join(problems))
     return list(dict.fromkeys(warnings))
+
+
+def _states(scene: Scene) -> list[Scene]:
+    return [scene.variant(variant.name) for variant in scene.variants] or [scene]
 
 
 def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]:
@@ -67,7 +69,7 @@ def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]
             yield partial(build_lens, camera, scene.input)
     for body in scene.bodies:
         if isinstance(body.mesh, m.FieldMesh):
-            yield partial(_read_and_check, body, scene, warnings)
+            yield partial(_check_field, body.mesh, body.name, scene, warnings)
         elif isinstance(body.mesh, m.FileMesh) and body.mesh.size is None:
             if Path(body.mesh.path).stat().st_size <= _QUICK:
                 yield partial(_check_size, body, scene, warnings)
@@ -80,7 +82,7 @@ def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]
 
 def check_mesher(scene: Scene) -> None:
     """Raises InputError where a CAD file is to be meshed and Gmsh isn't there."""
-    for state in [scene.variant(variant.name) for variant in scene.variants] or [scene]:
+    for state in _states(scene):
         for body in state.bodies:
             if isinstance(body.mesh, m.FileMesh) and body.mesh.size is not None:
                 check_gmsh(body.mesh.path)
@@ -102,13 +104,10 @@ def _read_picture(paint: m.Picture, scene: Scene) -> None:
     Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma)
 
 
-def _read_and_check(body: m.Body, scene: Scene, warnings: list[str]) -> None:
-    mesh = body.mesh
-    assert isinstance(mesh, m.FieldMesh)
-    file = scene.input(mesh.path)
-    field = read_field(file, name=mesh.variable, scale=mesh.scale, magnify=mesh.magnify)
+def _check_field(mesh: m.FieldMesh, name: str, scene: Scene, warnings: list[str]) -> None:
+    field = read_given_field(mesh, scene.input)
     check_field(field, scene.analysis.load_factors)
-    warnings += size_warnings_of(body.name, mesh, field.mesh)
+    warnings += size_warnings_of(name, mesh, field.mesh)
 
 
 def check_field(field: Field, times: tuple[float, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The measurements that a scene asks for, from its images, and the truth beside them.
+"""A deflection line measured from the first and the last image of one camera, with its truth.
 
 The measuring itself sees what a tester has: two images, where the markers were put on the unloaded
 structure, and the camera's rough place (to know which marker is which). The finite elements enter

@@ -194,7 +194,8 @@ def measure_stereo(
     marks, seen = track_in_cameras(spec, scene, objects, sources.image, sources.markers)
     cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
-    shifts = [np.where(_ok(s)[:, None], s.displacement, np.nan) for s in seen]
+    followed = [np.array([status == "OK" for status in s.status])[:, None] for s in seen]
+    shifts = [np.where(ok, s.displacement, np.nan) for ok, s in zip(followed, seen, strict=True)]
     before, after = _triangulated(calibration, seen, shifts)
     good = np.isfinite(before.points).all(axis=1)
     if not np.count_nonzero(good) >= 3:
@@ -299,10 +300,6 @@ def _triangulated(
         for pixels in (before, before + np.stack(shifts))
     )
     return first, last
-
-
-def _ok(seen: MarkerTracks) -> npt.NDArray[np.bool_]:
-    return np.array([status == "OK" for status in seen.status])
 
 
 def _status(states: Sequence[str]) -> str:

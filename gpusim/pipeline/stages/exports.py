@@ -42,7 +42,7 @@ def write_truth(
     path = inside(out, "truth.h5")
     word = frame_word(scene)
     history = LoadHistory(scene)
-    regions = [name for parts in bodies for name in _region_names(parts)]
+    regions = [f"{parts.body.name}/{name}" for parts in bodies for name in parts.surface.paints]
     cells = _cell_of_face(bodies)
     wanted = scene.output.truth
     attributes = {
@@ -132,10 +132,6 @@ def _write_nodes(
     for step, factor in enumerate(scene.analysis.load_factors):
         u = np.concatenate([displacement(body, step) for body in range(len(bodies))])
         file.write_nodal_displacement(step, u, **{frame_word(scene): factor})
-
-
-def _region_names(parts: BodyParts) -> list[str]:
-    return [f"{parts.body.name}/{name}" for name in parts.surface.paints]
 
 
 def write_meshes(
