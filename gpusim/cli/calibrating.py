@@ -29,7 +29,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.report import Link, Report, Table, write_report
 from gpusim.report.measurement_figures import RigCamera, draw_calibration
 
-__all__ = ["Settings", "calibrate_files", "rig_table", "stated"]
+__all__ = ["Settings", "calibrate_files", "stated"]
 
 Board = measure.Chessboard | measure.CharucoBoard
 

@@ -49,7 +49,7 @@ from gpusim.report.correlation import (
 )
 from gpusim.report.model import Figure
 
-__all__ = ["Choices", "correlate_files", "correlate_pairs", "stand_off_warnings"]
+__all__ = ["Choices", "correlate_files", "correlate_pairs"]
 
 _SCHEMA = 1
 UNSAID = ("formats", "backend")

@@ -38,14 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "Photo",
-    "draw_convergence",
-    "draw_errors",
-    "draw_overlay",
-    "draw_series",
-    "photo_of",
-]
+__all__ = ["draw_convergence", "draw_errors", "draw_overlay", "draw_series", "photo_of"]
 
 _WIDTH = 7.2  # inches
 _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width

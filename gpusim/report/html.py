@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FigureSet",
-    "PagePair",
     "aligned",
-    "file_uri",
     "page_pair",
     "page_template",
     "photo_uri",

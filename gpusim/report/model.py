@@ -20,7 +20,6 @@ from gpusim.report.findings import Budget, Mechanics, MeshSummary, Published
 from gpusim.report.text import plain_data
 
 __all__ = [
-    "SCHEMA",
     "Drawing",
     "Figure",
     "FramePair",
@@ -31,7 +30,6 @@ __all__ = [
     "Series",
     "SolutionSummary",
     "Stage",
-    "StageState",
     "Status",
 ]
 

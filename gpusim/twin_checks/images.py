@@ -44,8 +44,6 @@ from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.scenes import crumpled_view, fields_setup, probe_setup, shadow_scene
 
-__all__ = []
-
 
 def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
     """What records say, whatever their anchors and cells: of each triangle (T, 6), and at its

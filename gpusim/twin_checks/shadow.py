@@ -51,8 +51,6 @@ from gpusim.twin_checks.scenes import (
     probe_spaces,
 )
 
-__all__ = []
-
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]
 

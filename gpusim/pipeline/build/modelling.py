@@ -17,7 +17,7 @@ from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 
-__all__ = ["build_material", "build_model", "support_of_freedom", "temperature"]
+__all__ = ["build_model", "support_of_freedom", "temperature"]
 
 Array = npt.NDArray[np.float64]
 

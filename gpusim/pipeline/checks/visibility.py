@@ -13,7 +13,7 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["blind_cameras", "enclosing", "lamps_inside", "unseen", "winding_numbers"]
+__all__ = ["blind_cameras", "lamps_inside", "unseen", "winding_numbers"]
 
 Array = npt.NDArray[np.float64]
 LEAST_SEEN = 3.0  # px

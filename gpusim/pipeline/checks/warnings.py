@@ -34,7 +34,7 @@ from gpusim.surface import Surface
 if TYPE_CHECKING:
     from gpusim.pipeline.checks.linear_theory import LinearError
 
-__all__ = ["SceneWarnings", "check_lamp_count", "scene_warnings", "with_known_warnings"]
+__all__ = ["SceneWarnings", "scene_warnings", "with_known_warnings"]
 
 NAMED = 6
 

@@ -21,7 +21,7 @@ from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["DamageLine", "DamageResult", "compare_states"]
+__all__ = ["DamageResult", "compare_states"]
 
 Array = npt.NDArray[np.float64]
 LEAST_POINTS = 8

@@ -24,7 +24,6 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
 __all__ = [
-    "CrossFits",
     "MarkerSet",
     "arms_of",
     "check_widths",

@@ -28,7 +28,7 @@ from gpusim.report.measurement_figures import (
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["Reported", "Result", "read_result", "reported", "run_measure", "tracked"]
+__all__ = ["Result", "read_result", "reported", "run_measure", "tracked"]
 
 Array = npt.NDArray[np.float64]
 Result = DeflectionResult | StereoResult

@@ -56,8 +56,9 @@ def run(
     if not isinstance(scene, Scene):
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     backend = chosen_backend("run", backend)
+    tell = progress or (lambda stage, done, text: None)
     with claim(out) as folder:
-        return run_claimed(scene, folder, RunOptions(backend, fresh, skip), progress or _silent)
+        return run_claimed(scene, folder, RunOptions(backend, fresh, skip), tell)
 
 
 def run_claimed(scene: Scene, out: Path, options: RunOptions, tell: Progress) -> Report:
@@ -72,7 +73,3 @@ def run_claimed(scene: Scene, out: Path, options: RunOptions, tell: Progress) ->
     report = StageRunner(scene, out, options, tell).begin()()
     write_page(report, out, tell)
     return report
-
-
-def _silent(stage: str, done: float, text: str) -> None:
-    del stage, done, text

@@ -47,12 +47,7 @@ from gpusim.pipeline.stages.images import CaptureQueue
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan, PlannedStage, make_plan
 from gpusim.plan.run_options import RunOptions
-from gpusim.report import (
-    Report,
-    Stage,
-    prepare_figures,
-    write_report,
-)
+from gpusim.report import Report, Stage, prepare_figures, write_report
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
