@@ -13,154 +13,89 @@ docstrings take ``import gpusim as gs`` and ``import numpy as np`` for granted.
 import importlib as _importlib
 import typing as _typing
 
-from gpusim._version import __version__
+from gpusim._version import __version__ as __version__
 
 if _typing.TYPE_CHECKING:
-    from gpusim import errors, export, fem, measure, mesh
-    from gpusim.deck import Deck, load_deck
-    from gpusim.errors import (
-        DeviceError,
-        DeviceLost,
-        GpusimError,
-        InputError,
-        NoAdapter,
-        NotConverged,
-        OutOfDeviceMemory,
-        SceneError,
-        TwinMismatch,
-    )
-    from gpusim.fem import Isotropic, Model, Orthotropic, Solution
-    from gpusim.field import Field, read_field
-    from gpusim.gpu import Device
-    from gpusim.mesh import Mesh, mesh_cad, read_mesh
-    from gpusim.optics import (
-        AmbientLight,
-        AreaLight,
-        Camera,
-        EnvironmentLight,
-        Frame,
-        Lens,
-        PointLight,
-        Sensor,
-        Shutter,
-        SpotLight,
-        SunLight,
-        Truth,
-        Vignetting,
-        photograph,
-        psf,
-        render,
-    )
-    from gpusim.optics.calibration.formats import read_calibration, write_calibration
-    from gpusim.pipeline import run
-    from gpusim.pipeline.stages.solving import solve
-    from gpusim.report import Report
-    from gpusim.scene import Scene, load_scene
-    from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface, paint
+    from gpusim import errors as errors
+    from gpusim import export as export
+    from gpusim import fem as fem
+    from gpusim import measure as measure
+    from gpusim import mesh as mesh
+    from gpusim.deck import Deck as Deck
+    from gpusim.deck import load_deck as load_deck
+    from gpusim.errors import DeviceError as DeviceError
+    from gpusim.errors import DeviceLost as DeviceLost
+    from gpusim.errors import GpusimError as GpusimError
+    from gpusim.errors import InputError as InputError
+    from gpusim.errors import NoAdapter as NoAdapter
+    from gpusim.errors import NotConverged as NotConverged
+    from gpusim.errors import OutOfDeviceMemory as OutOfDeviceMemory
+    from gpusim.errors import SceneError as SceneError
+    from gpusim.errors import TwinMismatch as TwinMismatch
+    from gpusim.fem import Isotropic as Isotropic
+    from gpusim.fem import Model as Model
+    from gpusim.fem import Orthotropic as Orthotropic
+    from gpusim.fem import Solution as Solution
+    from gpusim.field import Field as Field
+    from gpusim.field import read_field as read_field
+    from gpusim.gpu import Device as Device
+    from gpusim.mesh import Mesh as Mesh
+    from gpusim.mesh import mesh_cad as mesh_cad
+    from gpusim.mesh import read_mesh as read_mesh
+    from gpusim.optics import AmbientLight as AmbientLight
+    from gpusim.optics import AreaLight as AreaLight
+    from gpusim.optics import Camera as Camera
+    from gpusim.optics import EnvironmentLight as EnvironmentLight
+    from gpusim.optics import Frame as Frame
+    from gpusim.optics import Lens as Lens
+    from gpusim.optics import PointLight as PointLight
+    from gpusim.optics import Sensor as Sensor
+    from gpusim.optics import Shutter as Shutter
+    from gpusim.optics import SpotLight as SpotLight
+    from gpusim.optics import SunLight as SunLight
+    from gpusim.optics import Truth as Truth
+    from gpusim.optics import Vignetting as Vignetting
+    from gpusim.optics import photograph as photograph
+    from gpusim.optics import psf as psf
+    from gpusim.optics import render as render
+    from gpusim.optics.calibration.formats import read_calibration as read_calibration
+    from gpusim.optics.calibration.formats import write_calibration as write_calibration
+    from gpusim.pipeline import run as run
+    from gpusim.pipeline.stages.mechanics import solve as solve
+    from gpusim.report import Report as Report
+    from gpusim.scene import Scene as Scene
+    from gpusim.scene import load_scene as load_scene
+    from gpusim.surface import Atlas as Atlas
+    from gpusim.surface import CylinderFrame as CylinderFrame
+    from gpusim.surface import PaintFrame as PaintFrame
+    from gpusim.surface import Skin as Skin
+    from gpusim.surface import Surface as Surface
+    from gpusim.surface import paint as paint
 
-__all__ = [
-    "AmbientLight",
-    "AreaLight",
-    "Atlas",
-    "Camera",
-    "CylinderFrame",
-    "Deck",
-    "Device",
-    "DeviceError",
-    "DeviceLost",
-    "EnvironmentLight",
-    "Field",
-    "Frame",
-    "GpusimError",
-    "InputError",
-    "Isotropic",
-    "Lens",
-    "Mesh",
-    "Model",
-    "NoAdapter",
-    "NotConverged",
-    "Orthotropic",
-    "OutOfDeviceMemory",
-    "PaintFrame",
-    "PointLight",
-    "Report",
-    "Scene",
-    "SceneError",
-    "Sensor",
-    "Shutter",
-    "Skin",
-    "Solution",
-    "SpotLight",
-    "SunLight",
-    "Surface",
-    "Truth",
-    "TwinMismatch",
-    "Vignetting",
-    "__version__",
-    "errors",
-    "export",
-    "fem",
-    "load_deck",
-    "load_scene",
-    "measure",
-    "mesh",
-    "mesh_cad",
-    "paint",
-    "photograph",
-    "psf",
-    "read_calibration",
-    "read_field",
-    "read_mesh",
-    "render",
-    "run",
-    "solve",
-    "write_calibration",
-]
-
-_HOMES = {
-    "gpusim.deck": ("Deck", "load_deck"),
-    "gpusim.errors": (
-        "DeviceError",
-        "DeviceLost",
-        "GpusimError",
-        "InputError",
-        "NoAdapter",
-        "NotConverged",
-        "OutOfDeviceMemory",
-        "SceneError",
-        "TwinMismatch",
-    ),
-    "gpusim.fem": ("Isotropic", "Model", "Orthotropic", "Solution"),
-    "gpusim.field": ("Field", "read_field"),
-    "gpusim.gpu": ("Device",),
-    "gpusim.mesh": ("Mesh", "mesh_cad", "read_mesh"),
-    "gpusim.optics": (
-        "AmbientLight",
-        "AreaLight",
-        "Camera",
-        "EnvironmentLight",
-        "Frame",
-        "Lens",
-        "PointLight",
-        "Sensor",
-        "Shutter",
-        "SpotLight",
-        "SunLight",
-        "Truth",
-        "Vignetting",
-        "photograph",
-        "psf",
-        "render",
-    ),
-    "gpusim.optics.calibration.formats": ("read_calibration", "write_calibration"),
-    "gpusim.pipeline": ("run",),
-    "gpusim.pipeline.stages.solving": ("solve",),
-    "gpusim.report": ("Report",),
-    "gpusim.scene": ("Scene", "load_scene"),
-    "gpusim.surface": ("Atlas", "CylinderFrame", "PaintFrame", "Skin", "Surface", "paint"),
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = ("errors", "export", "fem", "measure", "mesh")
+_HOMES = {
+    "gpusim.deck": "Deck load_deck",
+    "gpusim.errors": (
+        "DeviceError DeviceLost GpusimError InputError NoAdapter NotConverged "
+        "OutOfDeviceMemory SceneError TwinMismatch"
+    ),
+    "gpusim.fem": "Isotropic Model Orthotropic Solution",
+    "gpusim.field": "Field read_field",
+    "gpusim.gpu": "Device",
+    "gpusim.mesh": "Mesh mesh_cad read_mesh",
+    "gpusim.optics": (
+        "AmbientLight AreaLight Camera EnvironmentLight Frame Lens PointLight Sensor Shutter "
+        "SpotLight SunLight Truth Vignetting photograph psf render"
+    ),
+    "gpusim.optics.calibration.formats": "read_calibration write_calibration",
+    "gpusim.pipeline": "run",
+    "gpusim.pipeline.stages.mechanics": "solve",
+    "gpusim.report": "Report",
+    "gpusim.scene": "Scene load_scene",
+    "gpusim.surface": "Atlas CylinderFrame PaintFrame Skin Surface paint",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+__all__ = sorted([*_MODULES, *_HOME_OF, "__version__"])
 
 
 def __getattr__(name: str) -> _typing.Any:

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.render.measure import RenderResult
-from gpusim.bench.images import ImagePoint, ImageResult
-from gpusim.bench.tables import image_table
+from gpusim.bench.images import ImagePoint, ImageResult, image_table
 
 __all__ = ["ratios", "write_render"]
 

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.plain_json import plain_json
 from benchmarks.solver.measure import ENOUGH, PeerCaseResult, SolverResult
-from gpusim.bench.solver import Point
-from gpusim.bench.tables import solver_table
+from gpusim.bench.solver import Point, solver_table
 
 __all__ = ["solver_markdown", "write_solver"]
 

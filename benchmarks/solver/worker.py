@@ -9,13 +9,13 @@ from typing import Any
 from benchmarks.solver.bandwidth import measure_operator
 from benchmarks.solver.cases import CASES
 from benchmarks.solver.problem import write_problem
-from gpusim.bench.worker import solve_cold
+from gpusim.bench.solver import solve_cold
 
 __all__ = ["run"]
 
 
 def run(name: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Solve one case as `gpusim.bench.worker.solve_cold` does; with ``export`` what is written
+    """Solve one case as `gpusim.bench.solver.solve_cold` does; with ``export`` what is written
     holds the arrays for the peers, with ``operator`` its bandwidth is measured instead."""
     case = next(case for case in CASES if case.name == name)
     if options.get("operator"):

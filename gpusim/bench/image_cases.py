@@ -63,9 +63,13 @@ class ImageCase:
         return self.camera.width * self.camera.height
 
 
+def _outline(origin: Array, a: Array, b: Array) -> Array:
+    return np.stack([origin, origin + a, origin + a + b, origin + b])
+
+
 def _quad(origin: Array, a: Array, b: Array) -> Array:
     """Two triangles (2, 3, 3) of a parallelogram, counter-clockwise from a to b."""
-    p = np.stack([origin, origin + a, origin + a + b, origin + b])
+    p = _outline(origin, a, b)
     return np.stack([p[[0, 1, 2]], p[[0, 2, 3]]])
 
 
@@ -91,8 +95,7 @@ def _board(width: int, lit: bool) -> ImageCase:
     s, t = np.array([np.cos(0.13), np.sin(0.13), 0.0]), np.array([0.0, 0.0, 1.0])
     corner = -0.5 * (size[0] * s + size[1] * t)
     paint = Checker(cell, columns, rows, (rim, rim), 0.05, 0.9, 0.6)
-    plate = np.stack([corner, corner + size[0] * s, corner + size[0] * s + size[1] * t,
-                      corner + size[1] * t])  # fmt: skip
+    plate = _outline(corner, size[0] * s, size[1] * t)
     frame = PaintFrame(corner, s, t)
     surface = Surface(plate, np.array([[0, 1, 2, 3]]), {"board": paint}, frames={"board": frame})
     edges_s = np.array([0.0, rim, size[0] - rim, size[0]])
@@ -162,7 +165,7 @@ def _crane(width: int, lit: bool) -> ImageCase:
     static = np.array([[-0.12, 0.08], [-0.12, 0.47], [0.17, 0.11], [0.17, 0.41], [0.48, 0.11],
                        [0.48, 0.41]])  # fmt: skip
     frame = PaintFrame(np.array([0.0, 0.15, 0.0]), x, z)
-    outline = np.stack([corner, corner + a, corner + a + b, corner + b])
+    outline = _outline(corner, a, b)
     targets: dict[str, Paint] = {"wall": Markers(static, 0.012, 0.04, 0.9, 0.55)}
     wall = Surface(outline, np.array([[0, 1, 2, 3]], np.int32), targets, frames={"wall": frame})
     on_wall = np.stack([static[:, 0], np.full(len(static), 0.15), static[:, 1]], axis=1)
@@ -194,8 +197,7 @@ def _speckle(width: int) -> ImageCase:
     size = (0.8, 0.7)
     corner = np.array([-0.4, 0.0, -0.35])
     paint = Speckle(6.0 / camera.K[0, 0], 0.5, seed=5, dot=0.1, ground=0.9)
-    plate = np.stack([corner, corner + size[0] * s, corner + size[0] * s + size[1] * t,
-                      corner + size[1] * t])  # fmt: skip
+    plate = _outline(corner, size[0] * s, size[1] * t)
     surface = Surface(plate, np.array([[0, 1, 2, 3]]), {"plate": paint},
                       frames={"plate": PaintFrame(corner, s, t)})  # fmt: skip
     spots = np.array([[-0.2, 0.0, 0.1], [0.0, 0.0, 0.0], [0.22, 0.0, -0.17]])

@@ -1,26 +1,119 @@
-"""Run time of the solver against the error of its displacements, on this machine's adapter."""
+"""Run time of the solver against the error of its displacements, on this machine's adapter.
+
+Each solve is cold, in a process of its own: ``python -m gpusim.bench.solver CASE JSON``.
+The clock runs around `gpusim.fem.solve` alone and holds everything it does: checks, assembly,
+set-up, opening the device, compiling kernels, iterations, reactions. Python's imports and the
+making of the mesh come before.
+"""
 
 from __future__ import annotations
 
 import json
 import os
 import platform
+import resource
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim._version import __version__
-from gpusim.bench.solver_cases import Case
+from gpusim.bench.solver_cases import CASES, Case
 from gpusim.errors import GpusimError
+from gpusim.fem import Model, solve
+from gpusim.files.atomic_files import write_text
 from gpusim.gpu import default_device
 
-__all__ = ["CaseResult", "Point", "run_solver_bench"]
+__all__ = [
+    "CaseResult",
+    "Point",
+    "error_text",
+    "machine",
+    "run_solver_bench",
+    "solve_cold",
+    "solver_table",
+    "write_solver",
+]
+
+Float = npt.NDArray[np.float64]
+Export = Callable[[Case, Model, Float, Path], None]
+
+
+def solve_cold(case: Case, options: dict[str, Any], export: Export | None = None) -> dict[str, Any]:
+    """Solve one case; times, iterations, memory and the error as plain values.
+
+    ``options``: tolerance; load_cases (1 or 2); backend; ``reference`` a folder whose ``u.npy``
+    the result is compared with; ``write`` a folder for ``u.npy`` and what ``export`` writes.
+    """
+    model = case.model(options.get("load_cases", 1))
+    tolerance = options.get("tolerance", 1e-6)
+    before = _reset_peak()
+    start = time.perf_counter()
+    try:
+        solution = solve(
+            model,
+            tolerance=tolerance,
+            formulation={case.kind: case.rule},
+            backend=options.get("backend", "auto"),
+        )
+    except GpusimError as error:
+        return {"failed": f"{type(error).__name__}: {error}"}
+    seconds = time.perf_counter() - start
+    peak = _peak()
+    first = solution.u if solution.u.ndim == 2 else solution.u[0]
+    result: dict[str, Any] = {
+        "tolerance": tolerance,
+        "seconds": seconds,
+        "timings": dict(solution.timings),
+        "iterations": solution.iterations,
+        "converged": solution.converged,
+        "message": solution.message,
+        "stated": solution.error_estimate,
+        "path": f"{solution.method}, {solution.backend}, {solution.real}",
+        "unknowns": solution.unknowns,
+        "before_kib": before,
+        "peak_kib": peak,
+    }
+    if "reference" in options:
+        wanted = np.load(Path(options["reference"]) / "u.npy")
+        result["error"] = float(np.abs(first - wanted).max() / np.abs(wanted).max())
+    if "write" in options:
+        folder = Path(options["write"])
+        folder.mkdir(parents=True, exist_ok=True)
+        if export is not None:
+            export(case, model, first, folder)
+        # last, so that a folder with u.npy is complete
+        np.save(folder / "u.npy", first)
+    return result
+
+
+def _reset_peak() -> int:
+    """Memory in use now, KiB; the kernel's high-water mark starts anew from here."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    except OSError:
+        return 0  # the peak then counts from the start of the process
+    return _status("VmRSS:")
+
+
+def _peak() -> int:
+    return _status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def _status(key: str) -> int:
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return 0
+    return next((int(line.split()[1]) for line in lines if line.startswith(key)), 0)
+
 
 Tell = Callable[[str], None]
 
@@ -100,7 +193,7 @@ def run_solver_bench(
 
 
 def measure_case(
-    case: Case, result: CaseResult, reference: Path, tell: Tell, worker: str = "gpusim.bench.worker"
+    case: Case, result: CaseResult, reference: Path, tell: Tell, worker: str = "gpusim.bench.solver"
 ) -> None:
     """gpusim's runs of one case, each cold, in a fresh process; large ones at 1e-6 alone."""
     for tolerance in TOLERANCES if case.size != "full" else (1e-6,):
@@ -133,7 +226,7 @@ def make_reference(
     case: Case,
     reference: Path,
     tell: Tell,
-    worker: str = "gpusim.bench.worker",
+    worker: str = "gpusim.bench.solver",
     export: Path | None = None,
 ) -> None:
     """Displacements at a tolerance of 1e-10; ``export``: folder for other programs' arrays."""
@@ -186,3 +279,44 @@ def machine() -> str:
         f"gpusim {__version__}, {default_device().name}, {os.cpu_count()} cores, "
         f"{platform.system()} {platform.machine()}, NumPy {np.__version__}"
     )
+
+
+def write_solver(cases: Sequence[CaseResult], folder: Path) -> Path:
+    """``solver.md`` in ``folder``."""
+    lines = [
+        "# Solver: run time against displacement error", "", machine(), "",
+        "Each run is cold, in a fresh process, wall-clock seconds of everything from the model to "
+        "displacements and reactions. Errors are the greatest difference to the reference (gpusim "
+        "at tolerance 1e-10) over the greatest displacement.",
+    ]  # fmt: skip
+    for case in cases:
+        lines += ["", f"## {case.case}: {case.unknowns} unknowns", "", *solver_table(case)]
+    return write_text(folder / "solver.md", "\n".join(lines) + "\n")
+
+
+def solver_table(case: CaseResult) -> list[str]:
+    """Every run of one case."""
+    parts = ", ".join(f"{name} {seconds:.2f}" for name, seconds in case.timings.items())
+    lines = [
+        f"gpusim: {case.path}; seconds: {parts}.", "",
+        "| solver | tolerance | set-up s | solve s | total s | error | to reference | iterations "
+        "| peak MB |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]  # fmt: skip
+    for p in case.points:
+        note = f" ({p.note})" if p.note else ""
+        lines.append(
+            f"| {p.solver}{note} | {p.tolerance:g} | {p.setup_s:.2f} | {p.solve_s:.2f} "
+            f"| {p.seconds:.2f} | {error_text(p.error)} | {error_text(p.difference)} "
+            f"| {p.iterations} | {p.peak_kib / 1024:.0f} |"
+        )
+    return lines + ([""] if case.failures else []) + [f"- {text}" for text in case.failures]
+
+
+def error_text(value: float) -> str:
+    return f"{value:.1e}" if np.isfinite(value) else "-"
+
+
+if __name__ == "__main__":
+    chosen = next(case for case in CASES if case.name == sys.argv[1])
+    print(json.dumps(solve_cold(chosen, json.loads(sys.argv[2]))), flush=True)

@@ -11,7 +11,6 @@ import io
 import json
 import sys
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,23 +20,29 @@ from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
+    Backend,
+    BackendOption,
     Destination,
+    Json,
+    Output,
     PrintableGroup,
     ProgressDisplay,
+    Quiet,
     exit_codes,
+    folder_name,
+    importing,
     out,
     size_text,
+    starting,
     time_text,
 )
 from gpusim.cli.measuring import calibrate, dic
-from gpusim.cli.options import Backend, BackendOption, Json, Output, folder_name
-from gpusim.cli.startup import importing, starting
 from gpusim.errors import Fault, SceneError
 from gpusim.files.output_folder import check_folder, claim
 
 if TYPE_CHECKING:
     from gpusim.plan.plan import Plan, PlannedStage
-    from gpusim.report.model import Report
+    from gpusim.report import Budget, Report
     from gpusim.scene import Scene
 
 __all__ = ["app", "main"]
@@ -119,7 +124,7 @@ def run(
     backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Solve, render, measure, report; reuse what is unchanged in OUT."""
@@ -150,7 +155,7 @@ def budget(
     output: Output,
     sets: Sets = None,
     backend: BackendOption = Backend.auto,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Run a scene, then with and without each effect: what each adds to the measured error."""
@@ -158,7 +163,6 @@ def budget(
         with importing():
             loaded = _load(scene, sets)
             check_folder(output)
-            from gpusim.cli.budgeting import print_budget
             from gpusim.pipeline.runner.error_budget import run_budget
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
@@ -166,7 +170,7 @@ def budget(
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet and report.budget is not None:
-            print_budget(report.budget, output)
+            _print_budget(report.budget, output)
 
 
 @app.command()
@@ -178,7 +182,7 @@ def solve(
         float, typer.Option(help="Relative error of the displacement to reach.")
     ] = 1e-6,
     stress: Annotated[bool, typer.Option("--stress", help="Write stresses too.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")] = False,
+    quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
@@ -213,22 +217,20 @@ def plan(
         if output is not None:
             check_folder(output)
         loaded = _load(scene, sets)
-        strange: list[str] = []
-        if loaded.reads_files:
-            strange = import_module("gpusim.pipeline.checks.files").check_files(loaded)
+        from gpusim.pipeline.checks.resources import check_files, check_mesher, memory_fault
+        from gpusim.pipeline.checks.warnings import scene_warnings
         from gpusim.plan.machine_speed import Speed
         from gpusim.plan.plan import make_plan
 
-        beforehand = import_module("gpusim.pipeline.checks.warnings").scene_warnings(loaded)
+        strange = check_files(loaded) if loaded.reads_files else []
+        beforehand = scene_warnings(loaded)
         speed = Speed.read(backend.value).measured()
         made = make_plan(loaded, output, backend.value, fresh=fresh, skip=not no_skip, speed=speed)
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            import_module("gpusim.pipeline.checks.files").check_mesher(loaded)
-        short = import_module("gpusim.pipeline.checks.memory").memory_fault(made)
-        warnings = dict.fromkeys(
-            [*made.warnings, *strange, *beforehand, *([short] if short else [])]
-        )
-        made = replace(made, warnings=tuple(warnings))
+            check_mesher(loaded)
+        short = memory_fault(made)
+        found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
+        made = replace(made, warnings=tuple(dict.fromkeys(found)))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
@@ -332,5 +334,20 @@ def _print_report(report: Report, folder: Path) -> None:
             )
     for warning in report.warnings:
         out(f"warning: {warning}")
+    out()
+    out(f"Report: {folder / 'report.html'}")
+
+
+def _print_budget(budget: Budget, folder: Path) -> None:
+    """One column for each error, one line for each state of the images."""
+    names = [f"{name} / {unit}" if unit else name for name, unit in budget.quantities]
+    for number, name in enumerate(names, start=1):
+        out(f"({number}) {name}")
+    columns = range(1, len(names) + 1)
+    out(f"{'images with':<28}" + "".join(f"{f'({number})':>12}" for number in columns))
+    words = {"all": "everything", "none": "none of the effects"}
+    for row in budget.rows:
+        label = words.get(row.state) or f"{row.state} {row.source}"
+        out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
     out()
     out(f"Report: {folder / 'report.html'}")

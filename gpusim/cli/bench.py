@@ -41,9 +41,8 @@ def solver(
 ) -> None:
     """Run time and memory against displacement error."""
     with exit_codes():
-        from gpusim.bench.solver import run_solver_bench
+        from gpusim.bench.solver import run_solver_bench, write_solver
         from gpusim.bench.solver_cases import find_cases
-        from gpusim.bench.tables import write_solver
 
         cases = find_cases(sizes.value, case)
         results = run_solver_bench(
@@ -67,8 +66,7 @@ def render(
     """Run time against error of the image, lit and unlit."""
     with exit_codes():
         from gpusim.bench.image_cases import find_image_cases
-        from gpusim.bench.images import run_image_bench
-        from gpusim.bench.tables import write_images
+        from gpusim.bench.images import run_image_bench, write_images
 
         names = dict.fromkeys(name for text in case or [""] for name in find_image_cases(text))
         results = run_image_bench(

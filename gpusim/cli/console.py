@@ -1,10 +1,11 @@
-"""Talking to the user: messages, progress, and errors as one clear message with an exit code.
+"""Talking to the user: options, messages, progress, and errors as one message with an exit code.
 
 Results go to the standard output, messages about trouble to the standard error.
 """
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import time
@@ -13,8 +14,9 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -22,19 +24,90 @@ from rich.text import Text
 from typer.core import TyperGroup
 
 from gpusim.errors import GpusimError
-from gpusim.interrupts import INTERRUPTED, raise_again
+from gpusim.interrupts import INTERRUPTED, end_at_once, raise_again
 from gpusim.printable import printable
 
 __all__ = [
     "INTERRUPTED",
+    "Backend",
+    "BackendOption",
     "Destination",
+    "Json",
+    "Output",
     "PrintableGroup",
     "ProgressDisplay",
+    "Quiet",
     "exit_codes",
+    "folder_name",
+    "importing",
     "out",
     "size_text",
+    "starting",
     "time_text",
 ]
+
+
+def folder_name(text: str) -> Path:
+    """The folder of an option; an empty name isn't the working folder."""
+    if not str(text):
+        raise typer.BadParameter("no name of a folder; got ''")
+    return Path(text)
+
+
+class Backend(StrEnum):
+    """Where the numbers are made."""
+
+    auto = "auto"
+    gpu = "gpu"
+    numpy = "numpy"
+
+
+BackendOption = Annotated[
+    Backend,
+    typer.Option(help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: none."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Output = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="OUT", help="Output folder.", parser=folder_name),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+
+
+@contextmanager
+def starting(output: Path, backend: Backend) -> Iterator[None]:
+    """Begin with what a run into ``output`` will need, while the block reads and imports the rest:
+    a process that draws figures, and what an earlier run has asked the device for."""
+    from gpusim.report import prepare_figures
+
+    prepare_figures()
+    if backend is Backend.numpy:
+        yield
+        return
+    from gpusim.gpu.warmup import compile_ahead
+    from gpusim.plan.state import earlier_programs
+
+    with compile_ahead(earlier_programs(output)):
+        yield
+
+
+@contextmanager
+def importing() -> Iterator[None]:
+    """Without garbage collection meanwhile, nor later of what was made.
+
+    What modules make while they are imported stays; to look through it again and again for garbage
+    takes a sixth of the time that a command needs to start. Interrupts end the command meanwhile.
+    """
+    enabled = gc.isenabled()
+    end_at_once()
+    gc.disable()
+    try:
+        yield
+    finally:
+        raise_again()
+        gc.freeze()
+        if enabled:
+            gc.enable()
 
 
 @dataclass(frozen=True)

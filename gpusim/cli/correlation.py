@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from gpusim._version import __version__
 from gpusim.cli.console import Destination, out
-from gpusim.cli.stand_off import stand_off_warnings
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.correlation import write_correlation, write_stereo
 from gpusim.files.atomic_files import safe_name, write_text
@@ -25,6 +24,7 @@ from gpusim.measure import (
     CalibratedCamera,
     DicResult,
     MappedResult,
+    StereoResult,
     StrainResult,
     dic_sequence,
     lens_mapping,
@@ -40,13 +40,26 @@ from gpusim.measure.correlation.sequence import Update
 from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.correlation.warp import Shape
 from gpusim.optics.calibration.formats import read_calibration
-from gpusim.report.correlation import correlation_page, stereo_summary, summary
-from gpusim.report.maps import draw_maps, draw_stereo_maps
+from gpusim.report.correlation import (
+    correlation_page,
+    draw_maps,
+    draw_stereo_maps,
+    stereo_summary,
+    summary,
+)
 from gpusim.report.model import Figure
 
 __all__ = ["Choices", "correlate_files", "correlate_pairs"]
 
 _SCHEMA = 1
+UNSAID = ("formats", "backend")
+"""Choices that a report's settings don't repeat; and words for those that aren't made."""
+MISSING = {
+    "roi": "all",
+    "mask": "none",
+    "calibration": "none",
+    "calibration_unit": "as the file says",
+}
 SURFACE_STRAINS = ("green-lagrange", "hencky", "none")
 
 
@@ -233,19 +246,15 @@ def correlate_pairs(
 
 def _subset_options(choices: Choices, device: Device | None) -> dict[str, Any]:
     """Arguments of every correlation."""
-    return {
-        "subset": choices.subset, "step": choices.step, "blur_px": choices.blur_px,
-        "min_zncc": choices.min_zncc, "tolerance": choices.tolerance, "device": device,
-        "backend": "numpy" if device is None else "gpu",
-    }  # fmt: skip
+    names = ("subset", "step", "blur_px", "min_zncc", "tolerance")
+    own = {name: getattr(choices, name) for name in names}
+    return own | {"device": device, "backend": "numpy" if device is None else "gpu"}
 
 
 def _motion_options(choices: Choices) -> dict[str, Any]:
     """Arguments of those that follow a motion."""
-    return {
-        "shape": choices.shape, "update": choices.update, "start": choices.start,
-        "search_px": choices.search_px, "apart_px": choices.apart_px,
-    }  # fmt: skip
+    names = ("shape", "update", "start", "search_px", "apart_px")
+    return {name: getattr(choices, name) for name in names}
 
 
 def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
@@ -332,27 +341,10 @@ def _mask(path: Path, shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
 
 
 def _settings(reference: Path, choices: Choices, device: Device | None) -> dict[str, Any]:
-    return {
-        "reference": str(reference),
-        "subset": choices.subset,
-        "step": choices.step,
-        "shape": choices.shape,
-        "roi": choices.roi or "all",
-        "mask": str(choices.mask or "none"),
-        "calibration": str(choices.calibration or "none"),
-        "calibration_unit": choices.calibration_unit or "as the file says",
-        "update": choices.update,
-        "start": choices.start,
-        "search_px": choices.search_px,
-        "blur_px": choices.blur_px,
-        "min_zncc": choices.min_zncc,
-        "apart_px": choices.apart_px,
-        "tolerance": choices.tolerance,
-        "strain": choices.strain,
-        "strain_window": choices.strain_window,
-        "adapter": "none (NumPy)" if device is None else str(device.info.get("device", "")),
-        "version": __version__,
-    }
+    given = {key: value for key, value in vars(choices).items() if key not in UNSAID}
+    given |= {key: str(given[key] or word) for key, word in MISSING.items()}
+    adapter = "none (NumPy)" if device is None else str(device.info.get("device", ""))
+    return {"reference": str(reference), **given, "adapter": adapter, "version": __version__}
 
 
 def _print(rows: Sequence[dict[str, Any]], folder: Path) -> None:
@@ -373,3 +365,27 @@ def _print(rows: Sequence[dict[str, Any]], folder: Path) -> None:
             out(f"{'':<{wide}}  " + ", ".join(f"{n} {k.lower()}" for k, n in lost.items()))
     out()
     out(f"Report: {folder / 'report.html'}")
+
+
+NEAREST, FURTHEST = 5.0, 1e6  # mm: a microscope's object is further, a bridge nearer
+LEAST_BASELINE = 0.5  # mm
+
+
+def stand_off_warnings(
+    calibration: Path, cameras: Sequence[CalibratedCamera], results: Sequence[StereoResult]
+) -> list[str]:
+    """One line if the rig's cameras or what they saw are implausibly near or far; else none.
+
+    Lengths of the ``cameras`` and ``results`` are mm, by the unit of the file ``calibration``.
+    """
+    depths = [result.shape[result.ok, 2] for result in results]
+    depth = float(np.median(np.concatenate(depths))) if any(map(len, depths)) else np.nan
+    baseline = float(np.linalg.norm(cameras[1].camera_from_rig[:3, 3]))
+    plausible = baseline >= LEAST_BASELINE and not (depth < NEAREST or depth > FURTHEST)
+    if plausible:
+        return []
+    away = f"what they see is {depth:.3g} mm away" if np.isfinite(depth) else "nothing was measured"
+    return [
+        f"{calibration}: its cameras are {baseline:.3g} mm apart and {away}: the unit of its "
+        "lengths looks wrong; say it with --calibration-unit"
+    ]

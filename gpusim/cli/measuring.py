@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gpusim.cli.console import Destination, exit_codes
-from gpusim.cli.options import Backend, BackendOption, Json, Output, Quiet
+from gpusim.cli.console import Backend, BackendOption, Destination, Json, Output, Quiet, exit_codes
 from gpusim.files.output_folder import claim
 
 __all__ = ["calibrate", "dic"]

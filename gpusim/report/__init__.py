@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from gpusim.report.comparison import Budget, BudgetRow, Published
-from gpusim.report.mechanics import BodyForce, Mechanics, StressPeak
-from gpusim.report.meshes import MeshSummary
+from gpusim.report.findings import (
+    BodyForce,
+    Budget,
+    BudgetRow,
+    Mechanics,
+    MeshSummary,
+    Published,
+    StressPeak,
+)
 from gpusim.report.model import (
     Drawing,
     Figure,

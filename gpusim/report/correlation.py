@@ -1,19 +1,29 @@
-"""The summary of a correlation: numbers per image, and a page with its maps."""
+"""The summary of a correlation: numbers per image, maps over the picture, and a page with both."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize, TwoSlopeNorm
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
-from gpusim.measure import DicResult, StereoResult, StrainResult
+from gpusim.files.atomic_files import PathLike
+from gpusim.measure import DicResult, Status, StereoResult, StrainResult
+from gpusim.report.html import page_template
 from gpusim.report.model import Figure
-from gpusim.report.pages import page_template
+from gpusim.report.style import BAD, axis_title, draw_png
 from gpusim.report.text import number
 
-__all__ = ["correlation_page", "stereo_summary", "summary"]
+__all__ = ["correlation_page", "draw_maps", "draw_stereo_maps", "stereo_summary", "summary"]
 
 _COLUMNS = {
     "image": "image",
@@ -136,3 +146,210 @@ def _mean(values: Any) -> float | None:
 
 def _quantile(values: Any, share: float) -> float | None:
     return float(np.quantile(values, share)) if values.size else None
+
+
+_PICTURE_PX = 900  # width of the picture below a map
+SHOWN = 0.02  # share of the values beyond the ends of a colour bar, at each end
+_PANEL = 3.6  # inches
+_STATUS = {
+    Status.OUTSIDE: "#9aa5b1",
+    Status.NO_TEXTURE: "#e69f00",
+    Status.NOT_CONVERGED: "#cc79a7",
+    Status.LOW_CORRELATION: BAD,
+    Status.NO_GUESS: "#7a5195",
+    Status.MASKED: "#56b4e9",
+    Status.SATURATED: "#f0e442",
+    Status.EPIPOLAR: "#009e73",
+    Status.INCOHERENT: "#8c564b",
+}
+
+
+@dataclass(frozen=True)
+class _Map:
+    """One panel: a value per point, its name and how it is coloured."""
+
+    values: npt.NDArray[np.float64]
+    title: str
+    centred: bool = False  # zero is special: colours diverge from it
+
+
+def draw_maps(
+    image: npt.NDArray[Any], result: DicResult, strain: StrainResult | None, path: PathLike
+) -> Figure:
+    """Draw u, v, the strains if any, the correlation and what is missing over the reference.
+
+    Colours span the 2 to 98 % quantiles, so that rough borders don't hide the rest.
+    """
+    maps = [
+        _Map(result.displacement[:, 0], "u (px, to the right)"),
+        _Map(result.displacement[:, 1], "v (px, down)"),
+    ]
+    if strain is not None:
+        maps += _strain_maps(strain)
+    else:
+        maps.append(_Map(np.where(result.ok, result.sigma, np.nan), "sigma (px)"))
+    return _draw(image, result, maps, strain, path)
+
+
+def draw_stereo_maps(
+    image: npt.NDArray[Any], result: StereoResult, strain: StrainResult | None, path: PathLike
+) -> Figure:
+    """Draw shape, displacement and strains in space over the left reference picture."""
+    maps = [_Map(result.shape[:, 2], "Z (mm, from the left camera)")]
+    for axis, name in enumerate(("U (mm, to the right)", "V (mm, down)", "W (mm, away)")):
+        maps.append(_Map(result.displacement[:, axis], name))
+    return _draw(image, result, maps + _strain_maps(strain), strain, path)
+
+
+def _strain_maps(strain: StrainResult | None) -> list[_Map]:
+    if strain is None:
+        return []
+    return [
+        _Map(strain.tensor[:, i, j], f"{name}, {strain.kind}", centred=True)
+        for name, i, j in (("exx", 0, 0), ("eyy", 1, 1), ("exy", 0, 1))
+    ]
+
+
+def _draw(
+    image: npt.NDArray[Any],
+    result: DicResult | StereoResult,
+    maps: list[_Map],
+    strain: StrainResult | None,
+    path: PathLike,
+) -> Figure:
+    picture, frame = _picture(image)
+    columns = 2 if len(maps) < 4 else 3 if len(maps) < 6 else 4
+    rows = -(-(len(maps) + 1) // columns)
+    height, width = image.shape
+    tall = float(np.clip(_PANEL * height / width, 1.2, 6.0))
+
+    def draw(canvas: Canvas) -> None:
+        panels = np.ravel(canvas.subplots(rows, columns, squeeze=False))
+        for axes in panels:
+            axes.set_axis_off()
+        for axes, one in zip(panels, maps, strict=False):
+            _draw_map(axes, picture, frame, result.points, one)
+        _draw_missing(panels[len(maps)], picture, frame, result)
+
+    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw, "constrained")
+    counts = ", ".join(f"{number} {_said(name)}" for name, number in result.counts().items())
+    caption = f"Over the reference image; {counts}."
+    if strain is not None:
+        caption += f" Virtual strain gauge {strain.gauge_px:.0f} px."
+    return Figure(Path(path), "Measured fields", caption, photo=True)
+
+
+def _picture(
+    image: npt.NDArray[Any],
+) -> tuple[npt.NDArray[np.float32], tuple[float, float, float, float]]:
+    """A small grey copy from 0 to 1, and its frame: pixel centres are integers."""
+    height, width = image.shape
+    scale = min(1.0, _PICTURE_PX / width)
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    low, high = np.nanquantile(image.astype(np.float64), [0.005, 0.995])
+    grey = (image.astype(np.float32) - low) / ((high - low) or 1.0)
+    small = cv2.resize(np.nan_to_num(grey), size, interpolation=cv2.INTER_AREA)
+    clipped = np.clip(small, 0, 1).astype(np.float32)
+    return clipped, (-0.5, width - 0.5, height - 0.5, -0.5)
+
+
+def _draw_map(
+    axes: Axes,
+    picture: npt.NDArray[np.float32],
+    frame: tuple[float, float, float, float],
+    points: npt.NDArray[np.float64],
+    one: _Map,
+) -> None:
+    _backdrop(axes, picture, frame)
+    one = _readable(one)
+    known = np.isfinite(one.values)
+    if known.any():
+        low, high = (float(v) for v in np.quantile(one.values[known], [SHOWN, 1 - SHOWN]))
+        if not high - low > 1e-12 * max(abs(low), abs(high), 1e-12):
+            low, high = low - 0.5e-6, high + 0.5e-6
+        norm: Normalize = Normalize(low, high)
+        colours = "viridis"
+        if one.centred and low < 0 < high:
+            most = max(-low, high)
+            norm, colours = TwoSlopeNorm(0.0, -most, most), "RdBu_r"
+        shown = _lattice(points, one.values)
+        if shown is not None:
+            grid, extent = shown
+            drawn: Any = axes.imshow(
+                grid, cmap=colours, norm=norm, extent=extent, alpha=0.85, interpolation="nearest"
+            )
+        else:
+            drawn = axes.scatter(
+                points[known, 0],
+                points[known, 1],
+                c=one.values[known],
+                s=14,
+                cmap=colours,
+                norm=norm,
+                linewidths=0,
+            )
+        bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02, extend="both")
+        bar.outline.set_visible(False)
+        bar.ax.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
+    axes.set_xlim(frame[0], frame[1])
+    axes.set_ylim(frame[2], frame[3])
+    axis_title(axes, one.title)
+
+
+def _readable(one: _Map) -> _Map:
+    """Small or large values with their power of ten in the title, not beside the colour bar."""
+    known = np.abs(one.values[np.isfinite(one.values)])
+    most = float(np.quantile(known, 1 - SHOWN)) if known.size else 0.0
+    power = int(np.floor(np.log10(most))) if most > 0 else 0
+    if -3 < power < 4:
+        return one
+    name, bracket, unit = one.title.partition(" (")
+    raised = f"10$^{{{power}}}$"
+    title = f"{name} ({raised} {unit}" if bracket else f"{name} ({raised})"
+    return replace(one, values=one.values / 10.0**power, title=title)
+
+
+def _draw_missing(
+    axes: Axes,
+    picture: npt.NDArray[np.float32],
+    frame: tuple[float, float, float, float],
+    result: DicResult | StereoResult,
+) -> None:
+    _backdrop(axes, picture, frame)
+    for status, colour in _STATUS.items():
+        there = result.status == status
+        if there.any():
+            label = f"{_said(status.name)} ({int(there.sum())})"
+            axes.plot(*result.points[there].T, "s", color=colour, markersize=3, label=label)
+    if (~result.ok).any():
+        axes.legend(loc="upper right", fontsize=7, frameon=True, framealpha=0.85, markerscale=2)
+    axes.set_xlim(frame[0], frame[1])
+    axes.set_ylim(frame[2], frame[3])
+    axis_title(axes, f"not measured: {int((~result.ok).sum())} of {result.ok.size}")
+
+
+def _said(status: str) -> str:
+    return "measured" if status == "OK" else status.lower().replace("_", " ")
+
+
+def _backdrop(
+    axes: Axes, picture: npt.NDArray[np.float32], frame: tuple[float, float, float, float]
+) -> None:
+    axes.imshow(picture, cmap="gray", vmin=-0.15, vmax=1.1, extent=frame, aspect="equal")
+
+
+def _lattice(
+    points: npt.NDArray[np.float64], values: npt.NDArray[np.float64]
+) -> tuple[npt.NDArray[np.float64], tuple[float, float, float, float]] | None:
+    """Values on a regular grid with its frame; None if the points don't lie on one."""
+    x, column = np.unique(points[:, 0], return_inverse=True)
+    y, row = np.unique(points[:, 1], return_inverse=True)
+    if len(x) < 2 or len(y) < 2 or len(x) * len(y) > 4 * len(points):
+        return None
+    steps = np.concatenate([np.diff(x), np.diff(y)])
+    if not np.ptp(steps) <= 1e-6 * steps.mean():
+        return None
+    grid = np.full((len(y), len(x)), np.nan)
+    grid[row, column] = values
+    half = 0.5 * float(steps.mean())
+    return grid, (x[0] - half, x[-1] + half, y[-1] + half, y[0] - half)

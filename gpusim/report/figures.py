@@ -16,8 +16,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.files.atomic_files import PathLike
+from gpusim.report.html import reduced
 from gpusim.report.model import Figure, Measurement, Overlay, Series
-from gpusim.report.pictures import reduced
 from gpusim.report.style import (
     BAD,
     GOOD,
@@ -38,14 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "Photo",
-    "draw_convergence",
-    "draw_errors",
-    "draw_overlay",
-    "draw_series",
-    "photo_of",
-]
+__all__ = ["draw_convergence", "draw_errors", "draw_overlay", "draw_series", "photo_of"]
 
 _WIDTH = 7.2  # inches
 _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
@@ -177,9 +170,7 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
     factor = _round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
-        from gpusim.report.backdrop import Backdrop
-
-        canvas.add_artist(Backdrop(photo.grey))
+        canvas.figimage(np.repeat(photo.grey[..., None], 3, axis=2), zorder=-1)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
         frame = (-0.5, width - 0.5, height - 0.5, -0.5)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -16,13 +16,10 @@ from gpusim._version import __version__
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.printable import printable
-from gpusim.report.comparison import Budget, Published
-from gpusim.report.mechanics import Mechanics
-from gpusim.report.meshes import MeshSummary
-from gpusim.report.numbers import json_number
+from gpusim.report.findings import Budget, Mechanics, MeshSummary, Published
+from gpusim.report.text import plain_data
 
 __all__ = [
-    "SCHEMA",
     "Drawing",
     "Figure",
     "FramePair",
@@ -33,7 +30,6 @@ __all__ = [
     "Series",
     "SolutionSummary",
     "Stage",
-    "StageState",
     "Status",
 ]
 
@@ -95,6 +91,15 @@ class Measurement:
         error = measured - truth
         relative = error / abs(truth) if truth != 0.0 else math.nan
         return cls(name, unit, measured, truth, error, relative, tolerance_relative)
+
+    @classmethod
+    def noise(cls, name: str, unit: str, measured: float) -> Measurement:
+        """Return the measurement of what should be zero."""
+        return cls(name, unit, measured, 0.0, measured, math.nan)
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        return {key: value for key, value in vars(self).items() if key != "tolerance_relative"}
 
     @property
     def verdict(self) -> Literal["good", "bad", "unknown"]:
@@ -294,51 +299,21 @@ class Report:
 
     def to_json(self) -> str:
         """Return the text of report.json, schema 1; a number that isn't finite is null."""
-        solution = self.solution
-        warnings = list(self.warnings)
-        if self.failure:
-            warnings.insert(0, self.failure)
         content = {
             "schema": SCHEMA,
             "version": self.version,
             "scene": self.scene,
             "adapter": self.adapter,
             "status": self.status,
-            "stages": [
-                {
-                    "name": stage.name,
-                    "state": stage.state,
-                    "reason": stage.reason,
-                    "seconds": json_number(stage.seconds),
-                }
-                for stage in self.stages
-            ],
-            "solution": None
-            if solution is None
-            else {
-                "unknowns": int(solution.unknowns),
-                "iterations": int(solution.iterations),
-                "converged": bool(solution.converged),
-                "error_estimate": json_number(solution.error_estimate),
-                "method": solution.method,
-            },
-            "mesh": [summary.content() for summary in self.meshes],
-            "mechanics": None if self.mechanics is None else self.mechanics.content(),
-            "measurements": [
-                {
-                    "name": item.name,
-                    "unit": item.unit,
-                    "measured": json_number(item.measured),
-                    "truth": json_number(item.truth),
-                    "error": json_number(item.error),
-                    "error_relative": json_number(item.error_relative),
-                }
-                for item in self.measurements
-            ],
-            "published": [item.content() for item in self.published],
-            "budget": None if self.budget is None else self.budget.content(),
-            "warnings": warnings,
-            "facts": dict(self.facts),
+            "stages": self.stages,
+            "solution": self.solution,
+            "mesh": self.meshes,
+            "mechanics": self.mechanics,
+            "measurements": self.measurements,
+            "published": self.published,
+            "budget": self.budget,
+            "warnings": ([self.failure] if self.failure else []) + list(self.warnings),
+            "facts": self.facts,
         }
-        text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(plain_data(content), indent=2, ensure_ascii=False, allow_nan=False)
         return printable(text, keep="\n") + "\n"

@@ -1,12 +1,35 @@
-"""Numbers as a reader sees them: significant digits, true minus signs, dashes for "no value"."""
+"""Numbers as a reader sees them (significant digits, true minus signs, dashes for "no value") and
+as JSON has them."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Mapping
+from typing import Any
 
-from gpusim.report.model import Measurement
+import numpy as np
 
-__all__ = ["aligned", "duration", "number", "percent", "signed_percent"]
+__all__ = ["duration", "number", "percent", "plain_data", "signed_percent"]
+
+
+def plain_data(value: Any) -> Any:
+    """Plain data for JSON, with None for numbers that aren't finite, which it doesn't know.
+
+    A dataclass is what its ``content()`` says, else its fields.
+    """
+    if dataclasses.is_dataclass(value):
+        content = getattr(value, "content", None)
+        return plain_data(content() if content else vars(value))
+    if isinstance(value, Mapping):
+        return {key: plain_data(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_data(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return plain_data(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def number(value: float, digits: int = 6) -> str:
@@ -26,19 +49,6 @@ def number(value: float, digits: int = 6) -> str:
         raised = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
         text = f"{mantissa}\N{MULTIPLICATION SIGN}10{raised}"
     return text.replace("-", "\N{MINUS SIGN}")
-
-
-def aligned(item: Measurement) -> tuple[str, str, str]:
-    """Return measured, truth and error with as many decimals as show the error to three digits."""
-    if not math.isfinite(item.error) or item.error == 0.0:
-        return number(item.measured), number(item.truth), number(item.error, 3)
-    decimals = 2 - math.floor(math.log10(abs(item.error)))
-    largest = max(abs(item.measured), abs(item.truth))
-    if decimals > 9 or largest >= 1e9 or decimals < 0:
-        return number(item.measured), number(item.truth), number(item.error, 3)
-    texts = (f"{value:.{decimals}f}" for value in (item.measured, item.truth, item.error))
-    measured, truth, error = (text.replace("-", "\N{MINUS SIGN}") for text in texts)
-    return measured, truth, error
 
 
 def percent(value: float, digits: int = 3) -> str:

@@ -43,8 +43,7 @@ def prepare_figures() -> None:
     """Let a process beside this one import what draws figures, while the caller goes on."""
     processes.prepare(
         "gpusim.report.figures",
-        "gpusim.report.backdrop",
-        "gpusim.report.stereo_figures",
+        "gpusim.report.measurement_figures",
         "matplotlib.figure",
         "matplotlib.backends.backend_agg",
     )

@@ -1,4 +1,4 @@
-"""Stages of an image against NumPy: visible triangles, shading, edge pixels."""
+"""Stages of an image against NumPy, from visible triangles to the correlation of subsets."""
 
 from __future__ import annotations
 
@@ -9,12 +9,20 @@ import numpy.typing as npt
 
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_check
+from gpusim.measure.correlation.icgn import correlate, correlate_numpy
+from gpusim.measure.correlation.image_pair import Pair, Subsets
+from gpusim.measure.correlation.matching import Settings, Status
+from gpusim.measure.correlation.warp import SHAPES
+from gpusim.measure.images import FloatArray, SplineImage
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.edge_pixels.scatter import scatter, scatter_twin
 from gpusim.optics.frame import Band
 from gpusim.optics.geometry.view import View, look
+from gpusim.optics.lens.accumulation import accumulate, accumulate_twin
+from gpusim.optics.lens.convolution import ConvolvePass, Target, convolve_twin
+from gpusim.optics.lens.psf import Disc, sample
 from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.paint.checker_lines import BoardLines
@@ -22,6 +30,8 @@ from gpusim.optics.raster.compute_raster import compute_raster_twin
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.raster.vertex_buffers import VertexBuffers
 from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
+from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
+from gpusim.optics.sensor.sensor import Sensor, _expose, sensor_twin
 from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.relighting import RelightingPass
@@ -32,8 +42,7 @@ from gpusim.optics.shading.triangle_records import Array, TriangleRecords
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
-from gpusim.twin_checks.paint_scene import crumpled_view, fields_setup, probe_setup
-from gpusim.twin_checks.shadow_scene import shadow_scene
+from gpusim.twin_checks.scenes import crumpled_view, fields_setup, probe_setup, shadow_scene
 
 
 def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
@@ -252,3 +261,99 @@ def _scatter(device: Device) -> None:
     scatter(device, places, values, target)
     want = scatter_twin(there, places, values)
     compare("optics/edge_pixels/scatter", target.read(np.float32, there.shape), want, "exact")
+
+
+@twin_check("optics/lens/convolution")
+def _convolution(device: Device) -> None:
+    kernel = sample(Disc(1.3), fill_factor=0.8, n=3)
+    columns, rows = 37, 22  # blocks of four that aren't full, in both directions
+    shape = (rows * 3 + 2 * kernel.halo, columns * 3 + 2 * kernel.halo)
+    cells = np.random.default_rng(5).uniform(0.0, 1.0, shape).astype(np.float32)
+    work = ConvolvePass(device, kernel, columns, rows)
+    out = device.empty(4 * 3 * (40 * rows + 5), "convolve.out")
+    work.run(device.buffer(cells, "convolve.cells"), columns, rows, Target(out, 5, 40))
+    got = out.read(np.float32)[5 : 5 + 40 * rows].reshape(rows, 40)[:, :columns]
+    compare("optics/lens/convolution", got, convolve_twin(kernel, cells), atol=5e-6, rtol=1e-5)
+
+
+@twin_check("optics/lens/accumulation")
+def _accumulation(device: Device) -> None:
+    random = np.random.default_rng(8)
+    values = random.uniform(-1.0, 1.0, (23, 40)).astype(np.float32)
+    there = random.uniform(-1.0, 1.0, (30, 50)).astype(np.float32)
+    for gain in (False, True):
+        sums = device.buffer(there, "accumulate.sums")
+        place = Target(sums, 4 * 50 + 7, 50)
+        accumulate(
+            device, device.buffer(values, "accumulate.values"), 40, (23, 37), place, weight=0.3,
+            gain=gain,
+        )  # fmt: skip
+        want = there.astype(np.float64)
+        want[4:27, 7:44] = accumulate_twin(want[4:27, 7:44], values[:, :37], 0.3, gain)
+        compare("optics/lens/accumulation", sums.read(np.float32, (30, 50)), want)
+
+
+@twin_check("optics/sensor/sensor")
+def _sensor(device: Device) -> None:
+    radiance = np.random.default_rng(3).uniform(-0.1, 1.2, (33, 64)).astype(np.float32)
+    for bits in (8, 12):
+        sensor = Sensor(bits, 0.9)
+        buffer = device.buffer(radiance, "sensor.radiance")
+        got = _expose(device, sensor, [Band(0, 33, 64, buffer)], 57)
+        compare(
+            f"optics/sensor/sensor, {bits} bit", got, sensor_twin(sensor, radiance[:, :57]), "exact"
+        )
+
+
+@twin_check("optics/sensor/emva1288")
+def _emva1288(device: Device) -> None:
+    radiance = np.random.default_rng(4).uniform(-0.02, 1.1, (29, 64)).astype(np.float32)
+    radiance[:7] *= 0.01  # so dark that electrons are counted
+    signal = Signal(12, 3000.0, 1.3, 40.0, 3100.0, True, 2.0, 2.5, 1.5, 0.01, 1.0,
+                    (0.6, 1.0, 1.0, 0.5), 77, 5, 3)  # fmt: skip
+    got = expose_noisy(device, signal, device.buffer(radiance, "emva.radiance"), (29, 57), 64, 3,
+                       np.uint16)  # fmt: skip
+    want = emva_twin(signal, radiance[:, :57], 3)
+    # logarithms and exponentials may differ in their last bit: a quantile may fall on the next
+    # electron (1.3 grey values), which happens to one pixel in some thousands
+    compare("optics/sensor/emva1288", got.astype(np.float64), want.astype(np.float64), atol=2.0)
+    differ = float(np.mean(got != want))
+    compare("optics/sensor/emva1288: share of pixels that differ", [differ], [0.0], atol=2e-3)
+
+
+@twin_check("measure/correlation/icgn")
+def _icgn(device: Device) -> None:
+    """Subsets of a smooth pattern that is stretched, turned and shifted; every shape."""
+    row, column = np.indices((57, 83), dtype=np.float64)
+
+    def pattern(x: FloatArray, y: FloatArray) -> FloatArray:
+        result: FloatArray = (
+            np.sin(0.61 * x + 0.2 * y) + np.sin(0.17 * x - 0.73 * y) + np.sin(0.4 * x + 0.5 * y)
+        )
+        return result
+
+    reference = SplineImage.from_image(pattern(column, row))
+    deformed = SplineImage.from_image(
+        0.6 * pattern(0.99 * column - 0.02 * row + 0.7, 0.01 * column + 1.01 * row - 0.4) + 3.0
+    )
+    points = np.array([[20.3, 21.8], [41.0, 30.5], [60.7, 35.2], [4.0, 30.0], [41.0, 55.0]])
+    subsets = Subsets(Pair(reference, deformed), points, np.zeros((5, 2, 6)))
+    for shape in SHAPES:
+        settings = Settings(np.ones((21, 21)), shape, min_zncc=0.0)
+        got, want = correlate(subsets, settings, device), correlate_numpy(subsets, settings)
+        compare(f"measure/correlation/icgn.{shape}.status", got.status, want.status, "exact")
+        good = want.status == Status.OK
+        compare(
+            f"measure/correlation/icgn.{shape}.coefficients",
+            got.coefficients[good],
+            want.coefficients[good],
+            atol=2e-5,  # px: float32 sums; a step more or less at the stopping threshold
+            rtol=0.0,
+        )
+        compare(
+            f"measure/correlation/icgn.{shape}.zncc",
+            got.zncc[good],
+            want.zncc[good],
+            atol=2e-6,
+            rtol=0.0,
+        )

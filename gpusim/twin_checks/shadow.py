@@ -1,4 +1,4 @@
-"""Stages of the search for shadows against NumPy."""
+"""Stages of the search for shadows and of ambient occlusion against NumPy."""
 
 from __future__ import annotations
 
@@ -8,6 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
+from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.optics.ambient.hemisphere_mask import (
+    COLUMNS,
+    ROWS,
+    SilhouetteLists,
+    hemisphere_masks,
+    hemisphere_masks_twin,
+)
+from gpusim.optics.ambient.sample_points import SamplePoints
+from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
+from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
+from gpusim.optics.ambient.silhouette_search import silhouettes_near
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.shading.receiver_planes import planes_on_device, planes_twin
 from gpusim.optics.shading.scene_buffers import SceneBuffers
@@ -29,8 +41,15 @@ from gpusim.optics.shadow.receiver_groups import (
     record_groups,
 )
 from gpusim.optics.shadow.receivers import NO_OWNER, on_device, plane_words
-from gpusim.twin_checks.occluder_scene import probe_pieces, probe_pixels, probe_points, probe_spaces
-from gpusim.twin_checks.paint_scene import fields_setup, probe_setup
+from gpusim.twin_checks.scenes import (
+    block,
+    fields_setup,
+    probe_pieces,
+    probe_pixels,
+    probe_points,
+    probe_setup,
+    probe_spaces,
+)
 
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]
@@ -217,3 +236,53 @@ def _penumbra_mask(device: Device) -> None:
         want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
         # one or two samples of 512 may fall to the other side of an outline
         compare("optics/shadow/penumbra_mask", got[number], want, atol=2.5 / 512.0)
+
+
+@twin_check("optics/ambient/hemisphere_mask")
+def _hemisphere_mask(device: Device) -> None:
+    box = block((0.1, 0.3, 0.25), (0.35, 0.2, 0.25), 0.5)
+    plate = np.array([[-0.9, -0.4, 0.5], [-0.2, -0.5, 0.6], [-0.3, 0.2, 0.5], [-0.9, 0.1, 0.45]])
+    corners = np.concatenate([box.points[box.faces], plate[None]])
+    both = np.arange(len(corners)) == len(corners) - 1
+    random = np.random.default_rng(3)
+    at = np.c_[random.uniform(-1.0, 1.0, (301, 2)), np.zeros(301)]
+    normal = np.c_[random.uniform(-0.4, 0.4, (301, 2)), np.ones(301)]
+    normal[:150] = [0.0, 0.0, 1.0]
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    points = SamplePoints(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
+    facets = EdgeAdjacency.apart(corners, both)
+    want = hemisphere_masks_twin(points, SilhouetteLists.everywhere(facets, len(at)))
+    tables = SilhouetteBuffers(device, SilhouetteBVH.of(facets))
+    got = hemisphere_masks(tables, points)
+    tables.release()
+    # a few of 2048 samples may fall to the other side of an edge
+    compare(
+        "optics/ambient/hemisphere_mask", got.open_share, want.open_share, "single",
+        atol=3.5 / (ROWS * COLUMNS),
+    )  # fmt: skip
+    compare("optics/ambient/hemisphere_mask", got.inside, want.inside, "exact")
+
+
+@twin_check("optics/ambient/silhouette_search")
+def _silhouette_search(device: Device) -> None:
+    boxes = [block((0.3 * k, 0.2, 0.1 * k), (0.1, 0.2, 0.05), 0.5) for k in range(12)]
+    corners = np.concatenate([box.points[box.faces] for box in boxes])
+    random = np.random.default_rng(6)
+    points = SamplePoints(
+        np.c_[random.uniform(-1.0, 4.0, (203, 2)), random.uniform(-0.3, 1.0, 203)],
+        np.tile([0.0, 0.6, 0.8], (203, 1)), np.full(203, 2e-6), np.full(203, 1e-3),
+    )  # fmt: skip
+    contours = SilhouetteBVH.of(EdgeAdjacency.apart(corners, np.arange(len(corners)) % 3 == 0))
+    want = silhouettes_near(contours, points, 1)
+    tables = SilhouetteBuffers(device, contours)
+    for near in tables.batches(points):
+        counts = near.counts.read(np.uint32, (near.count, 2))
+        for k, (buffer, start, listed) in enumerate(
+            ((near.edges, want.edge_start, want.edge), (near.faces, want.face_start, want.face))
+        ):
+            compare("optics/ambient/silhouette_search", counts[:, k], np.diff(start), "exact")
+            lists = buffer.read(np.uint32, (near.count, near.most[k]))
+            kept = np.arange(near.most[k]) < counts[:, k, None]
+            compare("optics/ambient/silhouette_search", lists[kept], listed, "exact")
+        near.release()
+    tables.release()

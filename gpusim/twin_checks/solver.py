@@ -11,7 +11,8 @@ from scipy.sparse import bsr_matrix, csr_matrix, random_array
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import invert_blocks
+from gpusim.fem.assembly.block_rows import BlockRows, invert_blocks
+from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.device.block_texels import BlockTexels
 from gpusim.fem.device.interpolation import DeviceWeights, apply_weights
 from gpusim.fem.device.linear_combination import _NAMES, DeviceSum, weighted_sum
@@ -26,16 +27,11 @@ from gpusim.fem.model.material import Isotropic
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.gpu import Device, compare, twin_check
-from gpusim.mesh import box
+from gpusim.mesh import Mesh, box, quadratic, split
 
 
 def check_elements() -> tuple[TetElements, int]:
     """Straight and curved elements of two materials for a check, and how many nodes they have."""
-    from gpusim.fem.assembly.element_batches import model_groups
-    from gpusim.fem.model.material import Isotropic
-    from gpusim.fem.model.model import Model, resolve_formulation
-    from gpusim.mesh import box, quadratic, split
-
     rng = np.random.default_rng(4)
     corners = split(box((1.0, 0.4, 0.7), (4, 3, 3)))
     mesh = quadratic(corners.moved(0.02 * rng.random(corners.points.shape)))
@@ -50,6 +46,18 @@ def check_elements() -> tuple[TetElements, int]:
     elements = tet_elements(model_groups(model, resolve_formulation(model, None)))
     assert elements is not None and len(elements.straight) and len(elements.curved)
     return elements, mesh.node_count
+
+
+def _boxes(divisions: tuple[int, int, int], rng: np.random.Generator) -> tuple[Mesh, Mesh]:
+    """A box of equal bricks, and one with moved nodes: every row is different."""
+    regular = box((1.0, 0.4, 0.7), divisions)
+    return regular, regular.moved(0.02 * rng.random(regular.points.shape))
+
+
+def _rows(mesh: Mesh) -> BlockRows:
+    """Its stiffness, held nowhere."""
+    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
+    return assemble(model, resolve_formulation(model, None)).rows
 
 
 def _compare_relaxed(
@@ -84,14 +92,9 @@ def _compare_relaxed(
 @twin_check("fem/device/stiffness")
 def _stiffness(device: Device) -> None:
     rng = np.random.default_rng(5)
-    regular = box((1.0, 0.4, 0.7), (7, 6, 5))
-    # moved nodes: every row is different
-    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
-    for mesh in (regular, irregular):
-        shape = mesh.points.shape
-        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(shape, dtype=bool))
-        rows = assemble(model, resolve_formulation(model, None)).rows
-        u = rng.normal(size=(2, *shape))
+    for mesh in _boxes((7, 6, 5), rng):
+        rows = _rows(mesh)
+        u = rng.normal(size=(2, *mesh.points.shape))
         operator = DeviceStiffness(device, rows, 1.0, 2)
         result = operator.vector(np.zeros_like(u))
         for rounded in (False, True):
@@ -145,12 +148,8 @@ def _tet_forces_single(device: Device) -> None:
 @twin_check("fem/device/relaxation")
 def _relaxation(device: Device) -> None:
     rng = np.random.default_rng(9)
-    regular = box((1.0, 0.4, 0.7), (9, 6, 5))
-    # moved nodes: every row is different
-    irregular = regular.moved(0.02 * rng.random(regular.points.shape))
-    for mesh in (regular, irregular):
-        model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
-        rows = assemble(model, resolve_formulation(model, None)).rows
+    for mesh in _boxes((9, 6, 5), rng):
+        rows = _rows(mesh)
         free = mesh.points > mesh.points.min(axis=0)
         inverse = invert_blocks(rows.diagonal[rows.row_class], free)
         texels = BlockTexels(device, rows, 1.0, "fem.check", exact=False)
@@ -202,8 +201,7 @@ def _linear_combination(device: Device) -> None:
 def _cg(device: Device) -> None:
     rng = np.random.default_rng(8)
     mesh = box((1.0, 0.4, 0.7), (5, 4, 3))
-    model = Model(mesh, [Isotropic(1.0, 0.3)], fixed=np.zeros(mesh.points.shape, dtype=bool))
-    rows = assemble(model, resolve_formulation(model, None)).rows
+    rows = _rows(mesh)
     free = np.repeat(mesh.points[:, :1] > 0.0, 3, axis=1)
     shape = (2, *free.shape)
     jacobi = _BlockJacobi(invert_blocks(rows.diagonal[rows.row_class], free))

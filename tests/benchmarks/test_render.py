@@ -22,8 +22,13 @@ from benchmarks.render.measure import (
 from benchmarks.render.tables import ratios, write_render
 from gpusim.bench import image_cases
 from gpusim.bench.image_cases import ImageCase, Soup, find_image_cases
-from gpusim.bench.images import ImagePoint, ImageResult, describe
-from gpusim.bench.supersample import compare, reference_windows
+from gpusim.bench.images import (
+    ImagePoint,
+    ImageResult,
+    compare,
+    describe,
+    reference_windows,
+)
 from gpusim.cli import app
 from gpusim.errors import InputError
 from gpusim.gpu import Device

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import gpusim as gs
 from gpusim.cli import app
-from gpusim.cli.calibration_table import stated
+from gpusim.cli.calibrating import stated
 from gpusim.export.images import write_image
 from gpusim.measure import Chessboard
 from tests.support.target_images import board_poses, board_surface

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from gpusim.field import Field
-from gpusim.files.input_file import InputFile, Reader, read_input
+from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Mesh
-from gpusim.pipeline.build import build
+from gpusim.pipeline.build import surfaces
 from gpusim.scene.description import model
 from gpusim.scene.scene import Scene
 
@@ -59,7 +59,7 @@ def moved_scene(path: Path, offset: np.ndarray, overrides: Mapping[str, Any]) ->
 
 def move_meshes(monkeypatch: pytest.MonkeyPatch, offset: np.ndarray) -> None:
     """From now on the meshes of bodies are made elsewhere, by ``offset`` (3,) m."""
-    made, read = build.build_mesh, build.read_field
+    made, read = surfaces.build_mesh, surfaces.read_given_field
 
     def elsewhere(grid: Mesh) -> Mesh:
         return grid.moved(np.broadcast_to(offset, grid.points.shape))
@@ -68,10 +68,10 @@ def move_meshes(monkeypatch: pytest.MonkeyPatch, offset: np.ndarray) -> None:
         mesh = made(recipe, reader)
         return mesh if isinstance(recipe, model.BoxMesh) else elsewhere(mesh)
 
-    def read_field(file: InputFile, **given: Any) -> Field:
-        found = read(file, **given)
+    def read_field(recipe: model.FieldMesh, reader: Reader = read_input) -> Field:
+        found = read(recipe, reader)
         found.mesh = elsewhere(found.mesh)
         return found
 
-    monkeypatch.setattr(build, "build_mesh", build_mesh)
-    monkeypatch.setattr(build, "read_field", read_field)
+    monkeypatch.setattr(surfaces, "build_mesh", build_mesh)
+    monkeypatch.setattr(surfaces, "read_given_field", read_field)

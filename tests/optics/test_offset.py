@@ -13,7 +13,7 @@ from gpusim.gpu import Device
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight
 from gpusim.optics.rendering.local_origin import origin_near
 from gpusim.optics.truth import seen_in
-from gpusim.twin_checks.shadow_scene import shadow_scene
+from gpusim.twin_checks.scenes import shadow_scene
 
 Array = npt.NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from gpusim.optics.raster import id_buffer
 from gpusim.optics.sensor import sensor
 from gpusim.optics.shading import setup
 from gpusim.optics.shading.setup import TRIANGLE
-from gpusim.twin_checks.paint_scene import probe_setup
+from gpusim.twin_checks.scenes import probe_setup
 
 STAGES = [
     "optics/edge_pixels/resolve",
@@ -141,7 +141,7 @@ def test_a_wrong_scale_is_seen_by_the_sensor(
     def other(s: sensor.Sensor, radiance: np.ndarray) -> np.ndarray:
         return twin(sensor.Sensor(s.bits, 1.001 * s.full_scale), radiance)
 
-    monkeypatch.setattr(import_module("gpusim.twin_checks.lens_sensor"), "sensor_twin", other)
+    monkeypatch.setattr(import_module("gpusim.twin_checks.images"), "sensor_twin", other)
     with pytest.raises(TwinMismatch, match="optics/sensor/sensor"):
         twin_checks()["optics/sensor/sensor"](device)
 

@@ -10,7 +10,7 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.parallel import machine
-from gpusim.pipeline.checks.memory import check_memory
+from gpusim.pipeline.checks.resources import check_memory
 from gpusim.plan.plan import make_plan
 from gpusim.scene import load_scene
 
@@ -62,6 +62,6 @@ def test_too_little_for_the_libraries_is_said_before_any_work(
 ) -> None:
     plan = make_plan(load_scene(checkout / "examples" / "cantilever.toml"))
     check_memory(plan)
-    monkeypatch.setattr("gpusim.pipeline.checks.memory.host_memory", lambda: 100_000_000)
+    monkeypatch.setattr("gpusim.pipeline.checks.resources.host_memory", lambda: 100_000_000)
     with pytest.raises(InputError, match=r"got 100 MB free .* expected at least 256 MB"):
         check_memory(plan)

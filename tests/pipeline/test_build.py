@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build.build import build_body
 from gpusim.pipeline.build.modelling import build_model
+from gpusim.pipeline.build.surfaces import build_body
 from gpusim.scene import Scene
 
 
@@ -61,11 +61,11 @@ def test_small_markers_are_measured_and_too_small_ones_refused(
     scene: gs.Scene, tmp_path: Path
 ) -> None:
     low = scene.replace("camera.side.resolution_px", [600, 240])
-    report = gs.run(low, tmp_path, backend="numpy")
+    report = gs.run(low, tmp_path)
     tip = report.measurements[0]
     assert abs(tip.error) <= 2e-3 * abs(tip.truth)
     with pytest.raises(gs.InputError, match=r"marker 'side-0\d' is too small .* width of 8.0 px"):
-        gs.run(scene.replace("camera.side.resolution_px", [300, 120]), tmp_path, backend="numpy")
+        gs.run(scene.replace("camera.side.resolution_px", [300, 120]), tmp_path)
 
 
 def two_bodies(scene: gs.Scene) -> gs.Scene:

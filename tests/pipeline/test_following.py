@@ -8,8 +8,9 @@ import pytest
 from gpusim import measure
 from gpusim.optics import Camera, Sensor
 from gpusim.pipeline.measurements import marker_detection
-from gpusim.pipeline.measurements.deflection import unrefined_text
-from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, track_markers
+from gpusim.pipeline.measurements.marker_detection import MarkerSet
+from gpusim.pipeline.measurements.marker_tracking import MarkerTracks, track_markers
+from gpusim.pipeline.measurements.result_files import unrefined_text
 from tests.support.measure_images import Marker, board
 
 WIDTH, HEIGHT, SIZE = 420, 90, 22.0

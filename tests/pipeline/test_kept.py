@@ -11,9 +11,8 @@ import pytest
 
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
-from gpusim.pipeline.measurements import marker_cache
-from gpusim.pipeline.measurements.marker_cache import MarkerCache
-from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks
+from gpusim.pipeline.measurements import marker_tracking
+from gpusim.pipeline.measurements.marker_tracking import MarkerCache, MarkerSet, MarkerTracks
 
 CAMERA = Camera.from_lens((36.0, 24.0), 50.0, (30, 20), (0.0, -1.0, 0.2), (0.0, 0.0, 0.1), name="a")
 MARKS = MarkerSet((), 2, np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.7]]), np.array([0.01, 0.012]),
@@ -35,7 +34,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         made.append(what)
         return FOUND
 
-    monkeypatch.setattr(marker_cache, "track_markers", follow)
+    monkeypatch.setattr(marker_tracking, "track_markers", follow)
     return made
 
 

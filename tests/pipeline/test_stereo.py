@@ -13,9 +13,9 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.pipeline import run
-from gpusim.pipeline.measurements import marker_cache
+from gpusim.pipeline.measurements import marker_tracking
 from gpusim.pipeline.measurements.marker_tracking import track_markers
-from gpusim.pipeline.measurements.stereo_result import StereoResult
+from gpusim.pipeline.measurements.stereo import StereoResult
 
 LENS = {"sensor_mm": [36.0, 24.0], "resolution_px": [1050, 700], "focal_mm": 50.0}
 TILTS = ([20, 5, -25], [-25, -10, 15], [15, 12, 28], [-18, 0, -20], [28, -8, 5], [-10, 15, 30])
@@ -120,7 +120,7 @@ def test_a_new_lens_leaves_the_other_camera_alone(
         followed.append(camera.name)
         return track_markers(what, marks, camera, *pictures, **more)
 
-    monkeypatch.setattr(marker_cache, "track_markers", follow)
+    monkeypatch.setattr(marker_tracking, "track_markers", follow)
     left, right = CHANGES["camera"]
     scene = scene_of(checkout, camera=[{**left, "focal_mm": 48.0}, right])
     report = run(scene, out)

@@ -19,12 +19,12 @@ from gpusim.export.images import read_image
 from gpusim.mesh import boundary_faces, box
 from gpusim.optics.sensor.emva1288 import emva_twin
 from gpusim.pipeline import run
-from gpusim.pipeline.checks.pattern_scale import pixels_per_metre
-from gpusim.pipeline.checks.viewing import winding_numbers
+from gpusim.pipeline.checks.measurability import pixels_per_metre
+from gpusim.pipeline.checks.visibility import winding_numbers
 from gpusim.pipeline.checks.warnings import scene_warnings
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.projection_error import projection_error
-from gpusim.pipeline.stages.grey_levels import level_warnings
+from gpusim.pipeline.stages.images import level_warnings
 from gpusim.scene import Scene
 
 Float = npt.NDArray[np.float64]
@@ -319,7 +319,7 @@ def test_saturation_at_the_full_well_is_told(tmp_path: Path) -> None:
     assert np.abs(found["plane_error_mm"]).max() <= 1e-3
     assert not any("seen in perspective" in text for text in report.warnings)
     # largest at a marker that wasn't measured, and told of one that was
-    result = DeflectionResult.read(tmp_path / "bright" / "measure", scene.measures[0])  # type: ignore[arg-type]
+    result = DeflectionResult.read(tmp_path / "bright" / "measure", scene.measures[0].name)
     worse = dataclasses.replace(result, scale_error_mm=20.0 * result.scale_error_mm)
     assert np.linalg.norm(worse.scale_error_mm, axis=1).argmax() == 7 and worse.status[7] != "OK"
     (text,) = [text for text in worse.warnings if "the scale is wrong" in text]

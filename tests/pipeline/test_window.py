@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build.build import build_lights
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.props import build_prop
+from gpusim.pipeline.build.cameras import build_camera, build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.build.surfaces import build_prop
 from gpusim.pipeline.stages.image_window import window_of
 from gpusim.pipeline.stages.images import CaptureSetup, FrameCapture
 from gpusim.plan.stages import RunOptions

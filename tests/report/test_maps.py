@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpusim.report.maps import _Map, _readable, _said
+from gpusim.report.correlation import _Map, _readable, _said
 
 
 @pytest.mark.parametrize(

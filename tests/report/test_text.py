@@ -7,8 +7,9 @@ import math
 
 import pytest
 
+from gpusim.report.html import aligned
 from gpusim.report.model import Measurement
-from gpusim.report.text import aligned, duration, number, percent, signed_percent
+from gpusim.report.text import duration, number, percent, signed_percent
 
 
 def plain(text: str) -> str:

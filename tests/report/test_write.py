@@ -37,7 +37,7 @@ from gpusim.report.figures import (
     draw_series,
     photo_of,
 )
-from gpusim.report.pictures import page_pair
+from gpusim.report.html import page_pair
 
 VOID = {"meta", "link", "img", "input", "br", "source", "hr"}
 

@@ -14,8 +14,8 @@ from gpusim.measure import DicResult, StereoResult, StrainResult
 from gpusim.optics.calibration.formats import UNITS
 from gpusim.pipeline.measurements import damage
 from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.stereo_result import CalibratedCamera
-from gpusim.pipeline.measurements.stereo_result import StereoResult as StereoMarkers
+from gpusim.pipeline.measurements.stereo import CalibratedCamera
+from gpusim.pipeline.measurements.stereo import StereoResult as StereoMarkers
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def test_columns_of_correlation(rows: dict[str, list[str]]) -> None:
 
 def test_columns_of_measures(rows: dict[str, list[str]]) -> None:
     line = empty(DeflectionResult, axes=("+x", "+z"))
-    assert line._csv().split() == [rows["`measure/<deflection>.csv`"][0].replace(", ", ",")]
+    assert line.tables()[""].split() == [rows["`measure/<deflection>.csv`"][0].replace(", ", ",")]
     flat, vector = np.zeros(0), np.zeros((0, 3))
     values = {"found": {"fx": 1.0, "baseline_mm": 2.0, "angle_deg": 3.0}}
     values |= {"true": values["found"], "sigma": values["found"], "name": "left"}
@@ -63,8 +63,8 @@ def test_columns_of_measures(rows: dict[str, list[str]]) -> None:
         StereoMarkers, position_mm=vector, found_mm=vector, measured_mm=vector, true_mm=vector,
         sigma_mm=vector, epipolar_px=flat, cameras=(empty(CalibratedCamera, **values),),
     )  # fmt: skip
-    assert markers._csv().split() == [rows["`measure/<stereo>.csv`"][0].replace(", ", ",")]
-    head, *own = markers._cameras_csv().split()
+    assert markers.tables()[""].split() == [rows["`measure/<stereo>.csv`"][0].replace(", ", ",")]
+    head, *own = markers.tables()["-cameras"].split()
     assert head == rows["`measure/<stereo>-cameras.csv`"][0].replace(", ", ",")
     assert [re.split(",", one)[1:3] for one in own] == [
         ["fx", "px"], ["baseline_mm", "mm"], ["angle_deg", "deg"]

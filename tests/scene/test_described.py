@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from gpusim.cli.startup import importing
+from gpusim.cli.console import importing
 from gpusim.scene import json_schema
 from gpusim.scene.schema import SceneTable
 from gpusim.scene.schema.base import Table

@@ -12,8 +12,8 @@ import pytest
 import gpusim as gs
 from gpusim.export.meshes import write_vtu
 from gpusim.mesh import boundary_faces, box
-from gpusim.pipeline.build.build import build_body
 from gpusim.pipeline.build.meshing import build_mesh, mesh_summary
+from gpusim.pipeline.build.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.cost.counts import element_counts, mesh_words

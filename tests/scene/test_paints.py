@@ -11,8 +11,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline.build.build import build_body
-from gpusim.pipeline.build.props import build_prop
+from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.scene import Scene
 from gpusim.scene.cost.cost import compiled_for, describe
 

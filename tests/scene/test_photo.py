@@ -13,8 +13,13 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.optics.sensor.presets import CAMERAS
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter, moving
+from gpusim.pipeline.build.cameras import (
+    build_camera,
+    build_lens,
+    build_sensor,
+    build_shutter,
+    moving,
+)
 from gpusim.plan.plan import make_plan
 from gpusim.scene.schema.sensor import SensorTable
 

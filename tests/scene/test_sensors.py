@@ -11,8 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.export.images import read_image
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter
+from gpusim.pipeline.build.cameras import build_camera, build_lens, build_sensor, build_shutter
 from gpusim.plan.plan import make_plan
 from gpusim.scene.schema.sensor import CameraSensorTable, SensorTable
 

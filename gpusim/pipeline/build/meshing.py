@@ -1,24 +1,44 @@
-"""A scene's mesh recipe turned into a mesh, and what is said of it."""
+"""A scene's mesh recipe turned into a mesh; its ``where`` as nodes, faces and cells of that."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim import mesh
 from gpusim.errors import InputError
-from gpusim.field import read_field
+from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
-from gpusim.mesh import Mesh
+from gpusim.mesh import Faces, Mesh
 from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
+from gpusim.surface.surface import face_normals
 
-__all__ = ["build_mesh", "mesh_summary", "size_warnings_of"]
+__all__ = [
+    "build_mesh",
+    "cells_of",
+    "faces_of",
+    "mesh_summary",
+    "nodes_of",
+    "read_given_field",
+    "size_warnings_of",
+    "surface_faces_of",
+]
 
 _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge6"}
 _WORST, _LISTED = 5, 20
+BUILDERS: dict[type, Callable[..., Mesh]] = {
+    m.BoxMesh: mesh.box,
+    m.BeamMesh: mesh.beam,
+    m.CraneMesh: mesh.crane,
+    m.PlateMesh: mesh.plate_with_hole,
+    m.BracketMesh: mesh.bracket,
+}
 
 
 def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
@@ -27,73 +47,27 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
     Raises InputError for a file that can't be read or meshed, and for notches that don't fit.
     """
     if isinstance(recipe, m.FieldMesh):
-        return read_field(read(recipe.path), name=recipe.variable, scale=recipe.scale).mesh
+        return read_given_field(recipe, read).mesh
     if isinstance(recipe, m.FileMesh):
         return _from_file(recipe, read)
-    if isinstance(recipe, m.PlateMesh | m.BracketMesh):
+    # a recipe has the names of what it is made by
+    sizes: dict[str, Any] = {**vars(recipe)}
+    cells = sizes.pop("cells")
+    if isinstance(recipe, m.BoxMesh | m.BeamMesh):
+        sizes["notches"] = [mesh.Notch(**vars(notch)) for notch in recipe.notches]
+    if isinstance(recipe, m.CraneMesh):
+        sizes["element_size"] = sizes.pop("element")
+    elif isinstance(recipe, m.PlateMesh | m.BracketMesh):
         # midside nodes of bricks lie on the curves
-        curved = recipe.cells if recipe.cells in ("hex20", "hex27") else "hex8"
-        return _of_cells(_holed(recipe, curved), recipe.cells)
-    return _of_cells(_straight(recipe), recipe.cells)
+        sizes["element"] = cells if cells in ("hex20", "hex27") else "hex8"
+    return _of_cells(BUILDERS[type(recipe)](**sizes), cells)
 
 
-def _straight(recipe: m.BoxMesh | m.BeamMesh | m.CraneMesh) -> Mesh:
-    if isinstance(recipe, m.BoxMesh):
-        notches = _notches(recipe.notches)
-        return mesh.box(recipe.size, recipe.divisions, recipe.origin, notches)
-    if isinstance(recipe, m.BeamMesh):
-        return mesh.beam(
-            recipe.length,
-            recipe.width,
-            recipe.height,
-            recipe.divisions,
-            end_width=recipe.end_width,
-            end_height=recipe.end_height,
-            notches=_notches(recipe.notches),
-        )
-    return mesh.crane(
-        height=recipe.height,
-        foot=recipe.foot,
-        length=recipe.length,
-        column_thickness=recipe.column_thickness,
-        beam_thickness=recipe.beam_thickness,
-        width=recipe.width,
-        load_length=recipe.load_length,
-        element_size=recipe.element,
-        through=recipe.through,
-        across=recipe.across,
+def read_given_field(recipe: m.FieldMesh, read: Reader = read_input) -> Field:
+    """The displacements that a body is given, on their mesh."""
+    return read_field(
+        read(recipe.path), name=recipe.variable, scale=recipe.scale, magnify=recipe.magnify
     )
-
-
-def _holed(recipe: m.PlateMesh | m.BracketMesh, element: str) -> Mesh:
-    if isinstance(recipe, m.PlateMesh):
-        return mesh.plate_with_hole(
-            recipe.length,
-            recipe.width,
-            recipe.thickness,
-            recipe.hole_diameter,
-            around=recipe.around,
-            radial=recipe.radial,
-            through=recipe.through,
-            element=element,
-        )
-    return mesh.bracket(
-        base_length=recipe.base_length,
-        wall_height=recipe.wall_height,
-        width=recipe.width,
-        thickness=recipe.thickness,
-        fillet_radius=recipe.fillet_radius,
-        hole_diameter=recipe.hole_diameter,
-        around=recipe.around,
-        radial=recipe.radial,
-        through=recipe.through,
-        bend=recipe.bend,
-        element=element,
-    )
-
-
-def _notches(recipes: tuple[m.NotchRecipe, ...]) -> list[mesh.Notch]:
-    return [mesh.Notch(r.position, r.width, r.depth, r.axis, r.side, r.cells) for r in recipes]
 
 
 def _of_cells(bricks: Mesh, cells: str) -> Mesh:
@@ -109,16 +83,8 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
 def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
-        return mesh.mesh_cad(
-            file,
-            size=recipe.size,
-            order=recipe.order,
-            hexahedra=recipe.hexahedra,
-            hex_dominant=recipe.hex_dominant,
-            curvature=recipe.curvature,
-            time_limit=recipe.time_limit,
-            scale=recipe.scale,
-        )
+        options = {key: value for key, value in vars(recipe).items() if key != "path"}
+        return mesh.mesh_cad(file, **options)
     grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:
@@ -164,3 +130,90 @@ def mesh_summary(name: str, grid: Mesh) -> tuple[MeshSummary, list[str]]:
         extent=float(np.linalg.norm(np.ptp(grid.points, axis=0))),
     )
     return summary, warnings
+
+
+_FACING = np.deg2rad(30.0)  # as `mesh.select_faces` has it
+
+
+def nodes_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int32]:
+    """Node numbers. Raises InputError if there are none."""
+    return mesh.select_nodes(
+        grid,
+        bounds=_bounds(where),
+        normal=where.normal,
+        name=where.set,
+        tolerance=where.tolerance,
+    )
+
+
+def faces_of(grid: Mesh, faces: Faces, where: m.Where) -> Faces:
+    """Of the boundary ``faces``, or of a named set. Raises InputError if there are none."""
+    return mesh.select_faces(
+        grid,
+        bounds=_bounds(where),
+        normal=where.normal,
+        name=where.set,
+        tolerance=where.tolerance,
+        faces=None if where.set is not None else faces,
+    )
+
+
+def surface_faces_of(
+    points: npt.NDArray[np.float64], faces: npt.NDArray[np.int32], where: m.Where, told: str
+) -> npt.NDArray[np.int64]:
+    """Numbers of the faces (F, 4) of a surface without solids, by bounds and outward normal.
+
+    Raises InputError if there are none, or the surface is asked for a named set.
+    """
+    if where.set is not None:
+        raise InputError(f"{told}: where; got set {where.set!r}; expected bounds or a normal: a "
+                         "file of faces has no sets")  # fmt: skip
+    low = np.array(where.lower) - where.tolerance
+    high = np.array(where.upper) + where.tolerance
+    inside = np.asarray((points >= low) & (points <= high)).all(axis=1).reshape(-1)
+    keep = (inside[np.maximum(faces, 0)] | (faces < 0)).all(axis=1)
+    if where.normal is not None:
+        normals = face_normals(points, faces)
+        along = normals[:, "xyz".index(where.normal[1])] * (1 if where.normal[0] == "+" else -1)
+        keep &= along >= np.cos(_FACING) * np.linalg.norm(normals, axis=1)
+    if not keep.any():
+        raise InputError(
+            f"{told}: where: no faces found; expected something inside the surface, from "
+            f"{points.min(axis=0).tolist()} m to {points.max(axis=0).tolist()} m"
+        )
+    return np.flatnonzero(keep)
+
+
+def cells_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int64]:
+    """Global numbers of the cells whose middle is there. Raises InputError if there are none."""
+    low = np.array(where.lower) - where.tolerance
+    high = np.array(where.upper) + where.tolerance
+    keep = np.zeros(grid.cell_count, dtype=bool)
+    for kind, first, block in grid.blocks():
+        corners = block[:, : mesh.CELL_TYPES[kind].corners]
+        middle = grid.points[corners].mean(axis=1)
+        keep[first : first + len(block)] = ((middle >= low) & (middle <= high)).all(axis=1)
+    if where.set is not None:
+        if where.set not in grid.cell_sets:
+            known = ", ".join(sorted(grid.cell_sets))
+            expected = f"one of {known}" if known else "no set: the mesh has none of elements"
+            raise InputError(f"unknown set of elements; got {where.set!r}; expected {expected}")
+        inside = np.zeros_like(keep)
+        inside[grid.cell_sets[where.set]] = True
+        keep &= inside
+    found = np.flatnonzero(keep)
+    if not found.size:
+        raise InputError(
+            f"no elements found; got bounds {_bounds(where) or 'none'}, set {where.set!r}; "
+            f"expected something inside the mesh, from {grid.bounds[0].tolist()} m to "
+            f"{grid.bounds[1].tolist()} m"
+        )
+    return found
+
+
+def _bounds(where: m.Where) -> dict[str, float]:
+    """Only the finite limits."""
+    limits = {}
+    for axis, low, high in zip("xyz", where.lower, where.upper, strict=True):
+        limits[f"{axis}_min"], limits[f"{axis}_max"] = low, high
+    return {key: value for key, value in limits.items() if np.isfinite(value)}

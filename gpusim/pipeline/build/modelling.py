@@ -12,12 +12,12 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.errors import InputError
 from gpusim.fem.model.supports import check_supports
-from gpusim.pipeline.build.build import BodyParts
-from gpusim.pipeline.build.places import cells_of, faces_of, nodes_of
+from gpusim.pipeline.build.meshing import cells_of, faces_of, nodes_of
+from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 
-__all__ = ["build_material", "build_model", "support_of_freedom", "temperature"]
+__all__ = ["build_model", "support_of_freedom", "temperature"]
 
 Array = npt.NDArray[np.float64]
 

@@ -25,9 +25,9 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
-from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.build.modelling import build_model, temperature
 from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.scene.description import model as m
 
 __all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]

@@ -10,28 +10,60 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gpusim.errors import GpusimError, InputError
-from gpusim.pipeline.build.build import build_body
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.props import build_prop
-from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.solution_store import SceneSolution
-from gpusim.pipeline.checks.axial_loads import axial_loads
-from gpusim.pipeline.checks.lamp_count import check_lamp_count
-from gpusim.pipeline.checks.marker_visibility import marker_warnings
-from gpusim.pipeline.checks.memory import mesh_fault
-from gpusim.pipeline.checks.pattern_scale import disc_warnings
-from gpusim.pipeline.checks.viewing import blind_cameras, lamps_inside
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import look
+from gpusim.optics.light.lights import PointLight, SpotLight
+from gpusim.optics.light.quadrature import MOST_ACROSS
+from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
+from gpusim.pipeline.build.cameras import build_camera, build_lights
+from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
+from gpusim.pipeline.build.surfaces import build_body, build_prop
+from gpusim.pipeline.checks.measurability import axial_loads, disc_warnings, marker_warnings
+from gpusim.pipeline.checks.resources import mesh_fault
+from gpusim.pipeline.checks.visibility import blind_cameras, lamps_inside
 from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description import model as m
 from gpusim.scene.schema.mesh import CAD_SUFFIXES
+from gpusim.surface import Surface
 
 if TYPE_CHECKING:
     from gpusim.pipeline.checks.linear_theory import LinearError
 
 __all__ = ["SceneWarnings", "scene_warnings", "with_known_warnings"]
+
+NAMED = 6
+
+
+def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequence[Camera]) -> None:
+    """Raises InputError naming the camera whose pictures the lamps are too many for.
+
+    Large lamps near what is seen count as several points, as in the picture.
+    """
+    lights = build_lights(scene) or []
+    small = sum(isinstance(light, PointLight | SpotLight) for light in lights)
+    if small + MOST_ACROSS**2 * (len(lights) - small) <= MAX_EMITTERS:
+        return
+    names = [one.name for one in scene.lights if not isinstance(one, m.Ambient | m.Environment)]
+    for camera in cameras:
+        rows = emitting_points(look(surfaces, camera, lit=False), lights)
+        if len(rows) <= MAX_EMITTERS:
+            continue
+        counts = np.bincount(rows[:, 11].astype(int), minlength=len(names))
+        several = [
+            f"{names[k]!r} as {counts[k]}" for k in np.argsort(-counts, kind="stable")[:NAMED]
+            if counts[k] > 1
+        ]  # fmt: skip
+        large = f" (large lamps count as several points: {', '.join(several)})" if several else ""
+        raise InputError(
+            f"light: got {len(names)} lamps, which are {len(rows)} emitting points for camera "
+            f"{camera.name!r}{large}; expected at most {MAX_EMITTERS}: use fewer lamps, or "
+            "smaller ones farther away"
+        )
 
 
 @dataclass

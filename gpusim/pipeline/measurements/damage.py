@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,16 +13,19 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError
-from gpusim.files.atomic_files import safe_name, write_text
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.pipeline.measurements.result_files import csv_text, write_result
+from gpusim.report import Drawing, Measurement
+from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["DamageLine", "DamageResult", "compare_states"]
+__all__ = ["DamageResult", "compare_states"]
 
 Array = npt.NDArray[np.float64]
 LEAST_POINTS = 8
+CURVE_POINTS = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,24 +99,78 @@ class DamageResult:
 
     def write(self, folder: Path) -> list[Path]:
         """``<name>.csv``: every point of every line, ``<name>-breaks.csv`` and ``<name>.json``."""
-        stem = safe_name(self.name)
         breaks = [row for line in self.lines for row in _breaks(line)]
-        return [
-            write_text(inside(folder, f"{stem}.csv"), _table(_POINTS, _points(self.lines))),
-            write_text(inside(folder, f"{stem}-breaks.csv"), _table(_BREAKS, breaks)),
-            write_text(inside(folder, f"{stem}.json"), self._json(breaks)),
-        ]
-
-    def _json(self, breaks: Sequence[Sequence[Any]]) -> str:
         content = {
             "name": self.name,
             "reference": self.reference,
-            "noise_px": {
-                f"{line.state}/{line.group}": _plain(line.noise_px) for line in self.lines
-            },
-            "breaks": [dict(zip(_BREAKS, map(_plain, row), strict=True)) for row in breaks],
+            "noise_px": {f"{line.state}/{line.group}": line.noise_px for line in self.lines},
+            "breaks": [dict(zip(_BREAKS, row, strict=True)) for row in breaks],
         }
-        return json.dumps(content, indent=1, allow_nan=False) + "\n"
+        tables = {"": csv_text(_POINTS, _points(self.lines)), "-breaks": csv_text(_BREAKS, breaks)}
+        return write_result(folder, self.name, tables, content)
+
+    def measurements(self) -> list[Measurement]:
+        """Each notch beside the slope change nearest to it, what of it the structure does, and what
+        the images do; then the noise of each difference."""
+        rows = []
+        changed = [line for line in self.lines if line.state != self.reference]
+        for line in changed:
+            for number, place in enumerate(line.notches_mm, start=1):
+                name = f"{line.state}: notch {number} of {line.group}"
+                limit = self.tolerance_mm / abs(place) if place else None
+                found, true = line.nearest(place)
+                rows += [
+                    Measurement.compare(
+                        f"{name}, by the change of slope", "mm", found, place,
+                        tolerance_relative=limit,
+                    ),
+                    Measurement(
+                        f"{name}, of it the structure", "mm", true, place, true - place, np.nan
+                    ),
+                    Measurement(
+                        f"{name}, of it the images", "mm", found, true, found - true, np.nan
+                    ),
+                ]  # fmt: skip
+        for line in changed:
+            name = f"{line.state}: RMS error of the difference, {line.group}"
+            rows.append(Measurement.noise(name, "px", line.noise_px))
+        return rows
+
+    @property
+    def warnings(self) -> list[str]:
+        """Lines in which not as many changes were found as there are notches."""
+        texts = []
+        for line in self.lines:
+            count = 0 if line.found is None else len(line.found.position)
+            if line.state != self.reference and count != len(line.notches_mm):
+                texts.append(
+                    f"measure {self.name!r}: {line.state}, {line.group}: {count} changes of "
+                    f"slope found for {len(line.notches_mm)} notches"
+                )
+        return texts
+
+    def figures(self, folder: Path) -> list[Drawing]:
+        """Lines and differences of each group, to be drawn into ``folder``."""
+        figures: list[Drawing] = []
+        for group in self.groups:
+            lines = self.of(group)
+            along = f"position along the {group}, {lines[0].axis} (mm)"
+            across = f"deflection along {lines[0].across} (mm)"
+            stem = f"{self.name}-{group}"
+            whole = [_curve(line, line.deflection_mm, line.true_mm) for line in lines]
+            path = inside(folder, f"{stem}-lines.png")
+            figures.append(partial(draw_deflections, whole, (along, across), path))
+            changed = [
+                _curve(line, line.difference_mm, line.true_difference_mm)
+                for line in lines
+                if line.state != self.reference
+            ]
+            if changed:
+                labels = along, f"difference along {lines[0].across} (mm)"
+                path = inside(folder, f"{stem}-differences.png")
+                scale = lines[0].mm_per_px
+                figures.append(partial(draw_differences, changed, labels, scale, path))
+        return figures
 
 
 def compare_states(
@@ -243,16 +298,17 @@ def _breaks(line: DamageLine) -> list[list[Any]]:
     return rows
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(head)
-    for row in rows:
-        writer.writerow(
-            [v if isinstance(v, str) else f"{v:.7g}" if np.isfinite(v) else "" for v in row]
-        )
-    return stream.getvalue()
-
-
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, str) or np.isfinite(value) else None
+def _curve(line: DamageLine, measured: Array, true: Array) -> StateCurve:
+    none, found = np.zeros(0), line.found
+    x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
+    return StateCurve(
+        name=line.state,
+        x=line.position_mm,
+        measured=measured,
+        true=true,
+        breaks=none if found is None else found.position,
+        sigma=none if found is None else found.sigma,
+        damage=np.array(line.notches_mm),
+        fitted_x=none if found is None else x,
+        fitted_y=none if found is None else found.at(x),
+    )

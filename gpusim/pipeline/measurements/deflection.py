@@ -1,28 +1,36 @@
-"""A measured deflection line with its truth, as it is kept in the output folder."""
+"""A deflection line measured from the first and the last image of one camera, with its truth.
+
+The measuring itself sees what a tester has: two images, where the markers were put on the unloaded
+structure, and the camera's rough place (to know which marker is which). The finite elements enter
+only afterwards, as the truth that the result is compared with.
+"""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any
+from dataclasses import Field, dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.files.atomic_files import safe_name, write_text
-from gpusim.files.input_file import Reader, read_input
-from gpusim.files.output_folder import inside
-from gpusim.pipeline.measurements.projection_error import PARTS
+from gpusim import measure
+from gpusim.errors import GpusimError
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.pipeline.build.cameras import build_camera, build_sensor
+from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.measurements.marker_detection import collect_markers
+from gpusim.pipeline.measurements.marker_tracking import track_markers
+from gpusim.pipeline.measurements.projection_error import PARTS, projection_error
+from gpusim.pipeline.measurements.result_files import MarkerResult, csv_text
+from gpusim.pipeline.measurements.sources import Sources
+from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["DeflectionResult", "unrefined_text"]
+__all__ = ["DeflectionResult", "measure_deflection"]
 
 Array = npt.NDArray[np.float64]
-_TWO = ("axis_error_mm", "plane_error_mm", "lens_error_mm", "scale_error_mm")
+TRUTH_POINTS = 200
 MOST_TILT_DEG = 1.0
 """Beyond it one scale coefficient is off by more than 0.015 %."""
 LEAST_SHARE, SIGMAS = 1e-3, 3.0
@@ -31,7 +39,7 @@ standard uncertainties, on."""
 
 
 @dataclass(frozen=True, eq=False)
-class DeflectionResult:
+class DeflectionResult(MarkerResult):
     """A deflection line measured from two images, and its truth.
 
     Per marker (M,), in the order from the clamp: ``marker`` names, ``group`` names,
@@ -40,8 +48,7 @@ class DeflectionResult:
     ``status`` names. ``axes``: those axes, such as ("+x", "+z"). ``curves``: per group, (3, K)
     position along the group and the true displacement in both axes. ``static_px`` (S, 2): what the
     markers that can't move seemed to do. ``tracking_px``: RMS difference of the tracked subsets
-    and the refined centres. ``saturated``: markers with clipped pixels. ``unrefined``: markers
-    measured by correlation alone, because their cross couldn't be fitted.
+    and the refined centres.
     ``tilt_deg``: how far the camera looks off the normal of the plane it measures in.
     ``axis_error_mm``, ``plane_error_mm``, ``lens_error_mm``, ``scale_error_mm`` (M, 2),
     ``towards_mm`` (M,): what one scale for the image makes of the true motion
@@ -78,22 +85,17 @@ class DeflectionResult:
     towards_mm: Array
     curves: dict[str, Array]
 
+    empty: ClassVar = {"static_px": (0, 2)}
+
     @property
     def note(self) -> str:
         """What became of it, in a few words."""
-        count = sum(status == "OK" for status in self.status)
-        return f"{count} of {len(self.status)} markers measured"
+        return f"{self.measured_count} measured"
 
     @property
     def warnings(self) -> list[str]:
-        """Markers that were not measured, and those whose white is clipped."""
-        found = self._lost()
-        if self.saturated:
-            found.append(
-                f"measure {self.name!r}: saturated pixels on {', '.join(self.saturated)}; a "
-                "clipped edge moves its marker: lower [sensor] exposure"
-            )
-        found += unrefined_text(self.name, self.unrefined)
+        """Markers that were not well measured, and what one scale for the image does."""
+        found = self.marker_warnings()
         if not self.tilt_deg <= MOST_TILT_DEG:
             short = 100.0 * (1.0 - np.cos(np.radians(self.tilt_deg)))
             found.append(
@@ -109,12 +111,13 @@ class DeflectionResult:
                  "lens": self.lens_error_mm, "scale": self.scale_error_mm}  # fmt: skip
         found = []
         lost = ~np.isfinite(self.measured_mm).all(axis=1)
+        largest = float(np.linalg.norm(self.true_mm, axis=1).max(initial=0.0))
+        known = self.sigma_mm[np.isfinite(self.sigma_mm)]
+        noise = float(np.median(known)) if known.size else 0.0
         for part, errors in parts.items():
-            if not len(errors):
-                continue
             size = np.where(lost, 0.0, np.nan_to_num(np.linalg.norm(errors, axis=1)))
             worst = int(np.argmax(size))
-            if not size[worst] > max(LEAST_SHARE * self._largest(), SIGMAS * self._noise()):
+            if not size[worst] > max(LEAST_SHARE * largest, SIGMAS * noise):
                 continue
             k = int(np.argmax(np.abs(errors[worst])))
             wrong = self.measured_mm[worst, k] - self.true_mm[worst, k]
@@ -139,115 +142,168 @@ class DeflectionResult:
             )
         return found
 
-    def _largest(self) -> float:
-        """The largest true displacement in the image's plane, mm."""
-        return float(np.linalg.norm(self.true_mm, axis=1).max(initial=0.0))
-
-    def _noise(self) -> float:
-        known = self.sigma_mm[np.isfinite(self.sigma_mm)]
-        return float(np.median(known)) if known.size else 0.0
-
-    def _lost(self) -> list[str]:
-        lost = [
-            f"{marker} ({status})"
-            for marker, status in zip(self.marker, self.status, strict=True)
-            if status != "OK"
-        ]
-        return [f"measure {self.name!r}: not measured: {', '.join(lost)}"] if lost else []
-
-    def write(self, folder: Path) -> list[Path]:
-        """``<name>.csv`` for people and ``<name>.json`` with everything."""
-        stem = safe_name(self.name)
-        values = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if isinstance(value, np.ndarray):
-                value = _plain(value)
-            elif item.name == "curves":
-                value = {group: _plain(curve) for group, curve in value.items()}
-            elif isinstance(value, float) and not np.isfinite(value):
-                value = None
-            values[item.name] = value
-        text = json.dumps(values, indent=1, allow_nan=False) + "\n"
-        return [
-            write_text(inside(folder, f"{stem}.csv"), self._csv()),
-            write_text(inside(folder, f"{stem}.json"), text),
-        ]
-
-    def _csv(self) -> str:
+    def tables(self) -> dict[str, str]:
+        """``.csv``: one row for each marker."""
         a, b = (axis[1] for axis in self.axes)
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(
-            ["marker", "status", "x_mm", "y_mm", "z_mm", "column_px", "row_px", "dcolumn_px",
-             "drow_px", f"measured_{a}_mm", f"measured_{b}_mm", f"true_{a}_mm", f"true_{b}_mm",
-             "sigma_mm"]
-        )  # fmt: skip
-        for i, marker in enumerate(self.marker):
-            numbers = [
-                *self.position_mm[i], *self.points_px[i], *self.displacement_px[i],
-                *self.measured_mm[i], *self.true_mm[i], self.sigma_mm[i],
-            ]  # fmt: skip
-            cells = [f"{v:.7g}" if np.isfinite(v) else "" for v in numbers]
-            writer.writerow([marker, self.status[i], *cells])
-        return stream.getvalue()
+        head = [
+            "marker", "status", "x_mm", "y_mm", "z_mm", "column_px", "row_px", "dcolumn_px",
+            "drow_px", f"measured_{a}_mm", f"measured_{b}_mm", f"true_{a}_mm", f"true_{b}_mm",
+            "sigma_mm",
+        ]  # fmt: skip
+        rows = [
+            [marker, self.status[i], *self.position_mm[i], *self.points_px[i],
+             *self.displacement_px[i], *self.measured_mm[i], *self.true_mm[i], self.sigma_mm[i]]
+            for i, marker in enumerate(self.marker)
+        ]  # fmt: skip
+        return {"": csv_text(head, rows)}
 
-    @staticmethod
-    def read(folder: Path, spec: m.Deflection, read: Reader = read_input) -> DeflectionResult:
-        """What an earlier run wrote for ``spec``; ``read``: how. Raises InputError
-        or ValueError for damage."""
-        file = read(str(inside(folder, f"{safe_name(spec.name)}.json")))
-        values = json.loads(file.data)
-        values.setdefault("unrefined", [])  # earlier runs didn't say
-        for name in (*_TWO, "towards_mm"):
-            values.setdefault(name, [])
-        for item in fields(DeflectionResult):
-            value = values[item.name]
-            if item.name == "curves":
-                values[item.name] = {g: _array(c, (3, 0)) for g, c in value.items()}
-            elif item.type == "Array":
-                shape = (0, 2) if item.name in ("static_px", *_TWO) else (0,)
-                values[item.name] = _array(value, shape)
-            elif isinstance(value, list):
-                values[item.name] = tuple(value)
-            elif value is None:
-                values[item.name] = np.nan
-        found = DeflectionResult(**values)
-        found._check()
-        return found
+    @classmethod
+    def field_of(cls, item: Field[Any], value: Any) -> Any:
+        """As `MarkerResult.field_of`; the curves are arrays by group."""
+        if item.name == "curves":
+            return {group: np.array(curve, dtype=np.float64) for group, curve in value.items()}
+        return super().field_of(item, value)
 
-    def _check(self) -> None:
-        """Raises ValueError for arrays that don't belong together."""
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """What shapes arrays have to have."""
         count = len(self.marker)
-        shapes = {
-            "position_mm": (count, 3), "points_px": (count, 2), "displacement_px": (count, 2),
-            "measured_mm": (count, 2), "true_mm": (count, 2), "sigma_mm": (count,),
+        pairs = ("points_px", "displacement_px", "measured_mm", "true_mm", "axis_error_mm",
+                 "plane_error_mm", "lens_error_mm", "scale_error_mm")  # fmt: skip
+        return {
+            "position_mm": (count, 3),
+            **dict.fromkeys(pairs, (count, 2)),
+            "sigma_mm": (count,),
+            "towards_mm": (count,),
             "static_px": (len(self.static_px), 2),
-        }  # fmt: skip
-        wrong = [name for name, shape in shapes.items() if getattr(self, name).shape != shape]
-        wrong += [name for name in ("group", "status") if len(getattr(self, name)) != count]
-        wrong += [group for group, curve in self.curves.items() if curve.shape[:1] != (3,)]
-        if wrong or not count or len(self.axes) != 2:
-            raise ValueError(f"of another shape than its {count} markers: {', '.join(wrong)}")
+        }
+
+    def misfits(self) -> list[str]:
+        """Curves of another shape than (3, K), and axes that aren't two."""
+        wrong = [group for group, curve in self.curves.items() if curve.shape[:1] != (3,)]
+        return wrong + (["axes"] if len(self.axes) != 2 else [])
 
 
-def unrefined_text(name: str, markers: Sequence[str]) -> list[str]:
-    """The warning, if any, for markers that correlation alone has measured."""
-    if not markers:
-        return []
-    return [
-        f"measure {name!r}: by correlation alone, without a fit of the cross: "
-        f"{', '.join(markers)}; a sharp marker may be off by 0.02 px then (others: 0.003)"
-    ]
+def measure_deflection(
+    spec: m.Deflection, scene: Scene, objects: SceneObjects, sources: Sources
+) -> DeflectionResult:
+    """Track the markers of ``spec`` from the first frame to the last and scale to mm.
+
+    Marker centres come from the first image (Harris corners, then a fit of the cross); IC-GN
+    subsets follow them into the last image, where the centres are fitted again.
+
+    Raises
+    ------
+    InputError
+        A marker is too small in the image, or behind the camera.
+    GpusimError
+        Fewer than two markers could be found in the reference image.
+    """
+    image = sources.image
+    what, last = f"measure {spec.name!r}", len(scene.analysis.load_factors) - 1
+    camera_spec = next(c for c in scene.cameras if c.name == spec.camera)
+    camera = build_camera(camera_spec, scene.input)
+    marks = collect_markers(what, spec.groups, spec.static, scene, objects.bodies)
+    seen = track_markers(
+        what, marks, camera, image(spec.camera, 0), image(spec.camera, last),
+        subset=spec.subset, sensor=build_sensor(scene.sensor_of(spec.camera), camera_spec, 1.0),
+    )  # fmt: skip
+    count, points, moved = marks.count, seen.points, seen.displacement
+    position, ok = marks.position[:count], seen.found[:count]
+    axes, plane = _image_axes(camera)
+    if np.count_nonzero(ok) < 2:
+        raise GpusimError(
+            f"{what}: only marker {marks.names[int(np.argmax(ok))]!r} of {count} was found in the "
+            f"first image of camera {camera.name!r}; expected two at least: a scale needs two"
+        )
+    scale = measure.scale_coefficient(points[:count][ok], 1e3 * position[ok] @ plane.T)
+    still = np.isfinite(moved[count:]).all(axis=1).any()
+    motion = measure.rigid_motion(points[count:], moved[count:]) if still else None
+    line = measure.deflection_line(
+        np.arange(count),
+        np.where(ok[:, None], points[:count], seen.expected[:count]),
+        moved[:count],
+        scale,
+        sigma_px=seen.sigma[:count],
+        camera=motion,
+    )
+    corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
+    start, motion_m = marks.true_motion(objects, last)
+    errors = projection_error(camera, position + start, motion_m, plane, scale=scale, used=ok)
+    return DeflectionResult(
+        name=spec.name,
+        camera=spec.camera,
+        direction=spec.direction,
+        axes=axes,
+        marker=marks.names[:count],
+        group=marks.group_names[:count],
+        status=seen.status[:count],
+        position_mm=1e3 * position,
+        points_px=points[:count],
+        displacement_px=corrected,
+        measured_mm=line.displacement_mm,
+        true_mm=1e3 * motion_m @ plane.T,
+        sigma_mm=line.sigma_mm,
+        static_px=moved[count:],
+        mm_per_px=scale.mm_per_px,
+        mm_per_px_sigma=scale.sigma,
+        mm_per_px_true=_true_scale(camera, position),
+        scale_residual_px=scale.residual_px,
+        subset_px=seen.subset,
+        saturated=seen.saturated(count),
+        unrefined=seen.by_correlation(count),
+        tilt_deg=_tilt(camera, plane),
+        tracking_px=seen.tracking_px,
+        axis_error_mm=errors.axis,
+        plane_error_mm=errors.plane,
+        lens_error_mm=errors.lens,
+        scale_error_mm=errors.scale,
+        towards_mm=errors.towards_mm,
+        curves=_curves(marks.groups, objects, last, plane),
+    )
 
 
-def _plain(values: Array) -> Any:
-    """Nested lists with None for what isn't finite."""
-    whole = values.astype(object)
-    whole[~np.isfinite(values)] = None
-    return whole.tolist()
+def _tilt(camera: Camera, plane: Array) -> float:
+    """Degrees between the viewing direction and the normal of the measured plane (rows: axes)."""
+    along = abs(float(camera.camera_from_world[2, :3] @ np.cross(plane[0], plane[1])))
+    return float(np.degrees(np.arccos(min(along, 1.0))))
 
 
-def _array(values: Any, empty: tuple[int, ...]) -> Array:
-    array = np.array(values, dtype=np.float64)
-    return array if array.size else np.zeros(empty)
+def _image_axes(camera: Camera) -> tuple[tuple[str, str], Array]:
+    """The two world axes nearest to the image's right and up, as names and as rows (2, 3)."""
+    R = camera.camera_from_world[:3, :3]
+    names, rows = [], []
+    taken = -1
+    for direction in (R[0], -R[1]):
+        strength = np.abs(direction)
+        if taken >= 0:
+            strength[taken] = -1.0
+        taken = int(np.argmax(strength))
+        sign = 1.0 if direction[taken] > 0 else -1.0
+        row = np.zeros(3)
+        row[taken] = sign
+        names.append(("+" if sign > 0 else "-") + "xyz"[taken])
+        rows.append(row)
+    return (names[0], names[1]), np.array(rows)
+
+
+def _curves(
+    groups: Sequence[tuple[int, m.Markers]], objects: SceneObjects, last: int, plane: Array
+) -> dict[str, Array]:
+    """Per group the place along it and the true displacement in the image's plane, mm."""
+    curves = {}
+    for body, paint in groups:
+        skin = objects.bodies[body].skin
+        u = objects.displacement(body, last) - objects.displacement(body, 0)
+        own = np.array([marker.position for marker in paint.markers])
+        share = np.linspace(0.0, 1.0, TRUTH_POINTS)[:, None]
+        line = own[0] + share * (own[-1] - own[0])
+        nodes, weights = skin.locate(line)
+        along = 1e3 * np.linalg.norm(line - own[0], axis=1)
+        values = 1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T
+        curves[paint.name] = np.concatenate([along[None], values.T])
+    return curves
+
+
+def _true_scale(camera: Camera, position: Array) -> float:
+    """mm per px at the markers' mean depth."""
+    return float(1e3 * camera.to_camera(position)[:, 2].mean() / camera.K[0, 0])

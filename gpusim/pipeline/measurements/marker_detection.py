@@ -1,4 +1,4 @@
-"""Markers found in a picture near where they are expected, and the fit of their crosses.
+"""Markers of a scene, found in a picture near where they are expected, and fits of their crosses.
 
 The states of a structure have first pictures that are alike but for where they differ: what was
 found from the same pixels is remembered within the process.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +16,22 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.errors import GpusimError, InputError
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.build.surfaces import BodyParts
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
 
-__all__ = ["LEAST_WIDTH", "CrossFits", "arms_of", "find_crosses", "fit_crosses", "size_range"]
+__all__ = [
+    "MarkerSet",
+    "arms_of",
+    "check_widths",
+    "collect_markers",
+    "find_crosses",
+    "fit_crosses",
+    "size_range",
+]
 
 Array = npt.NDArray[np.float64]
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
@@ -28,6 +43,84 @@ END_MARGIN = 1.2, 2.5  # px, and lens blurs, kept from a marker's own border
 REMEMBERED = 4096  # markers
 
 _remembered: OrderedDict[bytes, Array] = OrderedDict()
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerSet:
+    """The markers of a measurement: ``count`` on bodies, then those that can't move.
+
+    ``position`` (M, 3), m, on the unloaded structure; ``size`` (M,), m; ``names``, ``group_names``
+    (M,); ``groups``: body number and paint, in the order asked for.
+    """
+
+    groups: tuple[tuple[int, m.Markers], ...]
+    count: int
+    position: Array
+    size: Array
+    names: tuple[str, ...]
+    group_names: tuple[str, ...]
+
+    def true_motion(self, objects: SceneObjects, last: int) -> tuple[Array, Array]:
+        """True displacements (M, 3) in m of the markers on bodies in the first frame, and from
+        there to the ``last``."""
+        parts, first = [], 0
+        for body, paint in self.groups:
+            own = self.position[first : first + len(paint.markers)]
+            first += len(own)
+            nodes, weights = objects.bodies[body].skin.locate(own)
+            u = np.stack([objects.displacement(body, 0), objects.displacement(body, last)])
+            parts.append(np.einsum("mk,fmka->fma", weights, u[:, nodes]))
+        start, end = np.concatenate(parts, axis=1)
+        return start, end - start
+
+
+def collect_markers(
+    what: str,
+    groups: Sequence[str],
+    static: Sequence[str],
+    scene: Scene,
+    bodies: Sequence[BodyParts],
+) -> MarkerSet:
+    """The markers of paints on bodies, in order, and of paints on props."""
+    own = tuple(_marker_paint(what, bodies, name) for name in groups)
+    paints = [paint for _, paint in own]
+    still = [
+        paint
+        for name in static
+        for prop in scene.props
+        for paint in prop.paints
+        if paint.name == name and isinstance(paint, m.Markers)
+    ]
+    every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
+    return MarkerSet(
+        groups=own,
+        count=sum(len(paint.markers) for paint in paints),
+        position=np.array([marker.position for _, marker in every]),
+        size=np.array([paint.size for paint, _ in every]),
+        names=tuple(marker.name for _, marker in every),
+        group_names=tuple(paint.name for paint, _ in every),
+    )
+
+
+def _marker_paint(what: str, bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
+    for index, parts in enumerate(bodies):
+        for paint in parts.body.paints:
+            if paint.name == name and isinstance(paint, m.Markers):
+                return index, paint
+    raise GpusimError(f"{what}: no markers named {name!r} on any body")
+
+
+def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
+    """Widths (M,) px of the markers; raises InputError for one that is too small."""
+    widths: Array = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
+    narrow = int(np.argmin(widths))
+    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
+        raise InputError(
+            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
+            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
+            "(a larger marker, a longer lens or more pixels)"
+        )
+    return widths
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,56 +2,48 @@
 
 What this sees is what a tester has: two images, where the markers were put on the unloaded
 structure, and the camera's rough place (to know which marker is which).
+
+A rig's result depends on all of its cameras; where its markers went in one picture doesn't. So what
+was found is kept for each, and a new lens on one camera leaves the others' alone.
 """
 
 from __future__ import annotations
 
+import hashlib
+import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
-from gpusim.errors import GpusimError, InputError
+from gpusim._version import __version__
+from gpusim.errors import GpusimError
+from gpusim.files.atomic_files import atomic_stream, safe_name
+from gpusim.files.input_file import Reader, read_input
+from gpusim.files.output_folder import inside
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
-from gpusim.pipeline.build.build import BodyParts
 from gpusim.pipeline.measurements.marker_detection import (
-    LEAST_WIDTH,
+    MarkerSet,
     arms_of,
+    check_widths,
     find_crosses,
     fit_crosses,
     size_range,
 )
-from gpusim.pipeline.stages.grey_levels import level_warnings
-from gpusim.scene import Scene
-from gpusim.scene.description import model as m
+from gpusim.pipeline.stages.images import level_warnings
 
-__all__ = ["MarkerSet", "MarkerTracks", "check_widths", "collect_markers", "track_markers"]
+__all__ = ["MarkerCache", "MarkerTracks", "track_markers"]
 
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
 LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
 TRIES = 30  # iterations; those that find a marker take 16 at most, others go on for ever
 MOST_GAP = 0.2  # of a width, between a tracked subset and the fit of its cross
-
-
-@dataclass(frozen=True, eq=False)
-class MarkerSet:
-    """The markers of a measurement: ``count`` on bodies, then those that can't move.
-
-    ``position`` (M, 3), m, on the unloaded structure; ``size`` (M,), m; ``names``, ``group_names``
-    (M,); ``groups``: body number and paint, in the order asked for.
-    """
-
-    groups: tuple[tuple[int, m.Markers], ...]
-    count: int
-    position: Array
-    size: Array
-    names: tuple[str, ...]
-    group_names: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,34 +80,6 @@ class MarkerTracks:
     def by_correlation(self, count: int) -> tuple[str, ...]:
         """Names of those of the first ``count`` markers that rest on correlation alone."""
         return tuple(self.names[i] for i in np.flatnonzero(self.unrefined[:count]))
-
-
-def collect_markers(
-    what: str,
-    groups: Sequence[str],
-    static: Sequence[str],
-    scene: Scene,
-    bodies: Sequence[BodyParts],
-) -> MarkerSet:
-    """The markers of paints on bodies, in order, and of paints on props."""
-    own = tuple(_marker_paint(what, bodies, name) for name in groups)
-    paints = [paint for _, paint in own]
-    still = [
-        paint
-        for name in static
-        for prop in scene.props
-        for paint in prop.paints
-        if paint.name == name and isinstance(paint, m.Markers)
-    ]
-    every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
-    return MarkerSet(
-        groups=own,
-        count=sum(len(paint.markers) for paint in paints),
-        position=np.array([marker.position for _, marker in every]),
-        size=np.array([paint.size for paint, _ in every]),
-        names=tuple(marker.name for _, marker in every),
-        group_names=tuple(paint.name for paint, _ in every),
-    )
 
 
 def track_markers(
@@ -194,19 +158,6 @@ def track_markers(
     )
 
 
-def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
-    """Widths (M,) px of the markers; raises InputError for one that is too small."""
-    widths: Array = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
-    narrow = int(np.argmin(widths))
-    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
-        raise InputError(
-            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
-            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
-            "(a larger marker, a longer lens or more pixels)"
-        )
-    return widths
-
-
 @dataclass(frozen=True, eq=False)
 class _CrossTracks:
     """Where correlation found crosses: ``points`` (M, 2) px in the first picture, ``matched``
@@ -269,14 +220,6 @@ def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> boo
     return int(np.count_nonzero(window >= full)) > 4
 
 
-def _marker_paint(what: str, bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
-    for index, parts in enumerate(bodies):
-        for paint in parts.body.paints:
-            if paint.name == name and isinstance(paint, m.Markers):
-                return index, paint
-    raise GpusimError(f"{what}: no markers named {name!r} on any body")
-
-
 def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[int]]:
     """The members' markers as one chain from the clamp, the static ones one by one."""
     index = {int(row): i for i, row in enumerate(rows)}
@@ -297,3 +240,90 @@ def _search(points: Array, chains: list[list[int]], subset: int) -> int:
 
 def _odd(width: float) -> int:
     return max(9, 2 * int(np.floor(0.5 * (width - 1.0))) + 1)
+
+
+_KEY = "key"
+
+
+class MarkerCache:
+    """`track_markers`, once for the same pictures.
+
+    ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken, and
+    ``read`` how.
+    """
+
+    def __init__(self, folder: Path, reuse: bool = True, read: Reader = read_input) -> None:
+        self.folder, self.reuse, self.read = folder, reuse, read
+        self._found: dict[Path, tuple[str, MarkerTracks]] = {}
+
+    @property
+    def files(self) -> list[Path]:
+        """Those of this run."""
+        return list(self._found)
+
+    def track(
+        self,
+        name: str,
+        marks: MarkerSet,
+        camera: Camera,
+        reference: npt.NDArray[Any],
+        deformed: npt.NDArray[Any],
+        *,
+        subset: int | None,
+        sensor: Sensor,
+    ) -> MarkerTracks:
+        """As `track_markers`, for the measure ``name``."""
+        key = _key(marks, camera, (reference, deformed), subset, sensor)
+        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
+        known, found = self._found.get(path, ("", None))
+        if found is None or known != key:
+            found = _stored(path, key, self.read) if self.reuse else None
+        if found is None:
+            found = track_markers(
+                f"measure {name!r}",
+                marks,
+                camera,
+                reference,
+                deformed,
+                subset=subset,
+                sensor=sensor,
+            )
+            with atomic_stream(path) as stream:
+                np.savez(stream, allow_pickle=False, **{_KEY: np.array(key)}, **vars(found))
+        self._found[path] = key, found
+        return found
+
+
+def _key(
+    marks: MarkerSet,
+    camera: Camera,
+    pictures: tuple[npt.NDArray[Any], ...],
+    subset: int | None,
+    sensor: Sensor,
+) -> str:
+    """A digest of all that the result depends on."""
+    digest = hashlib.sha256()
+    bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
+    for values in (*pictures, camera.K, camera.camera_from_world, bent,
+                   marks.position, marks.size):  # fmt: skip
+        digest.update(f"{values.shape} {values.dtype}".encode())
+        digest.update(np.ascontiguousarray(values).data)
+    places = [len(paint.markers) for _, paint in marks.groups]
+    rest = (__version__, marks.count, marks.names, marks.group_names, places, subset, sensor)
+    digest.update(repr(rest).encode())
+    return digest.hexdigest()
+
+
+def _stored(path: Path, key: str, read: Reader) -> MarkerTracks | None:
+    """What lies there for ``key``; None if that is another one's, or damaged."""
+    try:
+        with np.load(read(str(path)).stream(), allow_pickle=False) as file:
+            if str(file[_KEY]) != key:
+                return None
+            values = {item.name: file[item.name] for item in fields(MarkerTracks)}
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+    for name in ("names", "status"):
+        values[name] = tuple(str(word) for word in values[name])
+    return MarkerTracks(**values | {"subset": int(values["subset"]),
+                                "tracking_px": float(values["tracking_px"])})  # fmt: skip

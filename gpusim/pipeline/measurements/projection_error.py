@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = ["PARTS", "ProjectionError", "projection_error"]
+__all__ = ["PARTS", "projection_error"]
 
 Array = npt.NDArray[np.float64]
 

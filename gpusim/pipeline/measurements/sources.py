@@ -1,17 +1,96 @@
-"""What measurements are given: pictures, and what was found in them already."""
+"""What measurements are given: pictures, the board's corners found in them, markers tracked."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
+import numpy as np
 import numpy.typing as npt
 
+from gpusim import measure
+from gpusim.errors import InputError
+from gpusim.files.atomic_files import atomic_stream
+from gpusim.files.input_file import Reader
+from gpusim.files.output_folder import inside
 from gpusim.measure.targets.boards import Sighting
-from gpusim.pipeline.measurements.marker_cache import MarkerCache
+from gpusim.pipeline.measurements.marker_tracking import MarkerCache
+from gpusim.pipeline.stages.images import CapturedImage, image_path
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
 
-__all__ = ["Sources"]
+__all__ = ["Board", "Sources", "board_of", "read_corners", "write_corners"]
+
+MM = 1e3
+Board = measure.Chessboard | measure.CharucoBoard
+
+
+def board_of(scene: Scene) -> Board | None:
+    """The board (mm) that the scene's calibration shows; None if it shows another thing."""
+    calibration = scene.calibration
+    if calibration is None:
+        return None
+    prop = next(p for p in scene.props if p.name == calibration.board)
+    paint = prop.paints[0] if prop.paints else None
+    if isinstance(paint, m.Checker):
+        return measure.Chessboard(paint.columns, paint.rows, MM * paint.cell)
+    if isinstance(paint, m.Target) and paint.kind == "charuco":
+        values: dict[str, Any] = dict(paint.values)
+        return measure.CharucoBoard(
+            values["columns"],
+            values["rows"],
+            MM * values["square"],
+            MM * values["marker"],
+            values["dictionary"],
+        )
+    return None
+
+
+def write_corners(scene: Scene, shot: CapturedImage) -> list[Path]:
+    """Find the board in a picture of the calibration, if something is measured by it, and write
+    its corners; returns their file."""
+    board = board_of(scene)
+    if not scene.measures_space or board is None:
+        return []
+    if isinstance(board, measure.CharucoBoard):
+        seen = measure.find_charuco(shot.image, board)
+    else:
+        seen = measure.find_chessboard(shot.image, board, shot.window.box if shot.window else None)
+    path = _corners_path(shot.path)
+    # how the board may be turned is known from the scene
+    values = {f.name: getattr(seen, f.name) for f in fields(seen) if f.name != "turns"}
+    with atomic_stream(path) as stream:
+        np.savez(stream, allow_pickle=False, **values)
+    return [path]
+
+
+def read_corners(scene: Scene, out: Path, read: Reader, camera: str, pose: int) -> measure.Sighting:
+    """What was found of the board in a pose. Raises InputError if nothing was kept, or is damaged.
+
+    ``read``: how a file of an earlier run is read.
+    """
+    file = read(str(_corners_path(image_path(scene, out, camera, pose, "calib-"))))
+    try:
+        with np.load(file.stream(), allow_pickle=False) as stored:
+            values = dict(stored)
+        width, height = (int(v) for v in values.pop("resolution"))
+        missed, problem = int(values.pop("missed")), str(values.pop("problem"))
+        board = board_of(scene)
+        turns = board.turns if isinstance(board, measure.Chessboard) else None
+        return measure.Sighting(
+            **values, resolution=(width, height), missed=missed, problem=problem, turns=turns
+        )
+    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
+        raise InputError(
+            f"{file.path}: damaged ({error}); expected corners of the calibration board"
+        ) from None
+
+
+def _corners_path(image: Path) -> Path:
+    return inside(image.parent, f"{image.stem}-corners.npz")
 
 
 @dataclass(frozen=True)

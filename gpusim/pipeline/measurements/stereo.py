@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import Field, dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,23 +13,163 @@ from gpusim import measure
 from gpusim.errors import GpusimError, InputError
 from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.photo import build_sensor
+from gpusim.pipeline.build.cameras import build_camera, build_sensor
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.measurements.board_corners import Board, board_of
-from gpusim.pipeline.measurements.marker_cache import MarkerCache
-from gpusim.pipeline.measurements.marker_tracking import MarkerSet, MarkerTracks, collect_markers
-from gpusim.pipeline.measurements.sources import Sources
-from gpusim.pipeline.measurements.stereo_result import CalibratedCamera, StereoResult
+from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_markers
+from gpusim.pipeline.measurements.marker_tracking import MarkerCache, MarkerTracks
+from gpusim.pipeline.measurements.result_files import MarkerResult, csv_text
+from gpusim.pipeline.measurements.sources import Board, Sources, board_of
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["measure_stereo", "track_in_cameras"]
+__all__ = ["CalibratedCamera", "StereoResult", "measure_stereo", "track_in_cameras"]
 
 Array = npt.NDArray[np.float64]
+Pixels = tuple[Array, ...]
 Image = Callable[[str, int], npt.NDArray[Any]]
 MM = 1e3
 LEAST_SPREAD = 0.05  # of static markers, width over length
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedCamera:
+    """A calibrated camera beside the true one.
+
+    ``found``, ``true``, ``sigma`` by parameter: fx fy cx cy in px and, beside the first camera,
+    baseline_mm and angle_deg to it. ``distortion`` (14,), OpenCV's. ``eye_mm`` and ``axis`` (3,):
+    where the true camera is and looks.
+    """
+
+    name: str
+    found: dict[str, float]
+    true: dict[str, float]
+    sigma: dict[str, float]
+    distortion: Array
+    rms_px: float
+    eye_mm: Array
+    axis: Array
+    resolution: tuple[int, int]
+
+    @staticmethod
+    def of(values: dict[str, Any]) -> CalibratedCamera:
+        """From what JSON made of one."""
+        arrays = {key: np.array(values[key], dtype=np.float64)
+                  for key in ("distortion", "eye_mm", "axis")}  # fmt: skip
+        numbers = {
+            key: {n: float("nan") if v is None else v for n, v in values[key].items()}
+            for key in ("found", "true", "sigma")
+        }
+        width, height = values["resolution"]
+        return CalibratedCamera(**values | arrays | numbers | {"resolution": (width, height)})
+
+
+@dataclass(frozen=True, eq=False)
+class StereoResult(MarkerResult):
+    """Displacements of M markers from C cameras, and the calibration that they rest on.
+
+    Per marker: ``position_mm`` (M, 3) as designed, ``found_mm`` (M, 3) as triangulated in the
+    unloaded images and aligned with the design (``alignment_mm`` RMS of what is left),
+    ``measured_mm``, ``true_mm``, ``sigma_mm`` (M, 3) along the world's axes, ``epipolar_px`` and
+    ``residual_px`` (M,). ``rig_motion_mm``: what static markers seemed to do, NaN without. Of the
+    calibration: ``boards_mm`` (V, 4, 3) outlines, ``view_rms_px`` (C, V), corners and their errors
+    (N, 2) per camera. ``points_px``, ``moved_px`` (M, 2) per camera. ``unrefined``: markers
+    that correlation alone has measured in one of the images.
+    """
+
+    name: str
+    lens: str
+    marker: tuple[str, ...]
+    group: tuple[str, ...]
+    status: tuple[str, ...]
+    position_mm: Array
+    found_mm: Array
+    measured_mm: Array
+    true_mm: Array
+    sigma_mm: Array
+    epipolar_px: Array
+    residual_px: Array
+    alignment_mm: float
+    rig_motion_mm: float
+    calibration_px: float
+    calibration_points: int
+    calibration_outliers: int
+    cameras: tuple[CalibratedCamera, ...]
+    boards_mm: Array
+    view_rms_px: Array
+    corners_px: Pixels
+    corner_errors_px: Pixels
+    points_px: Pixels
+    moved_px: Pixels
+    saturated: tuple[str, ...]
+    unrefined: tuple[str, ...]
+
+    empty: ClassVar = {"boards_mm": (0, 4, 3)}
+
+    @property
+    def note(self) -> str:
+        """What became of it, in a few words."""
+        return (
+            f"{self.measured_count} in space; calibration {self.calibration_px:.4f}"
+            f" px over {self.calibration_points} corners"
+        )
+
+    @property
+    def warnings(self) -> list[str]:
+        """Markers that were not well measured."""
+        return self.marker_warnings()
+
+    def tables(self) -> dict[str, str]:
+        """``.csv``: one row for each marker; ``-cameras.csv``: parameters of the calibration."""
+        head = [f"{what}_{axis}_mm" for what in ("found", "measured", "true", "sigma")
+                for axis in "xyz"]  # fmt: skip
+        columns = np.concatenate(
+            [self.position_mm, self.found_mm, self.measured_mm, self.true_mm, self.sigma_mm,
+             self.epipolar_px[:, None]], axis=1,
+        )  # fmt: skip
+        names = zip(self.marker, self.status, strict=True)
+        rows = [[*name, *row] for name, row in zip(names, columns, strict=True)]
+        parameters = []
+        for camera in self.cameras:
+            for name, value in camera.found.items():
+                numbers = (value, camera.true[name], camera.sigma[name])
+                unit = next((u for u in ("mm", "deg") if name.endswith(f"_{u}")), "px")
+                parameters.append([camera.name, name, unit, *(f"{v:.10g}" for v in numbers)])
+        return {
+            "": csv_text(["marker", "status", "x_mm", "y_mm", "z_mm", *head, "epipolar_px"], rows),
+            "-cameras": csv_text(
+                ["camera", "parameter", "unit", "found", "true", "sigma"], parameters
+            ),
+        }
+
+    @classmethod
+    def field_of(cls, item: Field[Any], value: Any) -> Any:
+        """As `MarkerResult.field_of`; cameras, and arrays by camera."""
+        if item.type == "Pixels":
+            return tuple(np.array(one, dtype=np.float64).reshape(-1, 2) for one in value)
+        if item.name == "cameras":
+            return tuple(CalibratedCamera.of(one) for one in value)
+        return super().field_of(item, value)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """What shapes arrays have to have."""
+        count = len(self.marker)
+        vectors = ("position_mm", "found_mm", "measured_mm", "true_mm", "sigma_mm")
+        return dict.fromkeys(vectors, (count, 3)) | {
+            "epipolar_px": (count,),
+            "residual_px": (count,),
+        }
+
+    def misfits(self) -> list[str]:
+        """What isn't there for every camera."""
+        count, cameras = len(self.marker), len(self.cameras)
+        wrong = [
+            name
+            for name in ("points_px", "moved_px")
+            if [own.shape for own in getattr(self, name)] != [(count, 2)] * cameras
+        ]
+        if len(self.view_rms_px) != cameras or len(self.corners_px) != cameras:
+            wrong.append("calibration")
+        return wrong
 
 
 def measure_stereo(
@@ -53,7 +194,8 @@ def measure_stereo(
     marks, seen = track_in_cameras(spec, scene, objects, sources.image, sources.markers)
     cameras = {c.name: build_camera(c, scene.input) for c in scene.cameras}
     last = len(scene.analysis.load_factors) - 1
-    shifts = [np.where(_ok(s)[:, None], s.displacement, np.nan) for s in seen]
+    followed = [np.array([status == "OK" for status in s.status])[:, None] for s in seen]
+    shifts = [np.where(ok, s.displacement, np.nan) for ok, s in zip(followed, seen, strict=True)]
     before, after = _triangulated(calibration, seen, shifts)
     good = np.isfinite(before.points).all(axis=1)
     if not np.count_nonzero(good) >= 3:
@@ -76,7 +218,7 @@ def measure_stereo(
         position_mm=MM * marks.position[:count],
         found_mm=frame.apply(before.points)[:count],
         measured_mm=displacement[:count],
-        true_mm=_truth(marks, objects, last),
+        true_mm=MM * marks.true_motion(objects, last)[1],
         sigma_mm=np.sqrt(np.einsum("mii->mi", moved.covariance[:count])),
         epipolar_px=np.diag(pairs)[:count].copy(),
         residual_px=before.residual[:count],
@@ -160,10 +302,6 @@ def _triangulated(
     return first, last
 
 
-def _ok(seen: MarkerTracks) -> npt.NDArray[np.bool_]:
-    return np.array([status == "OK" for status in seen.status])
-
-
 def _status(states: Sequence[str]) -> str:
     """OK if two cameras at least followed a marker, else the first camera's reason."""
     fine = sum(state == "OK" for state in states)
@@ -190,18 +328,6 @@ def _steady(
         return end - start - (end[fine].mean(axis=0) - middle), rms
     motion = measure.align(end[fine], start[fine])
     return motion.apply(end) - start, rms
-
-
-def _truth(marks: MarkerSet, objects: SceneObjects, last: int) -> Array:
-    """True displacement (M, 3) in mm of the markers on bodies."""
-    parts, first = [], 0
-    for body, paint in marks.groups:
-        own = marks.position[first : first + len(paint.markers)]
-        first += len(paint.markers)
-        u = objects.displacement(body, last) - objects.displacement(body, 0)
-        nodes, weights = objects.bodies[body].skin.locate(own)
-        parts.append(MM * np.einsum("mk,mka->ma", weights, u[nodes]))
-    return np.concatenate(parts)
 
 
 def _camera(

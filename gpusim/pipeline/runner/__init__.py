@@ -2,16 +2,12 @@
 
 In the order in which data passes:
 
-- `result_reuse`: What an earlier run left of a frame, looked at before it is reused.
-- `speed_update`: What a run says of the speed of the machine and its device.
-- `mechanics_report`: Forces, energy and stress of the last loaded frame, for the report.
-- `run_report`: The report of a run, from what its stages found.
 - `run_record`: What a run knows of its stages, those whose results it reused too, and what it
   says of itself.
 - `stage_runner`: Running a plan: each stage in turn, timed, recorded as soon as its files are
   whole.
 - `variants`: Several states of one scene in one run: each made like a scene of its own, then
   compared.
-- `error_budget`: The error budget: one scene imaged and measured with and without each effect.
 - `run`: A scene run into a folder: what `gpusim.run` and ``gpusim run`` do.
+- `error_budget`: The error budget: one scene imaged and measured with and without each effect.
 """

@@ -9,8 +9,8 @@ from pathlib import Path
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
-from gpusim.pipeline.checks.folders import check_folders
-from gpusim.pipeline.runner.run_report import write_page
+from gpusim.pipeline.checks.resources import check_folders
+from gpusim.pipeline.runner.run_record import write_page
 from gpusim.pipeline.runner.stage_runner import Progress, StageRunner
 from gpusim.pipeline.runner.variants import run_variants
 from gpusim.plan.stages import RunOptions
@@ -56,8 +56,9 @@ def run(
     if not isinstance(scene, Scene):
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
     backend = chosen_backend("run", backend)
+    tell = progress or (lambda stage, done, text: None)
     with claim(out) as folder:
-        return run_claimed(scene, folder, RunOptions(backend, fresh, skip), progress or _silent)
+        return run_claimed(scene, folder, RunOptions(backend, fresh, skip), tell)
 
 
 def run_claimed(scene: Scene, out: Path, options: RunOptions, tell: Progress) -> Report:
@@ -72,7 +73,3 @@ def run_claimed(scene: Scene, out: Path, options: RunOptions, tell: Progress) ->
     report = StageRunner(scene, out, options, tell).begin()()
     write_page(report, out, tell)
     return report
-
-
-def _silent(stage: str, done: float, text: str) -> None:
-    del stage, done, text

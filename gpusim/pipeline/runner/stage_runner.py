@@ -10,7 +10,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,40 +22,34 @@ from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device, default_device
 from gpusim.gpu.warmup import compile_during
-from gpusim.pipeline.build.build import build_body, build_lights
+from gpusim.pipeline.build.cameras import build_lights
 from gpusim.pipeline.build.meshing import mesh_summary, size_warnings_of
-from gpusim.pipeline.build.props import build_prop
-from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.solution_store import SceneSolution, solver_seconds
-from gpusim.pipeline.checks.files import check_field, check_views
-from gpusim.pipeline.checks.memory import check_memory
+from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, solver_seconds
+from gpusim.pipeline.build.surfaces import build_body, build_prop
+from gpusim.pipeline.checks.resources import check_field, check_memory, check_views
 from gpusim.pipeline.checks.warnings import SceneWarnings, with_known_warnings
 from gpusim.pipeline.measurements import measurements
-from gpusim.pipeline.measurements.board_corners import read_corners, write_corners
-from gpusim.pipeline.measurements.marker_cache import MarkerCache
-from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.measurements.marker_tracking import MarkerCache
+from gpusim.pipeline.measurements.sources import Sources, read_corners, write_corners
 from gpusim.pipeline.measurements.stereo import track_in_cameras
 from gpusim.pipeline.notes import Notes, StageResult
-from gpusim.pipeline.runner import run_report
-from gpusim.pipeline.runner.result_reuse import DAMAGE, check_frame
-from gpusim.pipeline.runner.run_record import ON_DEVICE, RunRecord, device_seconds
-from gpusim.pipeline.runner.speed_update import learn
+from gpusim.pipeline.runner.run_record import (
+    DAMAGE,
+    ON_DEVICE,
+    RunRecord,
+    check_frame,
+    device_seconds,
+    failure_text,
+    learn,
+)
 from gpusim.pipeline.stages import images
-from gpusim.pipeline.stages.capture_queue import CaptureQueue
+from gpusim.pipeline.stages.images import CaptureQueue
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan, PlannedStage, make_plan
 from gpusim.plan.stages import RunOptions
-from gpusim.report import (
-    Report,
-    Stage,
-    prepare_figures,
-    write_report,
-)
+from gpusim.report import Report, Stage, prepare_figures, write_report
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["Progress", "StageRunner"]
 
@@ -140,7 +134,7 @@ class StageRunner(RunRecord):
             yield
         except Exception as error:
             told = with_known_warnings(error, self.scene_warnings.geometry)
-            write_report(self.report(failure=run_report.failure_text(told)), self.out)
+            write_report(self.report(failure=failure_text(told)), self.out)
             if told is not error:
                 raise told from error
             raise
@@ -225,9 +219,7 @@ class StageRunner(RunRecord):
                 text = work()
             except Exception as error:
                 seconds = time.perf_counter() - started
-                self.stages.append(
-                    Stage(planned.name, "failed", run_report.failure_text(error), seconds)
-                )
+                self.stages.append(Stage(planned.name, "failed", failure_text(error), seconds))
                 raise
         seconds = time.perf_counter() - started
         self.stages.append(Stage(planned.name, planned.state, planned.reason, seconds))
@@ -239,7 +231,7 @@ class StageRunner(RunRecord):
     def _solve(self) -> StageResult:
         # what solves is imported where something is solved: most runs of a scene only look again
         from gpusim.pipeline.build.modelling import support_of_freedom
-        from gpusim.pipeline.stages.solving import solve_bodies
+        from gpusim.pipeline.stages.mechanics import solve_bodies
 
         note = partial(self.progress, "solve")
         solutions = solve_bodies(
@@ -332,7 +324,7 @@ class StageRunner(RunRecord):
                 self._stage(planned, queue.take)
 
     def _truth(self) -> StageResult:
-        from gpusim.pipeline.stages.truth import write_truth  # HDF5 only where it is written
+        from gpusim.pipeline.stages.exports import write_truth  # HDF5 only where it is written
 
         assert self.capture is not None
         file = write_truth(
@@ -354,7 +346,7 @@ class StageRunner(RunRecord):
     def _load_measurements(self) -> None:
         folder = inside(self.out, "measure")
         self.results = [
-            measurements.read(measure, folder, self._read) for measure in self.scene.measures
+            measurements.read_result(measure, folder, self._read) for measure in self.scene.measures
         ]
 
     def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
@@ -362,7 +354,7 @@ class StageRunner(RunRecord):
         return read_image(self.state.read(path))
 
     def _stress(self) -> StageResult:
-        from gpusim.pipeline.stages.stresses import write_stresses
+        from gpusim.pipeline.stages.mechanics import write_stresses
 
         path = inside(self.out, "solution", "stress.npz")
         self.stresses = write_stresses(
@@ -374,13 +366,13 @@ class StageRunner(RunRecord):
         return StageResult([path])
 
     def _load_stresses(self) -> None:
-        from gpusim.pipeline.stages.stresses import Stresses
+        from gpusim.pipeline.stages.mechanics import Stresses
 
         (path,) = self.state.files(self.plan["stress"].key)
         self.stresses = Stresses(self.state.open(path))
 
     def _export(self) -> StageResult:
-        from gpusim.pipeline.stages.mesh_export import write_meshes  # as are these formats
+        from gpusim.pipeline.stages.exports import write_meshes  # as are these formats
 
         files, warnings = write_meshes(
             self.scene, self.out, self.objects.bodies, self.objects.displacement, self.stresses

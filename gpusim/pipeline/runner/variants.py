@@ -6,20 +6,15 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
-import numpy as np
-
-from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
-from gpusim.pipeline.measurements.damage import DamageLine, DamageResult, compare_states
+from gpusim.pipeline.measurements.damage import DamageResult, compare_states
 from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.runner.run_report import write_page
+from gpusim.pipeline.runner.run_record import failure_text, write_page
 from gpusim.plan.state import StateFile, variant_folder
-from gpusim.report import Drawing, Link, Measurement, Report, Stage, write_report
-from gpusim.report.damage_figures import StateCurve, draw_deflections, draw_differences
+from gpusim.report import Link, Report, Stage, write_report
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -28,7 +23,6 @@ __all__ = ["run_variants"]
 Progress = Callable[[str, float, str], None]
 Begin = Callable[[Scene, Path, Progress], Callable[[], Report]]
 """Does what needs the device; what it returns does the rest of a scene's run but for its page."""
-CURVE_POINTS = 400
 
 
 def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> Report:
@@ -44,8 +38,8 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
     reports: dict[str, Report] = {}
 
     def tell_failure(name: str, error: Exception) -> None:
-        text = str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
-        failed = _report(scene, out, reports, (), (), failure=f"variant {name!r}: {text}")
+        failure = f"variant {name!r}: {failure_text(error)}"
+        failed = _report(scene, out, reports, (), (), failure=failure)
         write_report(failed, out)
 
     def end(rest: Callable[[], Report], folder: Path, tell: Progress) -> Report:
@@ -107,7 +101,7 @@ def _line(folder: Path, spec: m.Deflection) -> DeflectionResult:
     """What the run of a variant has recorded."""
     state = StateFile(folder)
     measured = inside(folder, "measure")
-    return DeflectionResult.read(measured, spec, lambda path: state.read(Path(path)))
+    return DeflectionResult.read(measured, spec.name, lambda path: state.read(Path(path)))
 
 
 def _report(
@@ -126,9 +120,9 @@ def _report(
     ]
     measurements, figures, warnings = [], [], []
     for comparison in comparisons:
-        measurements += _measurements(comparison)
-        figures += _figures(comparison, inside(out, "figures"))
-        warnings += _missing(comparison)
+        measurements += comparison.measurements()
+        figures += comparison.figures(inside(out, "figures"))
+        warnings += comparison.warnings
     frames = []
     for name, report in reports.items():
         measurements += [replace(item, name=f"{name}: {item.name}") for item in report.measurements]
@@ -164,81 +158,4 @@ def _report(
         tolerance=scene.solver.tolerance,
         figures=tuple(figures),
         links=tuple(links),
-    )
-
-
-def _measurements(comparison: DamageResult) -> list[Measurement]:
-    """Each notch beside the slope change nearest to it, what of it the structure does, and what
-    the images do; then the noise of each difference."""
-    rows = []
-    changed = [line for line in comparison.lines if line.state != comparison.reference]
-    for line in changed:
-        for number, place in enumerate(line.notches_mm, start=1):
-            name = f"{line.state}: notch {number} of {line.group}"
-            limit = comparison.tolerance_mm / abs(place) if place else None
-            found, true = line.nearest(place)
-            rows += [
-                Measurement.compare(
-                    f"{name}, by the change of slope", "mm", found, place, tolerance_relative=limit
-                ),
-                Measurement(
-                    f"{name}, of it the structure", "mm", true, place, true - place, np.nan
-                ),
-                Measurement(f"{name}, of it the images", "mm", found, true, found - true, np.nan),
-            ]
-    for line in changed:
-        noise = line.noise_px
-        name = f"{line.state}: RMS error of the difference, {line.group}"
-        rows.append(Measurement(name, "px", noise, 0.0, noise, np.nan))
-    return rows
-
-
-def _missing(comparison: DamageResult) -> list[str]:
-    texts = []
-    for line in comparison.lines:
-        count = 0 if line.found is None else len(line.found.position)
-        if line.state != comparison.reference and count != len(line.notches_mm):
-            texts.append(
-                f"measure {comparison.name!r}: {line.state}, {line.group}: {count} changes of "
-                f"slope found for {len(line.notches_mm)} notches"
-            )
-    return texts
-
-
-def _figures(comparison: DamageResult, folder: Path) -> list[Drawing]:
-    figures: list[Drawing] = []
-    for group in comparison.groups:
-        lines = comparison.of(group)
-        along = f"position along the {group}, {lines[0].axis} (mm)"
-        across = f"deflection along {lines[0].across} (mm)"
-        stem = f"{comparison.name}-{group}"
-        whole = [_curve(line, line.deflection_mm, line.true_mm) for line in lines]
-        path = inside(folder, f"{stem}-lines.png")
-        figures.append(partial(draw_deflections, whole, (along, across), path))
-        changed = [
-            _curve(line, line.difference_mm, line.true_difference_mm)
-            for line in lines
-            if line.state != comparison.reference
-        ]
-        if changed:
-            labels = along, f"difference along {lines[0].across} (mm)"
-            path = inside(folder, f"{stem}-differences.png")
-            scale = lines[0].mm_per_px
-            figures.append(partial(draw_differences, changed, labels, scale, path))
-    return figures
-
-
-def _curve(line: DamageLine, measured: np.ndarray, true: np.ndarray) -> StateCurve:
-    none, found = np.zeros(0), line.found
-    x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
-    return StateCurve(
-        name=line.state,
-        x=line.position_mm,
-        measured=measured,
-        true=true,
-        breaks=none if found is None else found.position,
-        sigma=none if found is None else found.sigma,
-        damage=np.array(line.notches_mm),
-        fitted_x=none if found is None else x,
-        fitted_y=none if found is None else found.at(x),
     )

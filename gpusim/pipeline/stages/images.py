@@ -1,13 +1,16 @@
-"""Frames of a run: rendered and exposed, one camera and frame at a time."""
+"""Frames of a run: rendered, exposed and written, one camera and frame at a time."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
+import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
@@ -26,17 +29,60 @@ from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.optics.truth import BAND
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter, moving, opening
-from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.stages.grey_levels import level_warnings
+from gpusim.pipeline.build.cameras import (
+    build_camera,
+    build_lens,
+    build_sensor,
+    build_shutter,
+    moving,
+    opening,
+)
+from gpusim.pipeline.notes import Notes, StageResult
 from gpusim.pipeline.stages.image_window import Window, whole_window, window_of
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["CaptureSetup", "CapturedImage", "FrameCapture", "image_path", "read_exposure"]
+__all__ = [
+    "CaptureQueue",
+    "CaptureSetup",
+    "CapturedImage",
+    "FrameCapture",
+    "image_path",
+    "level_warnings",
+    "read_exposure",
+]
+
+MOST_CLIPPED = 1e-3
+"""Share of the pixels; a highlight has fewer."""
+LEAST_LEVEL = 0.1
+"""Of full scale: rounding to whole grey values then is more than 1 % of the contrast in 8 bit."""
+
+
+def level_warnings(image: npt.NDArray[Any], sensor: Sensor) -> list[str]:
+    """Sentences on the grey values of a picture that ``sensor`` took; none for one that is well
+    exposed."""
+    full, black, most = 2**sensor.bits - 1, sensor.black_level, sensor.saturation
+    low, high = int(image.min()), int(image.max())
+    if low == high:
+        word = "black" if high <= black else "white" if high >= most else "grey"
+        return [f"shows nothing: every pixel is {word}, {high} of {full}"]
+    if high >= most:
+        share = float(np.count_nonzero(image >= most)) / image.size
+        if share > MOST_CLIPPED:
+            well = f" (at {most} of {full}: the full well)" if most < full else ""
+            return [
+                f"has {100 * share:.2g} % of its pixels saturated{well}: lower [sensor] exposure "
+                "or the lamps' power"
+            ]
+    elif high - black < LEAST_LEVEL * (full - black):
+        return [
+            f"is too dark: grey values reach {high} of {full}; raise [sensor] exposure or the "
+            "lamps' power"
+        ]
+    return []
+
 
 SERIES = 10_000  # frames that a scene may have: series of the same sensor share none of their noise
 
@@ -273,3 +319,51 @@ class FrameCapture:
 
     def _exposure_file(self, camera: m.Camera) -> Path:
         return inside(self.out, "images", camera.name, f"{self.kind}exposure.json")
+
+
+AHEAD = 2
+"""Pictures that are taken before the one that is asked for is whole."""
+
+
+class CaptureQueue:
+    """Photographs, in the order in which `take` will be called: ``wanted`` cameras and frames.
+
+    ``look``: what else is found in one, and its files.
+    """
+
+    def __init__(
+        self,
+        capture: FrameCapture,
+        wanted: Iterable[tuple[m.Camera, int]],
+        look: Callable[[CapturedImage], list[Path]] | None = None,
+    ) -> None:
+        self.capture, self.look = capture, look
+        self._wanted = deque(wanted)
+        self._coming: deque[Future[StageResult]] = deque()
+        self._pool = ThreadPoolExecutor(AHEAD, thread_name_prefix="gpusim.capture")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown()
+
+    def take(self) -> StageResult:
+        """Take the next picture; returns its files, and what is said of it."""
+        while self._wanted and len(self._coming) <= AHEAD:
+            self._coming.append(self._begin())
+        return self._coming.popleft().result()
+
+    def _begin(self) -> Future[StageResult]:
+        camera, frame = self._wanted.popleft()
+        try:
+            shot = self.capture.take(camera, frame)
+        except Exception as error:  # it belongs to the picture that it happened to
+            failed: Future[StageResult] = Future()
+            failed.set_exception(error)
+            self._wanted.clear()
+            return failed
+        return self._pool.submit(self._end, shot)
+
+    def _end(self, shot: CapturedImage) -> StageResult:
+        return StageResult(shot.write() + (self.look(shot) if self.look else []), shot.notes)

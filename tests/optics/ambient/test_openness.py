@@ -25,7 +25,7 @@ from gpusim.optics.light.lights import Light
 from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.surface import Surface
-from gpusim.twin_checks.shadow_scene import block
+from gpusim.twin_checks.scenes import block
 
 Array = npt.NDArray[np.float64]
 UP = np.array([[0.0, 0.0, 1.0]])

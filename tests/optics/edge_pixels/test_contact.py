@@ -14,7 +14,7 @@ from gpusim.optics.geometry.polygon_clipping import (
     rectangles,
     second_moments,
 )
-from gpusim.twin_checks.shadow_scene import block
+from gpusim.twin_checks.scenes import block
 
 FLOOR, WALL = 0.2, 0.9
 

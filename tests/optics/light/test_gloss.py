@@ -13,7 +13,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.light.brdf import SAMPLES, reflectance_table
 from gpusim.optics.light.environment import Environment
-from gpusim.twin_checks.shadow_scene import shadow_scene
+from gpusim.twin_checks.scenes import shadow_scene
 
 Array = npt.NDArray[np.float64]
 QUAD = np.array([[0, 1, 2, 3]])

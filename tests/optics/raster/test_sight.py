@@ -14,7 +14,7 @@ from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.raster.visibility_buffer import MAX_BOX, VisibilityBuffer
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.images import near_an_edge
-from gpusim.twin_checks.paint_scene import crumpled_view
+from gpusim.twin_checks.scenes import crumpled_view
 
 
 def seen(device: Device, view: View, rows: int) -> npt.NDArray[np.uint32]:

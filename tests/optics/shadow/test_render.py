@@ -14,7 +14,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight, SunLight
-from gpusim.twin_checks.shadow_scene import shadow_scene
+from gpusim.twin_checks.scenes import shadow_scene
 from tests.support.shadow_rays import box, sheet
 
 Image = npt.NDArray[np.float32]

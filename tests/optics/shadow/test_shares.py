@@ -22,7 +22,7 @@ from gpusim.optics.shading.lighting import find_shadows
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.sample_mask import lattice
-from gpusim.twin_checks.shadow_scene import block, shadow_scene
+from gpusim.twin_checks.scenes import block, shadow_scene
 from tests.support.optics_rays import brute_share, triangles_of
 from tests.support.shadow_rays import found
 

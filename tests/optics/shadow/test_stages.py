@@ -17,7 +17,7 @@ from gpusim.optics.shadow.lamp_visibility import VisibleShares, visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receivers
-from gpusim.twin_checks.occluder_scene import probe_pieces, probe_pixels, probe_points
+from gpusim.twin_checks.scenes import probe_pieces, probe_pixels, probe_points
 from tests.support.shadow_rays import box, found, on_plane, sheet
 
 STAGES = (

@@ -13,7 +13,7 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.twin_checks.shadow_scene import block
+from gpusim.twin_checks.scenes import block
 from tests.support.optics_rays import brute_share, triangles_of
 
 FLOOR = gs.Surface(

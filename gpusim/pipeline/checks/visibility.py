@@ -1,4 +1,4 @@
-"""Cameras that see nothing, cameras and lamps inside of bodies: known before any picture."""
+"""What cameras see and what hides it, cameras and lamps inside of bodies: before any picture."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["blind_cameras", "enclosing", "lamps_inside", "winding_numbers"]
+__all__ = ["blind_cameras", "lamps_inside", "unseen", "winding_numbers"]
 
 Array = npt.NDArray[np.float64]
 LEAST_SEEN = 3.0  # px
 _CHUNK = 1 << 18
+OWN_SHARE = 0.05  # of a marker's size: how near to it a surface is its own
 
 
 def blind_cameras(surfaces: Sequence[Surface], cameras: Sequence[Camera]) -> dict[str, str]:
@@ -119,3 +120,61 @@ def winding_numbers(surface: Surface, points: Array) -> Array:
             )
             result[k] += 2.0 * float(np.arctan2(triple, below).sum())
     return result / (4.0 * np.pi)
+
+
+def unseen(camera: Camera, position: Array, size: Array, surfaces: Sequence[Surface]) -> list[str]:
+    """Why ``camera`` doesn't see points (M, 3) of things of ``size`` (M,): "" where it does."""
+    depth = camera.to_camera(position)[:, 2]
+    pixels = camera.project(position)
+    reasons = []
+    # what hides another body is of more interest than its own side
+    tables = [_Triangles(surface, camera) for surface in reversed(surfaces)]
+    for point, wide, z, (u, v) in zip(position, size, depth, pixels, strict=False):
+        if not z > 0.0:
+            reasons.append("behind the camera")
+        elif not (-0.5 <= u <= camera.width - 0.5 and -0.5 <= v <= camera.height - 0.5):
+            reasons.append("beside its image")
+        else:
+            hits = (table.name for table in tables if table.hides(point, OWN_SHARE * wide))
+            by = next(hits, "")
+            reasons.append(f"hidden by {by!r}" if by else "")
+    return reasons
+
+
+class _Triangles:
+    """The triangles of a surface, and where in the image each one lies."""
+
+    def __init__(self, surface: Surface, camera: Camera) -> None:
+        self.name = surface.name
+        self.points, self.triangles = surface.points - camera.eye, surface.topology.triangles
+        self.turn = camera.camera_from_world[:3, :3]
+        place = self.points @ self.turn.T
+        flat = place[:, :2] / np.where(place[:, 2:] > 0.0, place[:, 2:], np.inf)
+        corners = flat[self.triangles]
+        self.low, self.high = corners.min(axis=1), corners.max(axis=1)
+        # what reaches behind the camera may be anywhere
+        open_ = ~(place[:, 2] > 0.0)[self.triangles].all(axis=1)
+        self.low[open_], self.high[open_] = -np.inf, np.inf
+        self.eye = camera.eye
+
+    def hides(self, point: Array, own: float) -> bool:
+        """Whether one is between the camera and ``point`` (3,), and farther than ``own`` off it."""
+        ray = point - self.eye
+        place = self.turn @ ray
+        flat = place[:2] / place[2]
+        near = ((self.low <= flat) & (flat <= self.high)).all(axis=1)
+        if not near.any():
+            return False
+        a, b, c = (self.points[self.triangles[near, k]] for k in range(3))
+        first, second = b - a, c - a
+        across = np.cross(ray, second)
+        det = np.einsum("ti,ti->t", first, across)
+        met = det != 0.0
+        a, first, second, across, det = a[met], first[met], second[met], across[met], det[met]
+        s = np.einsum("ti,ti->t", -a, across) / det
+        side = np.cross(-a, first)
+        t = (side @ ray) / det
+        way = np.einsum("ti,ti->t", second, side) / det
+        last = 1.0 - own / float(np.linalg.norm(ray))
+        hit = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0) & (way > 0.0) & (way < last)
+        return bool(hit.any())

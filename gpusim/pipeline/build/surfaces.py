@@ -1,0 +1,270 @@
+"""Bodies and props of a scene as painted surfaces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import mesh
+from gpusim.errors import InputError
+from gpusim.field import Field
+from gpusim.files.input_file import Reader, read_input
+from gpusim.mesh import Mesh, read_surface
+from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
+from gpusim.scene.description import model as m
+from gpusim.scene.schema.prop import SURFACE_SUFFIXES
+from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
+from gpusim.surface import paint as paints
+from gpusim.surface.paint import Paint, Plain
+from gpusim.surface.surface import plane_frame
+
+__all__ = ["BodyParts", "build_body", "build_prop", "posed", "rotation"]
+
+Array = npt.NDArray[np.float64]
+Frame = PaintFrame | CylinderFrame | Atlas
+DEFAULT_ALBEDO = 0.5
+FINISH = ("roughness", "metallic", "bump")
+MIDDLES: dict[str, Callable[..., Paint]] = {
+    "circles": paints.Circles,
+    "aruco": paints.Aruco,
+    "ring_codes": paints.RingCodes,
+    "star": paints.Star,
+}
+"""Targets that are placed by their middles, and by their lower left corner."""
+CORNERS: dict[str, Callable[..., Paint]] = {"charuco": paints.Charuco, "lines": paints.Lines}
+
+
+def build_frame(
+    paint: m.Pattern,
+    points: Array,
+    faces: npt.NDArray[np.int32],
+    own: npt.NDArray[np.bool_],
+    where: str,
+) -> Frame:
+    """Paint coordinates of the faces that are a paint's ``own`` (F,); ``where`` names it."""
+    if paint.wrap is None:
+        return plane_frame(points, faces[own], where, paint.up)
+    if paint.wrap.axis is None or paint.wrap.axis_point is None:
+        return Atlas.unfold(points, faces, own, paint.up)
+    return CylinderFrame.fit(points, faces[own], paint.wrap.axis_point, paint.wrap.axis, where)
+
+
+def finish_of(paint: m.Paint) -> tuple[float, float, paints.Bump | None]:
+    """Roughness, metallic share and relief of any paint."""
+    roughness, metallic, bump = paint.finish
+    if bump is None:
+        return roughness, metallic, None
+    relief = paints.Bump(bump.height, bump.length, bump.along, bump.stretch, bump.seed)
+    return roughness, metallic, relief
+
+
+def build_pattern(
+    paint: m.Pattern, frame: Frame, where: str, read: Reader = read_input
+) -> paints.Paint:
+    """The paint of a region; ``where`` names it in errors, ``read`` reads its picture."""
+    try:
+        return _pattern(paint, frame, where, read)
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+
+
+def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints.Paint:
+    if isinstance(paint, m.Speckle):
+        return paints.Speckle(
+            paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
+            paint.arrangement, paint.seed, paint.dot, paint.albedo, *finish_of(paint),
+        )  # fmt: skip
+    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
+    if isinstance(frame, Atlas):
+        raise InputError(f"{where}; got mapping 'unfold'; expected it for speckle only")
+    if isinstance(paint, m.Markers):
+        positions = np.array([marker.position for marker in paint.markers])
+        off = _distance(frame, positions)
+        bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
+        if len(bad):
+            marker = paint.markers[bad[0]]
+            raise InputError(
+                f"{where}: marker {marker.name!r}; got position {list(marker.position)} m, "
+                f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
+            )
+        return paints.Markers(
+            frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo,
+            **finish,
+        )  # fmt: skip
+    if isinstance(paint, m.Target):
+        return _target(paint, frame.coordinates(np.array(paint.places)))
+    s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
+    if isinstance(paint, m.Picture):
+        return paints.Image.read(
+            read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
+            ground=paint.albedo, gamma=paint.gamma, **finish,
+        )  # fmt: skip
+    if isinstance(paint, m.Checker):
+        return paints.Checker(
+            paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo,
+            *finish_of(paint),
+        )  # fmt: skip
+    return paints.Dots(
+        paint.diameter, paint.pitch, paint.columns, paint.rows, (s, t), paint.dot, paint.albedo,
+        *finish_of(paint),
+    )  # fmt: skip
+
+
+def _target(paint: m.Target, places: Array) -> paints.Paint:
+    values: dict[str, Any] = dict(paint.values)
+    values |= zip(FINISH, finish_of(paint), strict=True)
+    if paint.kind in CORNERS:
+        s, t = (float(value) for value in places[0])
+        return CORNERS[paint.kind](origin=(s, t), **values)
+    return MIDDLES[paint.kind](places, **values)
+
+
+def _distance(frame: PaintFrame | CylinderFrame, points: Array) -> Array:
+    """How far points (n, 3) lie off the surface that a frame is for."""
+    relative = points - frame.origin
+    if isinstance(frame, CylinderFrame):
+        across = relative - np.outer(relative @ frame.axis, frame.axis)
+        off: Array = np.linalg.norm(across, axis=1) - frame.radius
+    else:
+        off = relative @ np.cross(frame.s_axis, frame.t_axis)
+    return np.abs(off)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyParts:
+    """A body's mesh, its skin, and the painted surface at rest.
+
+    ``field``: its displacements, if they are given.
+    """
+
+    body: m.Body
+    mesh: Mesh
+    skin: Skin
+    surface: Surface
+    field: Field | None = None
+
+
+def build_body(body: m.Body, read: Reader = read_input) -> BodyParts:
+    """Mesh and painted skin; a face belongs to the last paint that matches it.
+
+    ``read``: how the files that it names are read.
+    """
+    field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMesh) else None
+    grid = field.mesh if field is not None else build_mesh(body.mesh, read)
+    faces = mesh.boundary_faces(grid)
+    skin = Skin(grid, faces)
+    region = np.zeros(len(faces), np.int32)
+    for number, paint in enumerate(body.paints, start=1):
+        try:
+            painted = faces_of(grid, faces, paint.where)
+        except InputError as error:
+            raise InputError(f"body {body.name!r}, paint {paint.name!r}: {error}") from None
+        region[skin.numbers(painted)] = number
+    rest, pieces = skin.at_vertices(grid.points), region[skin.face_of_piece]
+    found, frames = _painted(f"body {body.name!r}", body.paints, rest, skin.pieces, pieces, read)
+    return BodyParts(body, grid, skin, skin.surface(found, region, frames, body.name), field)
+
+
+def _painted(
+    where: str,
+    patterns: Sequence[m.Paint],
+    points: Array,
+    faces: npt.NDArray[np.int32],
+    region: npt.NDArray[np.int32],
+    read: Reader,
+) -> tuple[dict[str, Paint], dict[str, Frame]]:
+    """Paints by name, and paint coordinates of those that need some; ``region`` (F,): which of the
+    ``patterns`` a face has, from 1, 0 for none."""
+    found: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
+    frames: dict[str, Frame] = {}
+    for number, paint in enumerate(patterns, start=1):
+        found[paint.name] = Plain(paint.albedo, *finish_of(paint))
+        if isinstance(paint, m.Plain):
+            continue
+        own, place = region == number, f"{where}, paint {paint.name!r}"
+        if not own.any():
+            raise InputError(f"{place}: every face it matches is painted over by a later paint")
+        frames[paint.name] = build_frame(paint, points, faces, own, place)
+        found[paint.name] = build_pattern(paint, frames[paint.name], place, read)
+    return found, frames
+
+
+def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
+    """A prop with its paint, as it is described: before any rotation.
+
+    ``read``: how the files that it names are read.
+    """
+    if isinstance(prop, m.Plate):
+        return _plate(prop, read)
+    if isinstance(prop, m.Shape) and Path(prop.path).suffix.lower() in SURFACE_SUFFIXES:
+        return _faces(prop, read)
+    # a box or a mesh is painted as a body is
+    if isinstance(prop, m.Box):
+        low = tuple(c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
+        mesh: m.MeshRecipe = m.BoxMesh(prop.size, (1, 1, 1), (low[0], low[1], low[2]))
+    else:
+        mesh = m.FileMesh(prop.path, prop.scale, 1, None, False, False, 0)
+    try:
+        own = m.Body(prop.name, None, (), "", mesh, (), (), prop.paints)
+        return build_body(own, read).surface
+    except InputError as error:
+        text = str(error).replace(f"body {prop.name!r}", f"prop {prop.name!r}")
+        raise InputError(text) from None
+
+
+def _plate(prop: m.Plate, read: Reader) -> Surface:
+    normal = np.array(prop.normal) / np.linalg.norm(prop.normal)
+    up = np.array(prop.up) - normal * (np.array(prop.up) @ normal)
+    up /= np.linalg.norm(up)
+    right = np.cross(up, normal)
+    x, z = 0.5 * prop.size[0] * right, 0.5 * prop.size[1] * up
+    centre = np.array(prop.center)
+    points = np.stack([centre - x - z, centre + x - z, centre + x + z, centre - x + z])
+    faces = np.array([[0, 1, 2, 3]], np.int32)
+    where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
+    if isinstance(prop.paint, m.Plain):
+        plain = Plain(prop.paint.albedo, *finish_of(prop.paint))
+        return Surface(points, faces, plain, name=prop.name)
+    frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
+    name = prop.paint.name
+    paint = build_pattern(prop.paint, frame, where, read)
+    return Surface(points, faces, {name: paint}, frames={name: frame}, name=prop.name)
+
+
+def _faces(prop: m.Shape, read: Reader) -> Surface:
+    """Triangles of a file without solids; a face belongs to the last paint that matches it."""
+    points, faces = read_surface(read(prop.path))
+    points = points * prop.scale
+    region, where = np.zeros(len(faces), np.int32), f"prop {prop.name!r}"
+    for number, paint in enumerate(prop.paints, start=1):
+        place = f"{where}, paint {paint.name!r}"
+        region[surface_faces_of(points, faces, paint.where, place)] = number
+    found, frames = _painted(where, prop.paints, points, faces, region, read)
+    return Surface(points, faces, found, region, frames=frames, name=prop.name)
+
+
+def posed(surface: Surface, prop: m.Prop, pose: m.Pose | None = None) -> Surface:
+    """The prop's surface in a pose (None: as it stands); its paint goes with it."""
+    pose = pose or prop.stand
+    if pose == m.Pose(prop.origin):
+        return surface
+    points = (surface.rest - np.array(prop.origin)) @ rotation(pose.rotation).T
+    return surface.moved(points + np.array(pose.position))
+
+
+def rotation(angles: m.Vec3) -> Array:
+    """(3, 3): first about the world's x axis, then y, then z (rad)."""
+    result = np.eye(3)
+    for axis, angle in enumerate(angles):
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(3)
+        turn[i, i] = turn[j, j] = np.cos(angle)
+        turn[j, i], turn[i, j] = np.sin(angle), -np.sin(angle)
+        result = turn @ result
+    return result

@@ -1,0 +1,181 @@
+"""Parts of a report: a body's mesh, forces and stress, errors beside others' and by effect."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+__all__ = [
+    "BodyForce",
+    "Budget",
+    "BudgetRow",
+    "Mechanics",
+    "MeshSummary",
+    "Published",
+    "StressPeak",
+]
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class BodyForce:
+    """A force (N) on a body: of the support ``name``, or of all its loads together."""
+
+    body: str
+    name: str
+    force: Triple
+
+
+@dataclass(frozen=True)
+class StressPeak:
+    """The greatest von Mises stress (Pa) of a body, and the node where it is (m).
+
+    ``error_relative`` estimates the stress error of the whole body (Zienkiewicz-Zhu, energy norm);
+    at a re-entrant corner or a point load the peak grows without bound as the mesh gets finer.
+    """
+
+    body: str
+    von_mises: float
+    position: Triple
+    error_relative: float
+
+
+@dataclass(frozen=True)
+class Mechanics:
+    """Forces and stress in ``frame``; ``energy_balance`` compares work and strain energy.
+
+    ``stresses`` is empty where the scene doesn't ask for stress.
+    """
+
+    frame: int
+    energy_balance: float
+    reactions: tuple[BodyForce, ...] = ()
+    loads: tuple[BodyForce, ...] = ()
+    stresses: tuple[StressPeak, ...] = ()
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        return {
+            "frame": self.frame,
+            "energy_balance": self.energy_balance,
+            "reactions": [
+                {"body": f.body, "support": f.name, "force_N": f.force} for f in self.reactions
+            ],
+            "loads": [{"body": f.body, "force_N": f.force} for f in self.loads],
+            "stress": [
+                {
+                    "body": peak.body,
+                    "von_mises_Pa": peak.von_mises,
+                    "position_m": peak.position,
+                    "error_relative": peak.error_relative,
+                }
+                for peak in self.stresses
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class MeshSummary:
+    """Counts and quality of a body's mesh.
+
+    ``cells`` is cell type -> number. ``least_jacobian`` is the least scaled Jacobian (1 for a
+    brick, <= 0 inverted), ``greatest_aspect`` the greatest ratio of a cell's edges. ``bad_cells``
+    are the numbers of the worst cells outside the usual limits, ``bad_count`` how many there are,
+    and ``remark`` says it all in one line.
+    """
+
+    body: str
+    nodes: int
+    cells: Mapping[str, int]
+    least_jacobian: float
+    greatest_aspect: float
+    bad_count: int
+    bad_cells: tuple[int, ...]
+    remark: str
+    extent: float = 0.0
+    """Diagonal of the box around the nodes, m."""
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        return {
+            "body": self.body,
+            "nodes": self.nodes,
+            "cells": self.cells,
+            "least_scaled_jacobian": self.least_jacobian,
+            "greatest_aspect": self.greatest_aspect,
+            "bad_cells": {"count": self.bad_count, "worst": self.bad_cells},
+            "remark": self.remark,
+        }
+
+
+@dataclass(frozen=True)
+class Published:
+    """The relative error (1) of ``name`` in this run beside one from ``source``."""
+
+    name: str
+    error_relative: float
+    published_relative: float
+    source: str
+
+    @property
+    def better(self) -> bool:
+        """Whether this run's error is the smaller one; not if it wasn't measured."""
+        return abs(self.error_relative) <= self.published_relative
+
+
+@dataclass(frozen=True)
+class BudgetRow:
+    """Errors of one state of the images, in the order of the budget's quantities.
+
+    ``state``: "all" effects, "none" of them, "only" the one of the name ``source``, or all but it
+    ("no"). NaN where a quantity wasn't measured.
+    """
+
+    state: Literal["all", "none", "only", "no"]
+    source: str
+    errors: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What each effect adds to the measured errors.
+
+    ``quantities``: name and unit of each error. Differences between rows are exact: each state is
+    rendered and measured anew, with the same seeds.
+    """
+
+    quantities: tuple[tuple[str, str], ...]
+    rows: tuple[BudgetRow, ...]
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The effects, in the order of their rows."""
+        return tuple(row.source for row in self.rows if row.state == "only")
+
+    def row(self, state: str, source: str = "") -> BudgetRow:
+        """The row of a state. Raises KeyError."""
+        for row in self.rows:
+            if (row.state, row.source) == (state, source):
+                return row
+        raise KeyError(f"{state} {source}")
+
+    def added(self, source: str) -> tuple[float, ...]:
+        """How much each error grows if this effect alone is added to perfect images."""
+        return _differences(self.row("only", source).errors, self.row("none").errors)
+
+    def removed(self, source: str) -> tuple[float, ...]:
+        """How much each error falls if this effect alone is taken away."""
+        return _differences(self.row("all").errors, self.row("no", source).errors)
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        quantities = [{"name": name, "unit": unit} for name, unit in self.quantities]
+        return {"quantities": quantities, "rows": self.rows}
+
+
+def _differences(one: Sequence[float], other: Sequence[float]) -> tuple[float, ...]:
+    pairs = zip(one, other, strict=True)
+    return tuple(a - b if math.isfinite(a) and math.isfinite(b) else math.nan for a, b in pairs)
