@@ -12,8 +12,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.geometry.view import View
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
+from gpusim.optics.raster.visibility_buffer import VisibilityBuffer, visibility_twin
 from gpusim.optics.truth import Truth, TruthMap, truth_of
 
 __all__ = ["Band", "Frame"]
@@ -27,6 +26,11 @@ class Band:
     rows: int
     stride: int
     buffer: Buffer
+
+    @staticmethod
+    def of(device: Device, row0: int, rows: int, stride: int) -> Band:
+        """With a buffer from the device's pool."""
+        return Band(row0, rows, stride, device.pool.take(4 * rows * stride, f"radiance[{row0}]"))
 
     def seen(self) -> AbstractContextManager[npt.NDArray[np.float32]]:
         """(rows, stride) float32, to be used only inside a ``with`` block."""
@@ -107,7 +111,7 @@ class Frame:
                 self._ids = visibility_twin(self.view)
             else:
                 rows = max((band.rows for band in self.bands), default=min(self.height, 1024))
-                self._ids = VisibilityBuffer(self.device, self.view, rows, compute=False).read()
+                self._ids = VisibilityBuffer.of(self.device, self.view, rows).read()
         return self._ids
 
     def truth(self, faces: tuple[int, int] | None = None) -> Truth:

@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.light.quadrature import Lamp
-from gpusim.optics.shading.receiver_planes import planes_on_device, planes_twin
-from gpusim.optics.shading.scene_buffers import SceneBuffers
+from gpusim.optics.shading.scene_buffers import SceneBuffers, planes_on_device, planes_twin
 from gpusim.optics.shadow.brute_force import (
     EdgeFunctions,
     edge_functions,

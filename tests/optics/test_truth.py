@@ -11,7 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.truth import BAND, seen_in
 from gpusim.twin_checks.images import near_an_edge
 

@@ -80,13 +80,14 @@ class Border:
 class PlateBorderPass:
     """Those pixels in a picture: in place of `gpusim.optics.edge_pixels.resolve.EdgePixelPass`."""
 
-    def __init__(self, device: Device, border: Border, width: int) -> None:
-        self._device, self._border, self._width = device, border, width
+    def __init__(self, device: Device, view: View, background: float) -> None:
+        self._device, self._width = device, view.camera.width
+        self._border = Border.of(view, background)
 
-    def begin(self) -> None:
+    def find(self) -> None:
         """There is nothing for the device."""
 
-    fetch = host_pass = begin
+    host_pass = find
 
     def write(self, bands: Sequence[Band]) -> None:
         """Write the pixels into ``bands``."""

@@ -22,7 +22,7 @@ from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.shadow_scene import block

@@ -11,7 +11,7 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.paint import checker_lines
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup, footprint
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface

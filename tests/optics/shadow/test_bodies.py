@@ -12,7 +12,7 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shading.lighting import find_shadows
 from gpusim.optics.shadow.lamp_visibility import visible_shares
 from tests.support.optics_rays import brute_share, triangles_of

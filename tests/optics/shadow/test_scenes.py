@@ -11,7 +11,7 @@ from benchmarks.faces import camera_of, scene_of
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.quadrature import Lamp, lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shadow.lamp_visibility import visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points

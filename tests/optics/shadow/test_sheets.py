@@ -13,7 +13,7 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shadow.bvh_refit import single_sheets
 from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces

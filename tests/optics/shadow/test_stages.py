@@ -11,7 +11,7 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SunLight
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
+from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shadow.brute_force import shares_twin
 from gpusim.optics.shadow.lamp_visibility import VisibleShares, visible_shares
 from gpusim.optics.shadow.light_space import light_spaces
