@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Device, compare, twin_check
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
 from gpusim.optics.ambient.hemisphere_mask import (
     COLUMNS,
     ROWS,
-    SilhouetteLists,
     hemisphere_masks,
     hemisphere_masks_twin,
 )
-from gpusim.optics.ambient.sample_points import SamplePoints
-from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
-from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
-from gpusim.optics.ambient.silhouette_search import silhouettes_near
+from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, SilhouetteBVH
+from gpusim.optics.ambient.silhouette_search import (
+    SilhouetteBuffers,
+    SilhouetteLists,
+    silhouettes_near,
+)
 from gpusim.twin_checks.shadow_scene import block
 
 

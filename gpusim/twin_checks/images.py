@@ -12,17 +12,16 @@ from gpusim.gpu import Device, compare, twin_check
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
-from gpusim.optics.edge_pixels.scatter import scatter, scatter_twin
-from gpusim.optics.frame import Band
+from gpusim.optics.frame import Band, scatter, scatter_twin
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.visibility_buffer import VertexBuffers, VisibilityBuffer, visibility_twin
 from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import Array, SceneBuffers, TriangleRecords
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass, light_tiles_twin
+from gpusim.optics.visibility_buffer import VertexBuffers, VisibilityBuffer, visibility_twin
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.paint_scene import fields_setup, probe_setup

@@ -6,8 +6,13 @@ import numpy as np
 
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.optics.frame import Band
-from gpusim.optics.lens.accumulation import accumulate, accumulate_twin
-from gpusim.optics.lens.convolution import ConvolvePass, Target, convolve_twin
+from gpusim.optics.lens.convolution import (
+    ConvolvePass,
+    Target,
+    accumulate,
+    accumulate_twin,
+    convolve_twin,
+)
 from gpusim.optics.lens.psf import Disc, sample
 from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
 from gpusim.optics.sensor.sensor import Sensor, _expose, sensor_twin

@@ -12,11 +12,11 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
 from gpusim.optics.shadow.single_layer import wound_once
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.shadow_scene import block, shadow_scene

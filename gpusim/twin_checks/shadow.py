@@ -16,9 +16,15 @@ from gpusim.optics.shadow.brute_force import (
     shares_twin,
     visible_footprint,
 )
-from gpusim.optics.shadow.bvh_refit import OccluderBVH, planes_of, refit_twin, single_sheets
-from gpusim.optics.shadow.lamp_visibility import VisibleShares
-from gpusim.optics.shadow.occluder_search import CHUNK, HALF, LIT, UMBRA, OccluderSearch
+from gpusim.optics.shadow.lamp_visibility import (
+    CHUNK,
+    HALF,
+    LIT,
+    UMBRA,
+    OccluderSearch,
+    VisibleShares,
+)
+from gpusim.optics.shadow.occluders import OccluderBVH, planes_of, refit_twin, single_sheets
 from gpusim.optics.shadow.receiver_groups import (
     asking,
     cells_twin,

@@ -23,7 +23,7 @@ from gpusim.export.images import read_image
 from gpusim.export.pictures import pages_of, read_grey
 from gpusim.files.input_file import read_input
 from gpusim.files.picture_file import decode
-from gpusim.optics.light.panorama import read_panorama
+from gpusim.optics.light.lights import read_panorama
 from gpusim.report.pictures import photo_uri
 from gpusim.surface.bitmap import Image
 

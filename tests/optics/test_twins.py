@@ -15,10 +15,10 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
 from gpusim.optics.edge_pixels import resolve
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.sensor import sensor
 from gpusim.optics.shading import setup
 from gpusim.optics.shading.setup import TRIANGLE
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.paint_scene import probe_setup
 
 STAGES = [
@@ -118,7 +118,7 @@ def test_a_moved_vertex_is_seen_by_visibility(
     buffer = Device.buffer
 
     def corrupted(self: Device, array: np.ndarray, label: str) -> Buffer:
-        if label == "shade.screen":
+        if label == "visibility.screen":
             array = array.copy()
             array[0] += 2 * 65536
         return buffer(self, array, label)

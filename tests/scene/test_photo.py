@@ -12,7 +12,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.optics.sensor.presets import CAMERAS
+from gpusim.optics.sensor.emva1288 import CAMERAS
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.photo import build_lens, build_sensor, build_shutter, moving
 from gpusim.plan.plan import make_plan

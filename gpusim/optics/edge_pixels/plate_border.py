@@ -15,12 +15,15 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import MARGIN, segment_hits
-from gpusim.optics.edge_pixels.scatter import write_pixels
-from gpusim.optics.frame import Band
-from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
+from gpusim.optics.frame import Band, write_pixels
+from gpusim.optics.geometry.polygon_clipping import (
+    clip_square,
+    half_plane_share,
+    half_planes,
+    moments,
+)
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.geometry.view import RegionPaint, View
-from gpusim.optics.paint.area_integrals import half_plane_share
 from gpusim.surface.paint import Checker, Plain
 
 __all__ = ["Border", "PlateBorderPass"]

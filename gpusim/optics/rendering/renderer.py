@@ -16,11 +16,10 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.plate_border import PlateBorderPass
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.geometry.face_winding import wound_inwards
+from gpusim.optics.geometry.culling import wound_inwards
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import Light, is_light
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.rendering.frame_plan import FramePlan, plan_frame
 from gpusim.optics.rendering.local_origin import local, seen_from_origin
 from gpusim.optics.shading.relighting import RelightingPass
@@ -29,6 +28,7 @@ from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked

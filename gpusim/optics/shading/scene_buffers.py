@@ -20,16 +20,16 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device, Recording, Uniform
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.ambient.sky_visibility_buffers import sky_visibility_texels
+from gpusim.optics.ambient.sky_visibility import sky_visibility_texels
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.raster.visibility_buffer import VertexBuffers
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 from gpusim.optics.shadow.receivers import PixelReceivers
+from gpusim.optics.visibility_buffer import VertexBuffers
 
 __all__ = ["SceneBuffers", "TriangleRecords", "planes_on_device", "planes_twin", "vertex_blocks"]
 

@@ -22,7 +22,7 @@ from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_neede
 from gpusim.optics.paint.checker_lines import matte_boards, within_fields
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
-from gpusim.optics.raster.coefficients import (
+from gpusim.optics.shading.coefficients import (
     BLOCK,
     CoefficientCache,
     Coefficients,

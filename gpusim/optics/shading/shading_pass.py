@@ -2,7 +2,7 @@
 
 On the device the rasteriser finds each pixel's nearest triangle and its fragment shader evaluates
 the closed form; the twin evaluates the same on the ids of
-`gpusim.optics.raster.visibility_buffer`. Albedo is the area integral of the paint over the pixel's
+`gpusim.optics.visibility_buffer`. Albedo is the area integral of the paint over the pixel's
 footprint (`gpusim.optics.paint.feature_grid`); light is that of the pixel's centre. Radiance of a
 Lambert surface is albedo x irradiance / pi; without lights it is the albedo itself.
 
@@ -31,10 +31,10 @@ from gpusim.optics.paint.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
-from gpusim.optics.raster.visibility_buffer import NONE, VisibilityBuffer
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import GRAZING, Setup, footprint, radiance_of
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass
+from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
 
 __all__ = ["DeferredPass", "ForwardPass", "ShadingPass", "shade_twin", "small_triangles"]
 

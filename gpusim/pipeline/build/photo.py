@@ -13,7 +13,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens import psf
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
 from gpusim.optics.lens.thin_lens import Lens
-from gpusim.optics.lens.vignetting import Vignetting
+from gpusim.optics.lens.thin_lens import Vignetting
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.scene.description import model as m

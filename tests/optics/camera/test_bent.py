@@ -15,10 +15,10 @@ from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band
 from gpusim.optics.geometry.clipping import CHORD, ImagePlane
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.visibility_buffer import visibility_twin
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
+from gpusim.optics.visibility_buffer import visibility_twin
 from tests.support.optics_reference import Plate, difference, pattern, reference
 from tests.support.optics_rigs import RIGS, rig
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer, visibility_twin
+from gpusim.optics.visibility_buffer import VisibilityBuffer, visibility_twin
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.images import near_an_edge
 from gpusim.twin_checks.paint_scene import crumpled_view
