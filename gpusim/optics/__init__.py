@@ -27,8 +27,7 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.lens import psf
 from gpusim.optics.lens.exposure import photograph
 from gpusim.optics.lens.shutter import Shutter
-from gpusim.optics.lens.thin_lens import Lens
-from gpusim.optics.lens.vignetting import Vignetting
+from gpusim.optics.lens.thin_lens import Lens, Vignetting
 from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
@@ -12,11 +12,10 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.geometry.view import View
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.optics.truth import Truth, TruthMap, truth_of
+from gpusim.optics.visibility_buffer import VisibilityBuffer, visibility_twin
 
-__all__ = ["Band", "Frame"]
+__all__ = ["Band", "Frame", "scatter", "scatter_twin", "write_pixels"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +26,11 @@ class Band:
     rows: int
     stride: int
     buffer: Buffer
+
+    @staticmethod
+    def of(device: Device, row0: int, rows: int, stride: int) -> Band:
+        """With a buffer from the device's pool."""
+        return Band(row0, rows, stride, device.pool.take(4 * rows * stride, f"radiance[{row0}]"))
 
     def seen(self) -> AbstractContextManager[npt.NDArray[np.float32]]:
         """(rows, stride) float32, to be used only inside a ``with`` block."""
@@ -107,7 +111,7 @@ class Frame:
                 self._ids = visibility_twin(self.view)
             else:
                 rows = max((band.rows for band in self.bands), default=min(self.height, 1024))
-                self._ids = VisibilityBuffer(self.device, self.view, rows, compute=False).read()
+                self._ids = VisibilityBuffer.of(self.device, self.view, rows).read()
         return self._ids
 
     def truth(self, faces: tuple[int, int] | None = None) -> Truth:
@@ -128,3 +132,49 @@ class Frame:
             for band in self.bands:
                 self.device.pool.give(band.buffer)
         self.bands = ()
+
+
+def scatter(
+    device: Device,
+    places: npt.NDArray[np.int64],
+    values: npt.NDArray[np.float32],
+    target: Buffer,
+) -> None:
+    """Write ``values`` (n,) to the words ``places`` (n,) of ``target``, all different."""
+    if not len(places):
+        return
+    entries = np.stack([places.astype(np.uint32), values.view(np.uint32)], axis=1)
+    kernel = device.kernel("optics/edge_pixels/scatter")
+    bindings = kernel.bind(
+        params={"count": len(places)},
+        entries=device.buffer(entries, "scatter.entries"),
+        radiance=target,
+    )
+    with device.recording("optics.scatter") as recording:
+        recording.dispatch(kernel, bindings, threads=(len(places),))
+
+
+def write_pixels(
+    device: Device,
+    bands: Sequence[Band],
+    width: int,
+    pixel: npt.NDArray[np.int64],
+    value: npt.NDArray[np.float32],
+) -> None:
+    """Write ``value`` (n,) to the pixels of linear indices ``pixel`` (n,) in an image's bands."""
+    row, column = np.divmod(pixel, width)
+    for band in bands:
+        own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
+        places = (row[own] - band.row0) * band.stride + column[own]
+        scatter(device, places, value[own], band.buffer)
+
+
+def scatter_twin(
+    there: npt.NDArray[np.float32],
+    places: npt.NDArray[np.int64],
+    values: npt.NDArray[np.float32],
+) -> npt.NDArray[np.float32]:
+    """A copy of ``there`` with the values in it."""
+    result = there.copy()
+    result.reshape(-1)[places] = values
+    return result

@@ -17,32 +17,29 @@ from gpusim.measure.images import FloatArray, SplineImage
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
-from gpusim.optics.edge_pixels.scatter import scatter, scatter_twin
-from gpusim.optics.frame import Band
+from gpusim.optics.frame import Band, scatter, scatter_twin
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.lens.accumulation import accumulate, accumulate_twin
-from gpusim.optics.lens.convolution import ConvolvePass, Target, convolve_twin
+from gpusim.optics.lens.convolution import (
+    ConvolvePass,
+    Target,
+    accumulate,
+    accumulate_twin,
+    convolve_twin,
+)
 from gpusim.optics.lens.psf import Disc, sample
 from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
-from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.compute_raster import compute_raster_twin
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.raster.vertex_buffers import VertexBuffers
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
 from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
 from gpusim.optics.sensor.sensor import Sensor, _expose, sensor_twin
-from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
-from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.relighting import RelightingPass
-from gpusim.optics.shading.scene_buffers import SceneBuffers
+from gpusim.optics.shading.scene_buffers import Array, SceneBuffers, TriangleRecords
 from gpusim.optics.shading.setup import TRIANGLE, Setup
+from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass, light_tiles_twin
-from gpusim.optics.shading.triangle_records import Array, TriangleRecords
-from gpusim.optics.shadow.scene import Shadows
+from gpusim.optics.visibility_buffer import VertexBuffers, VisibilityBuffer, visibility_twin
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
-from gpusim.twin_checks.scenes import crumpled_view, fields_setup, probe_setup, shadow_scene
+from gpusim.twin_checks.scenes import fields_setup, probe_setup, shadow_scene
 
 
 def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
@@ -91,18 +88,21 @@ def _tile_probe() -> Setup:
     return Setup.build(look(surfaces, camera, lit=True), lights, 0.05)
 
 
-def _compare_relit(device: Device, setup: Setup, shadows: Shadows) -> None:
+def _drawn(shading: ShadingPass | RelightingPass, setup: Setup) -> npt.NDArray[np.float32]:
+    """Radiance (H, W) of a view in one band."""
+    camera = setup.view.camera
+    band = Band.of(shading.buffers.device, 0, camera.height, shading.stride)
+    shading.draw(band)
+    shading.finish()
+    return band.buffer.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+
+
+def _compare_relit(device: Device, setup: Setup) -> None:
     camera = setup.view.camera
     buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.printed))
     shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
-    out = device.empty(4 * shading.stride * camera.height, "relit.out")
-    with device.recording("optics.shade") as recording:
-        shading.record(recording, out, 0, camera.height)
-    relit = RelightingPass(with_shadows(buffers, shadows), shading, camera.height)
-    relit.record(out, 0, camera.height)
-    relit.finish()
-    got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
-    want = shade_twin(setup.with_shadows(shadows), visibility_twin(setup.view))
+    got = _drawn(RelightingPass(shading), setup)
+    want = shade_twin(setup, visibility_twin(setup.view))
     inside = np.ones(want.size, bool)
     inside[find_edge_pixels(setup.view).pixel] = False
     # one sample of 512 may fall to the other side of an outline
@@ -146,7 +146,7 @@ def probe_view() -> View:
 @twin_check("optics/raster/id_buffer")
 def _id_buffer(device: Device) -> None:
     view = probe_view()
-    got, want = VisibilityBuffer(device, view, 20, compute=False).read(), visibility_twin(view)
+    got, want = VisibilityBuffer.of(device, view, 20).read(), visibility_twin(view)
     wrong = got != want
     # the hardware snaps to 1/256 px: a pixel centre that close to an edge may fall either way
     wrong &= ~near_an_edge(view, 1.0 / 128.0)
@@ -155,22 +155,6 @@ def _id_buffer(device: Device) -> None:
         raise TwinMismatch(
             f"optics/raster/id_buffer: {int(wrong.sum())} pixels differ, first {where}"
         )
-
-
-@twin_check("optics/raster/compute_raster")
-def _compute_raster(device: Device) -> None:
-    view, rows = crumpled_view(), 21
-    if not device.atomics64:
-        return  # the rasteriser does it: optics/raster/id_buffer
-    visibility = VisibilityBuffer(device, view, rows)
-    out = device.empty(visibility.ids.stride * rows, "visibility.check")
-    for row0 in (0, 18):
-        with device.recording("optics.visibility") as recording:
-            visibility.record(recording, row0, rows)
-            visibility.number(recording, row0, rows)
-            recording.copy_texture(visibility.ids, out, rows)
-        got = out.read(np.uint32, (rows, visibility.ids.stride // 4))[:, : view.camera.width]
-        compare("optics/raster/compute_raster", got, compute_raster_twin(view, row0, rows), "exact")
 
 
 @twin_check("optics/shading/triangle_records")
@@ -198,14 +182,11 @@ def _forward_pass(device: Device) -> None:
     inside = np.ones(want.size, bool)
     inside[find_edge_pixels(setup.view).pixel] = False
     for deferred in (False, True):
-        visibility = VisibilityBuffer(device, setup.view, camera.height) if deferred else None
         lines = None if deferred else BoardLines.of(setup.view, setup.printed)
         buffers = SceneBuffers(device, setup, lines)
-        shading = ShadingPass(buffers, camera.height, visibility, tiles=LightTiles.of(setup))
-        out = device.empty(4 * shading.stride * camera.height, "shade.out")
-        with device.recording("optics.shade") as recording:
-            shading.record(recording, out, 0, camera.height)
-        got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+        got = _drawn(
+            ShadingPass(buffers, camera.height, deferred, tiles=LightTiles.of(setup)), setup
+        )
         compare(
             "optics/shading/forward_pass",
             got.reshape(-1)[inside],
@@ -232,8 +213,7 @@ def _relighting(device: Device) -> None:
     plain = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
     for shown in (surfaces, plain):
         view = look(shown, camera, lit=True)
-        setup = Setup.build(view, lights, 0.05, shown, shadows=False)
-        _compare_relit(device, setup, Shadows.of(view, lamps_of(lights), shown, device))
+        _compare_relit(device, Setup.build(view, lights, 0.05, shown, device))
 
 
 @twin_check("optics/edge_pixels/resolve")
@@ -244,8 +224,8 @@ def _resolve(device: Device) -> None:
         start = np.full((camera.height, camera.width), 0.25, np.float32)
         out = device.buffer(start, "edges.radiance")
         edge_pass = EdgePixelPass(SceneBuffers(device, setup), edges)
-        edge_pass.begin()
-        edge_pass.fetch()
+        edge_pass.find()
+        edge_pass.host_pass()
         edge_pass.write([Band(0, camera.height, camera.width, out)])
         got = out.read(np.float32, start.shape)
         compare("optics/edge_pixels/resolve", got, edges_twin(setup, edges, start), "pixel")

@@ -19,12 +19,12 @@ from gpusim.optics.light.lights import (
     SunLight,
 )
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
 from gpusim.optics.shadow.single_layer import wound_once
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import Surface
 

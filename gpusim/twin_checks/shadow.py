@@ -8,30 +8,35 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
 from gpusim.optics.ambient.hemisphere_mask import (
     COLUMNS,
     ROWS,
-    SilhouetteLists,
     hemisphere_masks,
     hemisphere_masks_twin,
 )
-from gpusim.optics.ambient.sample_points import SamplePoints
-from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
-from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
-from gpusim.optics.ambient.silhouette_search import silhouettes_near
+from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, SilhouetteBVH
+from gpusim.optics.ambient.silhouette_search import (
+    SilhouetteBuffers,
+    SilhouetteLists,
+    silhouettes_near,
+)
 from gpusim.optics.light.quadrature import Lamp
-from gpusim.optics.shading.receiver_planes import planes_on_device, planes_twin
-from gpusim.optics.shading.scene_buffers import SceneBuffers
+from gpusim.optics.shading.scene_buffers import SceneBuffers, planes_on_device, planes_twin
 from gpusim.optics.shadow.brute_force import (
     EdgeFunctions,
     edge_functions,
     shares_twin,
     visible_footprint,
 )
-from gpusim.optics.shadow.bvh_refit import OccluderBVH, planes_of, refit_twin, single_sheets
-from gpusim.optics.shadow.lamp_visibility import VisibleShares
-from gpusim.optics.shadow.occluder_search import CHUNK, HALF, LIT, UMBRA, OccluderSearch
+from gpusim.optics.shadow.lamp_visibility import (
+    CHUNK,
+    HALF,
+    LIT,
+    UMBRA,
+    OccluderSearch,
+    VisibleShares,
+)
+from gpusim.optics.shadow.occluders import OccluderBVH, planes_of, refit_twin, single_sheets
 from gpusim.optics.shadow.receiver_groups import (
     asking,
     cells_twin,

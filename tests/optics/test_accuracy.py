@@ -10,9 +10,9 @@ import gpusim as gs
 from gpusim.gpu import Device, compare
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import edges_twin
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shading.forward_pass import shade_twin
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.shading_pass import shade_twin
+from gpusim.optics.visibility_buffer import visibility_twin
 from tests.support.optics_reference import (
     Array,
     Plate,

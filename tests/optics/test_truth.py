@@ -11,8 +11,8 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.truth import BAND, seen_in
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.images import near_an_edge
 
 QUAD = np.array([[0, 1, 2, 3]])

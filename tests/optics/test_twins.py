@@ -15,17 +15,16 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
 from gpusim.optics.edge_pixels import resolve
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.raster import id_buffer
 from gpusim.optics.sensor import sensor
 from gpusim.optics.shading import setup
 from gpusim.optics.shading.setup import TRIANGLE
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import probe_setup
 
 STAGES = [
     "optics/edge_pixels/resolve",
     "optics/sensor/sensor",
     "optics/shading/forward_pass",
-    "optics/raster/compute_raster",
     "optics/raster/id_buffer",
 ]
 SAMPLED = ["optics/shading/relighting", "optics/shadow/penumbra_mask"]
@@ -52,7 +51,7 @@ def test_one_corrupted_value_of_a_result_is_seen(
 ) -> None:
     """One value that the stage's check reads back is changed, or made NaN."""
     read = Buffer.read
-    inside = id_buffer.visibility_twin(probe_setup().view) > 0
+    inside = visibility_twin(probe_setup().view) > 0
     inside.reshape(-1)[find_edge_pixels(probe_setup().view).pixel] = False
     row, column = np.argwhere(inside)[200]
 
@@ -77,7 +76,7 @@ def test_one_corrupted_value_of_a_result_is_seen(
 def _triangle(stage: str) -> int:
     """A triangle that the stage's probe shows."""
     view = probe_setup().view
-    return int(np.bincount(id_buffer.visibility_twin(view)[id_buffer.visibility_twin(view) > 0])
+    return int(np.bincount(visibility_twin(view)[visibility_twin(view) > 0])
                .argmax()) - 1  # fmt: skip
 
 
@@ -119,7 +118,7 @@ def test_a_moved_vertex_is_seen_by_visibility(
     buffer = Device.buffer
 
     def corrupted(self: Device, array: np.ndarray, label: str) -> Buffer:
-        if label == "shade.screen":
+        if label == "visibility.screen":
             array = array.copy()
             array[0] += 2 * 65536
         return buffer(self, array, label)

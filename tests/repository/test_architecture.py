@@ -60,7 +60,7 @@ OPTICS = (
     "geometry",
     "light",
     "paint",
-    "raster",
+    "visibility_buffer",
     "shadow",
     "ambient",
     "truth",

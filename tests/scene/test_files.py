@@ -14,8 +14,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
-from gpusim.optics.light.lights import EnvironmentLight
-from gpusim.optics.light.panorama import PANORAMA_SUFFIXES, read_panorama
+from gpusim.optics.light.lights import PANORAMA_SUFFIXES, EnvironmentLight, read_panorama
 from gpusim.pipeline.build.cameras import build_lights
 from gpusim.pipeline.checks.resources import check_files
 from gpusim.scene.schema import light as light_tables

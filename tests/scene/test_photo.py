@@ -12,7 +12,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.optics.sensor.presets import CAMERAS
+from gpusim.optics.sensor.emva1288 import CAMERAS
 from gpusim.pipeline.build.cameras import (
     build_camera,
     build_lens,

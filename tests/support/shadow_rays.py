@@ -11,7 +11,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import Lamp, lamps_of
-from gpusim.optics.shadow.lamp_visibility import visible_shares
+from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import Receivers
@@ -120,7 +120,9 @@ def found(
     points = relative_points(surfaces, origin)
     spaces = light_spaces(lamps_of(lights), points, origin)
     moved = Receivers(own.at - origin, own.normal, own.across, own.down, own.on)
-    return visible_shares(device, Occluders.of(surfaces), points, spaces, moved).astype(np.float64)
+    return (
+        VisibleShares(device, Occluders.of(surfaces), moved).find(points, spaces).astype(np.float64)
+    )
 
 
 def by_rays(

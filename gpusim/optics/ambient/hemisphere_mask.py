@@ -7,7 +7,7 @@ steps of the squared sine. The circles pass the normal at `TILT`, and their samp
 row to row, so that neither upright nor level edges take many samples at a time.
 
 How many faces lie before a sample is how many do at the start of its row, plus or minus one for
-each contour edge (`gpusim.optics.ambient.edge_adjacency`) that the row crosses before it. An edge
+each contour edge (`gpusim.optics.ambient.silhouette_bvh`) that the row crosses before it. An edge
 is crossed where its ends lie on different sides of the row's circle, whatever edges they belong to:
 what encloses an area is crossed as often inward as outward, and rounding can't open it.
 
@@ -23,16 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
-from gpusim.optics.ambient.sample_points import AGAINST, TILT, SamplePoints, tangent
-from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
+from gpusim.optics.ambient.silhouette_bvh import AGAINST, TILT, EdgeAdjacency, SamplePoints, tangent
+from gpusim.optics.ambient.silhouette_search import GROUP, SilhouetteBuffers, SilhouetteLists
 
 __all__ = [
     "COLUMNS",
-    "GROUP",
     "ROWS",
     "HemisphereMasks",
-    "SilhouetteLists",
     "directions",
     "hemisphere_masks",
     "hemisphere_masks_twin",
@@ -49,9 +46,6 @@ FAR = 1e9
 
 TOUCHES = 1 << 16
 """What a face that the point lies on counts, among the ways out of a body."""
-
-GROUP = 16
-"""Points that share lists of edges and faces."""
 
 PAIRS = 1 << 14
 """Pairs of points and edges at a time in NumPy."""
@@ -97,32 +91,6 @@ def directions() -> Array:
     y = along * sine[:, None] + across * cosine[:, None]
     result = np.stack([x, y, np.ones_like(x)], axis=2)
     return np.asarray(result / np.linalg.norm(result, axis=2)[:, :, None])
-
-
-@dataclass(frozen=True, eq=False)
-class SilhouetteLists:
-    """Which edges and faces of ``facets`` each `GROUP` of points in order may need.
-
-    ``edge``: those that may be contours; ``face``: those that a point may lie on, and those on the
-    way along the normal or at the start of a row. ``edge_start``, ``face_start`` (G + 1,): where a
-    group's lists begin.
-    """
-
-    facets: EdgeAdjacency
-    edge_start: Numbers
-    edge: Numbers
-    face_start: Numbers
-    face: Numbers
-
-    @staticmethod
-    def everywhere(facets: EdgeAdjacency, points: int) -> SilhouetteLists:
-        """All for all of so many points."""
-        edges, faces = len(facets.ends), len(facets.planes)
-        group = np.arange(-(-points // GROUP) + 1)
-        return SilhouetteLists(
-            facets, edges * group, np.tile(np.arange(edges), len(group) - 1),
-            faces * group, np.tile(np.arange(faces), len(group) - 1),
-        )  # fmt: skip
 
 
 def hemisphere_masks(tables: SilhouetteBuffers, points: SamplePoints) -> HemisphereMasks:

@@ -1,29 +1,291 @@
-"""Edges and faces in clusters: which of them may be contours to a point, or lie on its way up.
+"""The silhouettes of meshes around a point: edges between faces, in clusters of clusters.
 
-Of a cluster of edges is known what their faces' planes have in common. Where the faces on both
-sides are known to hide, or not to, none of its edges is a contour.
+Seen from a point, an edge between two faces that both hide, or that both don't, is no border of
+what is hidden: only the contour counts, the edges where that changes. A ball of F faces has about
+the root of F such edges.
+
+Things that lie together and look the same way follow each other; every four make a cluster, every
+four of these one of the next level. A cluster that a test refuses for a group of points is left out
+with all that is in it. Of a cluster of edges is known what their faces' planes have in common.
+Where the faces on both sides are known to hide, or not to, none of its edges is a contour.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.ambient.bounding_hierarchy import (
-    CLOSED,
-    NONE,
-    OPEN,
-    BoundingSpheres,
-    NormalCones,
-    facing,
-    in_order,
-    levels,
-)
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
+from gpusim.arrays.ragged import expand
+from gpusim.surface.topology import sorted_keys
 
-__all__ = ["LOW", "SilhouetteBVH"]
+__all__ = [
+    "AGAINST",
+    "LOW",
+    "MEMBERS",
+    "TILT",
+    "BoundingSpheres",
+    "EdgeAdjacency",
+    "NormalCones",
+    "SamplePoints",
+    "SilhouetteBVH",
+    "facing",
+    "in_order",
+    "levels",
+    "tangent",
+    "traverse",
+]
+
+Array = npt.NDArray[np.float64]
+Numbers = npt.NDArray[np.int64]
+
+
+TILT = 0.1
+"""Tangent of the angle by which the rows of `gpusim.optics.ambient.hemisphere_mask` pass the
+normal."""
+
+AGAINST = -0.5
+"""Cosine between the normals of face and point below which they may lie against each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class SamplePoints:
+    """Points to look from.
+
+    ``at`` (N, 3) and the unit ``normal`` (N, 3); ``tolerance`` (N,): distance from a face's plane
+    within which it hides nothing; ``thickness`` (N,): that a way up leaves a body nearer than this
+    doesn't tell that the point lies inside.
+    """
+
+    at: Array
+    normal: Array
+    tolerance: Array
+    thickness: Array
+
+    def part(self, rows: slice | npt.NDArray[np.int64]) -> SamplePoints:
+        """Some of them."""
+        return SamplePoints(
+            self.at[rows], self.normal[rows], self.tolerance[rows], self.thickness[rows]
+        )
+
+
+def tangent(normal: Array) -> Array:
+    """(N, 3) unit vectors square to unit normals, steady but where these point along -z."""
+    x, y, z = normal.T
+    below = z < -0.9999
+    s = 1.0 / (1.0 + np.where(below, 0.0, z))
+    result = np.stack([1.0 - x * x * s, -x * y * s, -x], axis=1)
+    result[below] = np.stack([np.ones_like(x), 0.0 * x, -x / np.where(below, z, -1.0)], axis=1)[
+        below
+    ]
+    length: Array = np.linalg.norm(result, axis=1)[:, None]
+    return result / length
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeAdjacency:
+    """``ends`` (E, 2, 3): of each edge, counter-clockwise around its first face from outside.
+
+    ``beside`` (E, 2): the faces that it belongs to, around the second one it runs clockwise; -1
+    where there is none. ``edges`` (F, 4): twice the number of an edge, one more where the face is
+    the edge's second; -1 where a triangle has its last corner twice. ``planes`` (F, 4): unit
+    normal outward, and its product with a point of the face. ``balls`` (F, 4): middle and radius of
+    what is around them. ``both_sides`` (F,): of surfaces that aren't closed.
+    """
+
+    ends: Array
+    beside: Numbers
+    edges: Numbers
+    planes: Array
+    balls: Array
+    both_sides: npt.NDArray[np.bool_]
+
+    @staticmethod
+    def of(points: Array, faces: Numbers, both_sides: npt.NDArray[np.bool_]) -> EdgeAdjacency:
+        """Those of faces (F, 4) of ``points`` (N, 3), a triangle's last corner twice."""
+        start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
+        real = np.flatnonzero(start != end)
+        low, high = np.minimum(start, end)[real], np.maximum(start, end)[real]
+        order, key = sorted_keys(low * (len(points) + 1) + high)
+        slot = real[order]
+        new = np.ones(len(key), bool)
+        new[1:] = key[1:] != key[:-1]
+        alone = np.append(new[1:], True)
+        # where three faces meet, or two that don't go round the same way, each has its own edge
+        first = np.flatnonzero(new & ~alone)
+        first = first[np.append(alone[1:], True)[first]]
+        first = first[start[slot[first]] == end[slot[first + 1]]]
+        one = np.ones(len(slot), bool)
+        one[first + 1] = False
+        second = np.full(len(slot), -1)
+        second[first] = slot[first + 1]
+        own, other = slot[one], second[one]
+        edges = np.full(faces.size, -1)
+        edges[own] = 2 * np.arange(len(own))
+        pair = np.flatnonzero(other >= 0)
+        edges[other[pair]] = 2 * pair + 1
+        corners = points[faces]
+        normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        middle = corners.mean(axis=1)
+        offset = np.sum(normal * middle, axis=1)
+        radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
+        return EdgeAdjacency(
+            points[np.stack([start[own], end[own]], axis=1)],
+            np.stack([own // 4, np.where(other >= 0, other // 4, -1)], axis=1),
+            edges.reshape(-1, 4), np.concatenate([normal, offset[:, None]], axis=1),
+            np.concatenate([middle, radius[:, None]], axis=1), both_sides,
+        )  # fmt: skip
+
+    def ordered(self, edge: Numbers, face: Numbers) -> EdgeAdjacency:
+        """The same in the order of ``edge`` (E,) and ``face`` (F,)."""
+        edge_at, face_at = np.empty_like(edge), np.empty(len(face) + 1, np.int64)
+        edge_at[edge], face_at[face] = np.arange(len(edge)), np.arange(len(face))
+        face_at[-1] = -1
+        edges = self.edges[face]
+        found = 2 * edge_at[np.maximum(edges, 0) // 2] + edges % 2
+        return EdgeAdjacency(
+            self.ends[edge], face_at[self.beside[edge]], np.where(edges >= 0, found, -1),
+            self.planes[face], self.balls[face], self.both_sides[face],
+        )  # fmt: skip
+
+    @staticmethod
+    def apart(corners: Array, both_sides: npt.NDArray[np.bool_]) -> EdgeAdjacency:
+        """Faces with ``corners`` (F, 4, 3) that share no edges, a triangle's last corner twice."""
+        faces = np.arange(4 * len(corners)).reshape(-1, 4)
+        faces[:, 3] -= (corners[:, 3] == corners[:, 2]).all(axis=1)
+        return EdgeAdjacency.of(corners.reshape(-1, 3), faces, both_sides)
+
+
+Bools = npt.NDArray[np.bool_]
+
+MEMBERS = 4
+"""Of a cluster."""
+
+GROUPS = 256
+"""Groups of points at a time."""
+
+CLOSED, OPEN, NONE, MIXED = 0, 1, 2, 3
+"""Planes of faces that hide by their outside, by both sides, of none, and of several of these."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoundingSpheres:
+    """What encloses things or clusters: ``middle`` (N, 3) and ``radius`` (N,)."""
+
+    middle: Array
+    radius: Array
+
+    @staticmethod
+    def of(points: Array, size: int) -> BoundingSpheres:
+        """Around every ``size`` things with points (N, K, 3)."""
+        first = np.arange(0, len(points), size)
+        low = np.minimum.reduceat(points.min(axis=1), first)
+        middle = 0.5 * (low + np.maximum.reduceat(points.max(axis=1), first))
+        to = points - np.repeat(middle, size, axis=0)[: len(points), None]
+        reach = np.sqrt(np.einsum("nka,nka->nk", to, to)).max(axis=1)
+        return BoundingSpheres(middle, np.maximum.reduceat(reach, first))
+
+    @staticmethod
+    def around(balls: Array, size: int) -> BoundingSpheres:
+        """Around every ``size`` balls (N, 4)."""
+        first = np.arange(0, len(balls), size)
+        middle, radius = balls[:, :3], balls[:, 3]
+        low = np.minimum.reduceat(middle - radius[:, None], first)
+        centre = 0.5 * (low + np.maximum.reduceat(middle + radius[:, None], first))
+        to = middle - np.repeat(centre, size, axis=0)[: len(balls)]
+        return BoundingSpheres(
+            centre, np.maximum.reduceat(np.linalg.norm(to, axis=1) + radius, first)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class NormalCones:
+    """What planes have in common.
+
+    Their unit normals pass from ``axis`` (N, 3) by ``spread`` (N,) at most, and they have points
+    within the things' balls whose products with it are from ``low`` to ``high`` (N,). ``kind``
+    (N,): `CLOSED`, `OPEN`, `NONE` or `MIXED`.
+    """
+
+    axis: Array
+    spread: Array
+    low: Array
+    high: Array
+    kind: Numbers
+
+    @staticmethod
+    def of(normal: Array, point: Array, kind: Numbers, size: int) -> NormalCones:
+        """Of every ``size`` planes with unit normals and points (N, 3)."""
+        first = np.arange(0, len(normal), size)
+        axis = np.add.reduceat(normal, first)
+        axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-300)[:, None]
+        own = np.repeat(axis, size, axis=0)[: len(normal)]
+        product = np.einsum("na,na->n", own, point)
+        low, high = np.minimum.reduceat(kind, first), np.maximum.reduceat(kind, first)
+        return NormalCones(
+            axis, np.maximum.reduceat(np.linalg.norm(normal - own, axis=1), first),
+            np.minimum.reduceat(product, first), np.maximum.reduceat(product, first),
+            np.where(low == high, low, MIXED),
+        )  # fmt: skip
+
+
+def levels(count: int) -> list[int]:
+    """How many of ``count`` things clusters have, level by level, from the largest to the things
+    themselves."""
+    sizes = [1] if count else []
+    while count and count > MEMBERS * sizes[-1]:
+        sizes.append(MEMBERS * sizes[-1])
+    return sizes[::-1]
+
+
+def traverse(
+    counts: Sequence[int], groups: int, keep: Callable[[int, Numbers, Numbers], Bools]
+) -> tuple[Numbers, Numbers]:
+    """Which things each group needs: where their lists begin (G + 1,), and the lists.
+
+    ``counts``: clusters of each level, as `levels` has them. ``keep``: of a level's number, groups
+    and clusters (P,), whether a group may need something in a cluster.
+    """
+    if not counts:
+        return np.zeros(groups + 1, np.int64), np.zeros(0, np.int64)
+    starts, lists = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)]
+    for begin in range(0, groups, GROUPS):
+        many = min(GROUPS, groups - begin)
+        group = np.repeat(np.arange(begin, begin + many), counts[0])
+        cluster = np.tile(np.arange(counts[0]), many)
+        for level, count in enumerate(counts):
+            if level:
+                owner, place = expand(np.minimum(count - MEMBERS * cluster, MEMBERS))
+                group, cluster = group[owner], MEMBERS * cluster[owner] + place
+            kept = np.flatnonzero(keep(level, group, cluster))
+            group, cluster = group[kept], cluster[kept]
+        starts.append(np.bincount(group - begin, minlength=many))
+        lists.append(cluster)
+    return np.cumsum(np.concatenate(starts)), np.concatenate(lists)
+
+
+def in_order(at: Array, *keys: Numbers) -> Numbers:
+    """The order (N,) by ``keys`` (N,), the first one above the others, then by where (N, 3) is."""
+    low = at.min(axis=0, initial=np.inf) if len(at) else np.zeros(3)
+    size = max(float(np.ptp(at, axis=0).max()) if len(at) else 0.0, 1e-300)
+    cell = np.minimum((at - low) / size * 1024.0, 1023.0).astype(np.int64)
+    key = np.zeros(len(at), np.int64)
+    for more in keys:
+        key = key * (int(more.max(initial=0)) + 1) + more
+    for bit in range(9, -1, -1):
+        for axis in range(3):
+            key = 2 * key + ((cell[:, axis] >> bit) & 1)
+    return np.argsort(key, kind="stable")
+
+
+def facing(normal: Array) -> Numbers:
+    """Which of 27 ways vectors (N, 3) of length 1 or 0 look."""
+    whole = np.rint(normal).astype(np.int64) + 1
+    return np.asarray((whole[:, 0] * 3 + whole[:, 1]) * 3 + whole[:, 2])
+
 
 ROUNDING = 2e-6
 """Of the scene's size: heights over planes are told apart by no less."""

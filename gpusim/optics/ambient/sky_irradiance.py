@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.unique import distinct
 from gpusim.optics.ambient.hemisphere_mask import COLUMNS, ROWS, HemisphereMasks, directions
-from gpusim.optics.ambient.sample_points import tangent
+from gpusim.optics.ambient.silhouette_bvh import tangent
 from gpusim.optics.light.environment import Environment
 from gpusim.optics.light.lights import AmbientLight, EnvironmentLight, Light
 

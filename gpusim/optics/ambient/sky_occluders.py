@@ -11,10 +11,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.ambient.coplanar_merging import merge_flat, neighbours, rows_of
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
-from gpusim.optics.ambient.quad_strips import QuadStrips
-from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
+from gpusim.optics.ambient.coplanar_merging import QuadStrips, merge_flat, neighbours, rows_of
+from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SilhouetteBVH
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology

@@ -18,21 +18,21 @@ import numpy.typing as npt
 
 from gpusim.arrays.unique import distinct
 from gpusim.gpu import Device
-from gpusim.optics.ambient.discontinuities import Discontinuities
+from gpusim.gpu.texture_array import Texels
 from gpusim.optics.ambient.hemisphere_mask import (
     HemisphereMasks,
     hemisphere_masks,
     hemisphere_masks_twin,
 )
-from gpusim.optics.ambient.sample_points import SamplePoints
-from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
-from gpusim.optics.ambient.silhouette_search import in_groups, silhouettes_near
+from gpusim.optics.ambient.silhouette_bvh import SamplePoints
+from gpusim.optics.ambient.silhouette_search import SilhouetteBuffers, in_groups, silhouettes_near
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
+from gpusim.optics.geometry.interpenetration import Discontinuities
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["SkyVisibility", "Value", "lattice"]
+__all__ = ["SkyVisibility", "Value", "lattice", "sky_visibility_texels"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -359,3 +359,33 @@ def _inverse(key: Numbers) -> tuple[Numbers, Numbers]:
     """Distinct numbers, ascending, and which of them each one is."""
     own = distinct(key)
     return own, np.searchsorted(own, key)
+
+
+def sky_visibility_texels(device: Device, openness: SkyVisibility | None) -> Texels:
+    """The shares on the device; empty where nothing hides surroundings."""
+    if openness is None:
+        return device.no_texels("rgba32uint")
+    words = _words(openness)
+    texels = device.texels(len(words), "rgba32uint", "shade.openness")
+    texels.write(words)
+    return texels
+
+
+def _words(openness: SkyVisibility) -> npt.NDArray[np.uint32]:
+    """(N, 4): three texels per triangle, one per piece, one per node with the cell it begins."""
+    count, pieces = len(openness.pieces), len(openness.cells)
+    head = np.zeros((count, 3, 4), np.uint32)
+    head[:, :2] = openness.planes.astype(np.float32).view(np.uint32)
+    head[:, 2, 0] = openness.pieces
+    head[:, 2, 1] = 3 * count + openness.first
+    piece = np.zeros((pieces, 4), np.uint32)
+    piece[:, 0] = 3 * count + pieces + openness.start
+    piece[:, 1] = openness.cells
+    # a cell's other corners lie one, a row, and a row and one further
+    first, which = np.unique(openness.start, return_index=True)
+    row = np.repeat(openness.cells[which] + 1, np.diff(np.append(first, len(openness.values))))
+    value = openness.values.astype(np.float32)
+    value = np.concatenate([value, np.zeros(int(row.max(initial=0)) + 1, np.float32)])
+    i = np.arange(len(openness.values))
+    cells = np.stack([value[i], value[i + 1], value[i + row], value[i + row + 1]], axis=1)
+    return np.concatenate([head.reshape(-1, 4), piece, cells.view(np.uint32)])

@@ -28,14 +28,17 @@ from pathlib import Path
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.optics.calibration.document import read_document
-from gpusim.optics.calibration.kalibr_matchid import (
+from gpusim.optics.calibration.opencv import cameras_of, needs_extrinsics, read_opencv, write_opencv
+from gpusim.optics.calibration.rig_formats import (
+    read_dice,
     read_kalibr,
     read_matchid,
+    read_vic,
+    write_dice,
     write_kalibr,
     write_matchid,
+    write_vic,
 )
-from gpusim.optics.calibration.opencv import cameras_of, needs_extrinsics, read_opencv, write_opencv
-from gpusim.optics.calibration.vic_dice import read_dice, read_vic, write_dice, write_vic
 from gpusim.optics.camera.pinhole import Camera
 
 __all__ = ["UNITS", "calibration_format", "read_calibration", "read_rig", "write_calibration"]

@@ -16,15 +16,43 @@ import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand, in_boxes, summed
 from gpusim.arrays.unique import distinct
-from gpusim.optics.edge_pixels.depth_order import order_overlapping
-from gpusim.optics.edge_pixels.pixel_rank import Ranks
+from gpusim.optics.edge_pixels.visible_polygons import order_overlapping
 from gpusim.optics.geometry.clipping import ImagePlane
 from gpusim.optics.geometry.interpenetration import piercings
 from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
 from gpusim.optics.geometry.view import View
 
-__all__ = ["MARGIN", "EdgePixels", "find_edge_pixels", "segment_hits", "segment_pixels"]
+__all__ = ["MARGIN", "EdgePixels", "Ranks", "find_edge_pixels", "segment_hits", "segment_pixels"]
+
+Numbers = npt.NDArray[np.int64]
+
+
+class Ranks:
+    """Of ``listed`` (n,) linear indices, ascending and below ``size``."""
+
+    def __init__(self, listed: Numbers, size: int) -> None:
+        word = listed >> 6
+        self._bits = np.zeros((size >> 6) + 1, np.uint64)
+        bit = np.uint64(1) << (listed & 63).astype(np.uint64)
+        np.bitwise_or.at(self._bits, word, bit)
+        many = np.bitwise_count(self._bits)
+        self._before = np.cumsum(many, dtype=np.int64) - many
+
+    def of(self, index: Numbers) -> Numbers:
+        """(m,): how many come before linear indices 0 … ``size``."""
+        result = np.empty(len(index), np.int64)
+        one = np.uint64(1)
+        for first in range(0, len(index), CHUNK):
+            own = index[first : first + CHUNK]
+            word = own >> 6
+            below = (one << (own & 63).view(np.uint64)) - one
+            below &= np.take(self._bits, word, mode="clip")
+            out = result[first : first + CHUNK]
+            np.take(self._before, word, out=out, mode="clip")
+            out += np.bitwise_count(below)
+        return result
+
 
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""

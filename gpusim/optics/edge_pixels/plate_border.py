@@ -15,12 +15,15 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import MARGIN, segment_hits
-from gpusim.optics.edge_pixels.scatter import write_pixels
-from gpusim.optics.frame import Band
-from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
+from gpusim.optics.frame import Band, write_pixels
+from gpusim.optics.geometry.polygon_clipping import (
+    clip_square,
+    half_plane_share,
+    half_planes,
+    moments,
+)
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.geometry.view import RegionPaint, View
-from gpusim.optics.paint.area_integrals import half_plane_share
 from gpusim.surface.paint import Checker, Plain
 
 __all__ = ["Border", "PlateBorderPass"]
@@ -80,13 +83,14 @@ class Border:
 class PlateBorderPass:
     """Those pixels in a picture: in place of `gpusim.optics.edge_pixels.resolve.EdgePixelPass`."""
 
-    def __init__(self, device: Device, border: Border, width: int) -> None:
-        self._device, self._border, self._width = device, border, width
+    def __init__(self, device: Device, view: View, background: float) -> None:
+        self._device, self._width = device, view.camera.width
+        self._border = Border.of(view, background)
 
-    def begin(self) -> None:
+    def find(self) -> None:
         """There is nothing for the device."""
 
-    fetch = host_pass = begin
+    host_pass = find
 
     def write(self, bands: Sequence[Band]) -> None:
         """Write the pixels into ``bands``."""

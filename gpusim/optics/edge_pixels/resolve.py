@@ -5,11 +5,13 @@ A triangle takes the area of its polygon inside the pixel less what those in fro
 light at their common centroid. What no triangle takes shows the background. The device resolves
 most pixels; the rest are left to a host pass (`gpusim.optics.edge_pixels.fragment_shading`), in the
 float64 form that is also the shader's twin.
+
+Loop turns of the shader are counted before: devices limit them without a word.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -17,24 +19,29 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import WORKGROUP, dealt
-from gpusim.gpu import Buffer
-from gpusim.optics.edge_pixels.background_moments import SEVERAL, backdrops, fills
+from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
-from gpusim.optics.edge_pixels.fragment_shading import THIN, corners_over, resolve_on_host
-from gpusim.optics.edge_pixels.loop_budget import grazing_turns, speckle_turns
-from gpusim.optics.edge_pixels.scatter import write_pixels
-from gpusim.optics.frame import Band
+from gpusim.optics.edge_pixels.fragment_shading import (
+    SEVERAL,
+    THIN,
+    backdrops,
+    corners_over,
+    fills,
+    resolve_on_host,
+)
+from gpusim.optics.frame import Band, write_pixels
 from gpusim.optics.geometry.polygon_clipping import half_planes
+from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.paint.bitmap import BITMAP
-from gpusim.optics.paint.disc_coverage import EDGE_ROWS
-from gpusim.optics.paint.feature_grid import LOOP_TURNS
+from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns
+from gpusim.optics.paint.feature_grid import LOOP_TURNS, FeatureGrid
 from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.setup import Setup, footprint
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["EdgePixelPass", "edges_twin"]
+__all__ = ["EdgePixelPass", "edges_twin", "grazing_turns", "speckle_turns"]
 
 Array = npt.NDArray[np.float64]
 MAX_DEPTH = 64
@@ -53,7 +60,7 @@ MAX_ERROR = 2e-4
 
 
 class EdgePixelPass:
-    """The edge pixels of one view: `begin`, `fetch`, then `write`.
+    """The edge pixels of one view: `find`, `host_pass`, then `write`.
 
     The device finds them by themselves, so that the host can resolve what it is left with while the
     device shades all other pixels.
@@ -71,14 +78,11 @@ class EdgePixelPass:
         self.buffers = buffers
         order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
         self._deep, self.edges = edges.select(deep), edges.select(order)
-        self._found: Buffer | None = None
         self._values = np.zeros((0, 2), np.float32)
-        self._pieces: PieceShares | None = None
-        self._light: Callable[[], None] = lambda: None
-        self._resolved: tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]] | None = None
+        self._resolved = np.zeros(0, np.int64), np.zeros(0, np.float32)
 
-    def begin(self) -> None:
-        """Let the device find the pixels."""
+    def find(self) -> None:
+        """Find the pixels on the device, and wait for them."""
         edges, setup, device = self.edges, self.buffers.setup, self.buffers.device
         count = len(edges.pixel)
         if not count:
@@ -88,7 +92,7 @@ class EdgePixelPass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
-        self._found = device.empty(8 * count, "edges.found")
+        found = device.empty(8 * count, "edges.found")
         constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {
@@ -97,38 +101,53 @@ class EdgePixelPass:
                 "background": setup.background,
             },
             "lists": device.buffer(lists, "edges.lists"),
-            "found": self._found,
+            "found": found,
             **self.buffers.shared(),
             **self.buffers.vertex_buffers.outlines(),
         }
         if setup.lighting.shadows is not None:
-            self._begin_pieces(setup.lighting.shadows, constants, shared)
-            return
-        shared |= no_pieces(device)
-        with device.recording("optics.edges") as recording:
-            kernel = device.kernel("optics/edge_pixels/resolve", "main", constants)
-            bindings = kernel.bind_used(range=_range(0, count), **shared)
-            recording.dispatch(kernel, bindings, threads=(count,))
+            self._find_pieces(setup.lighting.shadows, constants, shared)
+        else:
+            shared |= no_pieces(device)
+            with device.recording("optics.edges") as recording:
+                kernel = device.kernel("optics/edge_pixels/resolve", "main", constants)
+                bindings = kernel.bind_used(range=_range(0, count), **shared)
+                recording.dispatch(kernel, bindings, threads=(count,))
+        self._values = found.read(np.float32, (count, 2))
 
-    def _begin_pieces(
+    def _find_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
     ) -> None:
-        """`begin` where pieces of pixels ask what they see of lamps: a program lists them, and once
+        """`find` where pieces of pixels ask what they see of lamps: a program lists them, and once
         that is found it lights them."""
-        start, count = self.edges.start, len(self.edges.pixel)
+        start, count, device = self.edges.start, len(self.edges.pixel), self.buffers.device
         first = 0
         while first < count:
-            self._finish_pieces()
             stop = int(np.searchsorted(start, start[first] + MAX_PIECES, side="right")) - 1
             stop = min(max(stop, first + 1), count)
             slots, starts = self._slots(first, stop)
-            self._pieces = PieceShares(self.buffers, shadows, starts)
-            values = {**shared, "slot_of": self.buffers.device.buffer(slots, "edges.slots")}
-            self._run_pieces("main", first, stop, {**constants, "listing": 1.0}, values)
-            self._light = partial(self._run_pieces, "light_pieces", first, stop, constants, values)
-            self._pieces.find()
-            self._light()
+            pieces = PieceShares(self.buffers, shadows, starts)
+            values = {
+                **shared, **pieces.bindings(), "slot_of": device.buffer(slots, "edges.slots"),
+                "range": {**_range(first, stop), **pieces.range()},
+            }  # fmt: skip
+            run = partial(self._run_pieces, values, stop - first)
+            run("main", {**constants, "listing": 1.0})
+            failed = True
+            while failed:  # where lists were too short
+                pieces.find()
+                run("light_pieces", constants)
+                failed = pieces.failed()
+            pieces.release()
             first = stop
+
+    def _run_pieces(
+        self, values: dict[str, Any], count: int, entry: str, constants: dict[str, float]
+    ) -> None:
+        device = self.buffers.device
+        kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
+        with device.recording("optics.edges") as recording:
+            recording.dispatch(kernel, kernel.bind_used(**values), threads=(count,))
 
     def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
         """Where the pieces of some pixels are listed, and where groups of them begin: those of a
@@ -143,39 +162,6 @@ class EdgePixelPass:
         last = np.flatnonzero(np.diff(tile[order], append=-1) != 0)
         return slots, group_starts(np.diff(ends[last], prepend=0))
 
-    def _run_pieces(
-        self, entry: str, first: int, stop: int, constants: dict[str, float], shared: dict[str, Any]
-    ) -> None:
-        pieces, device = self._pieces, self.buffers.device
-        assert pieces is not None
-        kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
-        places = {**_range(first, stop), **pieces.range()}
-        bindings = kernel.bind_used(range=places, **shared, **pieces.bindings())
-        with device.recording("optics.edges") as recording:
-            recording.dispatch(kernel, bindings, threads=(stop - first,))
-
-    def _finish_pieces(self) -> None:
-        """Find again what pieces of pixels see where lists were too short."""
-        if self._pieces is not None:
-            while self._pieces.failed():
-                self._pieces.find()
-                self._light()
-            self._pieces.release()
-            self._pieces = None
-
-    def fetch(self) -> None:
-        """Wait for what the device found."""
-        self._finish_pieces()
-        if self._found is not None:
-            self._values = self._found.read(np.float32, (len(self.edges.pixel), 2))
-
-    def write(self, bands: Sequence[Band]) -> None:
-        """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
-        self.host_pass()
-        assert self._resolved is not None
-        width = self.buffers.setup.view.camera.width
-        write_pixels(self.buffers.device, bands, width, *self._resolved)
-
     def host_pass(self) -> None:
         """Find what the device has left.
 
@@ -183,8 +169,6 @@ class EdgePixelPass:
         that the device was in doubt about: what shows of a triangle there isn't convex, and makes
         a difference.
         """
-        if self._resolved is not None:
-            return
         setup = self.buffers.setup
         shadows = setup.lighting.shadows
         shares = None if shadows is None else ListedShares(shadows)
@@ -194,6 +178,11 @@ class EdgePixelPass:
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
         deep = resolve_on_host(setup, self._deep, shares).astype(np.float32)
         self._resolved = pixel, np.concatenate([value, deep])
+
+    def write(self, bands: Sequence[Band]) -> None:
+        """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
+        width = self.buffers.setup.view.camera.width
+        write_pixels(self.buffers.device, bands, width, *self._resolved)
 
 
 def _range(first: int, stop: int) -> dict[str, Any]:
@@ -260,4 +249,61 @@ def edges_twin(
     """A copy of ``radiance`` (H, W) with the edge pixels resolve_on_host."""
     result = radiance.copy()
     result.reshape(-1)[edges.pixel] = resolve_on_host(setup, edges)
+    return result
+
+
+def speckle_turns(table: FeatureGrid) -> int:
+    """Loop turns that a polygon over speckle may take: six triangles, rows, points, discs."""
+    usual = [3 * grid.cuts for grid in table.speckle.grids if grid.pieces is None]
+    if not usual:
+        return 0
+    most = max(usual)
+    return 6 * max(most**2, EDGE_ROWS) * table.speckle.most_in_a_cell
+
+
+def grazing_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
+    """The same (E,) for speckle of which some footprints are large: mean of a pixel's triangles.
+
+    What is seen of a triangle is no larger than the triangle, and than the pixel's footprint.
+    """
+    view, table = setup.view, setup.table
+    if not any(region.grazing for region in view.paints):
+        return np.zeros(len(edges.pixel), np.int64)
+    turns = np.zeros(view.count + 1, np.int64)
+    shown = distinct(edges.triangle[: edges.start[-1]])
+    for number, region in enumerate(view.paints):
+        rows = shown[view.paint[shown] == number] if region.grazing else shown[:0]
+        if len(rows):
+            st = view.corners[rows][:, :, ST]
+            extent = np.minimum(np.ptp(st, axis=1), 1.2 * _widest_part(setup, rows, st))
+            longest = np.hypot(extent[:, 0], extent[:, 1])
+            grid = table.speckle.grids[table.grid_of_paint[number]]
+            turns[rows] = 6 * row_turns(grid, longest) * (table.speckle.most_in_a_cell + 1)
+    if not turns.any():
+        return np.zeros(len(edges.pixel), np.int64)
+    total = np.concatenate([[0], np.cumsum(turns[edges.triangle])])
+    sums = np.diff(total[edges.start])
+    result: npt.NDArray[np.int64] = -(-sums // np.maximum(edges.depth, 1))
+    return result
+
+
+def _widest_part(setup: Setup, triangle: npt.NDArray[np.int64], st: Array) -> Array:
+    """How far (n, 2) along s and t a pixel may see of triangles whose corners are ``st``.
+
+    One of s and t is bounded by the triangle; that bounds how far a pixel goes along the image,
+    and so the other one.
+    """
+    limit = np.ptp(st, axis=1)
+    result = np.zeros((len(triangle), 2))
+    for corner in range(3):
+        at = setup.view.screen[triangle, corner]
+        _, ex, ey, _ = footprint(setup, triangle, at[:, 0], at[:, 1])
+        for axis in (0, 1):
+            own, other = np.stack([ex, ey])[:, :, [axis, 1 - axis]].transpose(2, 0, 1)
+            bounds = [np.abs(own).sum(axis=0)]
+            for k in (0, 1):
+                ratio = own[k] / np.where(other[k] != 0.0, other[k], 1e-300)
+                rest = np.abs(own[1 - k] - ratio * other[1 - k])
+                bounds.append(np.abs(ratio) * limit[:, 1 - axis] + rest)
+            result[:, axis] = np.maximum(result[:, axis], np.min(bounds, axis=0))
     return result

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import ImagePlane, wound
 from gpusim.optics.geometry.triangle_corners import CHUNK
+from gpusim.surface.surface import Surface
 
-__all__ = ["Culled", "cull"]
+__all__ = ["Culled", "cull", "wound_inwards"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -98,3 +100,22 @@ def _sides(ideal: Array, ahead: Flags, screen: ImagePlane) -> npt.NDArray[np.uin
         sides |= (value >= screen.high[axis]).view(np.uint8) << np.uint8(2 * axis + 1)
     sides *= ahead.view(np.uint8)
     return sides
+
+
+def wound_inwards(surfaces: Sequence[Surface], camera: Camera) -> tuple[str, ...]:
+    """A warning for each closed surface that is wound inwards around no camera.
+
+    A room that holds the camera is wound inwards rightly: its walls face it.
+    """
+    result = []
+    for surface in surfaces:
+        if not surface.inside_out:
+            continue
+        low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+        if not ((low <= camera.eye) & (camera.eye <= high)).all():
+            result.append(
+                f"surface {surface.name!r} is closed and its faces are wound inwards: the camera "
+                "outside sees the far walls' inside, unlit; expected vertices counter-clockwise "
+                "seen from outside: turn the faces round (faces[:, ::-1] for triangles)"
+            )
+    return tuple(dict.fromkeys(result))

@@ -28,11 +28,9 @@ from gpusim.optics.geometry.clipping import (
 )
 from gpusim.optics.geometry.culling import cull
 from gpusim.optics.geometry.feature_edges import area_normals, feature_edges
-from gpusim.optics.geometry.index_buffer import IndexedTriangles
+from gpusim.optics.geometry.index_buffer import IndexedTriangles, whole_triangles
 from gpusim.optics.geometry.pattern_seams import speckle_jumps
 from gpusim.optics.geometry.pixel_footprint import RegionPaint, regions_of, with_reach
-from gpusim.optics.geometry.split_criterion import whole_triangles
-from gpusim.optics.geometry.surface_normals import SurfaceNormals, surface_normals
 from gpusim.optics.geometry.triangle_corners import (
     POSITION,
     at_corners,
@@ -42,7 +40,12 @@ from gpusim.optics.geometry.triangle_corners import (
     parts,
     products,
 )
-from gpusim.optics.geometry.vertex_attributes import VertexTable, turned_corners
+from gpusim.optics.geometry.vertex_attributes import (
+    SurfaceNormals,
+    VertexTable,
+    surface_normals,
+    turned_corners,
+)
 from gpusim.surface.frames import PaintFrame
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface

@@ -1,4 +1,6 @@
-"""Sampled kernels applied to images: sums along rows, then along columns, term by term."""
+"""Sums of images: along rows, then along columns of sampled kernels, and weighted (lens positions,
+moments of an exposure), and gains per pixel.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from gpusim.gpu import Buffer, Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.lens.psf import SampledKernel
 
-__all__ = ["ConvolvePass", "Target", "convolve_twin"]
+__all__ = ["ConvolvePass", "Target", "accumulate", "accumulate_twin", "convolve_twin"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,4 +102,41 @@ def convolve_twin(
             between += along[t] * values[:, t : t + n * columns : n][:, :columns]
         for t in range(taps):
             result += across[t] * between[t : t + n * rows : n][:rows]
+    return result
+
+
+def accumulate(
+    device: Device,
+    values: Buffer,
+    stride: int,
+    shape: tuple[int, int],
+    target: Target,
+    *,
+    weight: float = 1.0,
+    gain: bool = False,
+) -> None:
+    """Add ``weight`` x ``values`` (rows of ``stride`` float32) to the target's ``shape`` pixels.
+
+    ``gain``: multiply what is there by ``weight`` x ``values`` instead.
+    """
+    rows, columns = shape
+    kernel = device.kernel("optics/lens/accumulation", constants={"scale_only": float(gain)})
+    params = {
+        "columns": columns, "rows": rows, "stride": stride, "first_out": target.first,
+        "stride_out": target.stride, "weight": weight,
+    }  # fmt: skip
+    bindings = kernel.bind(params=params, values=values, sums=target.buffer)
+    with device.recording("optics.accumulate") as recording:
+        recording.dispatch(kernel, bindings, threads=(columns, rows))
+
+
+def accumulate_twin(
+    sums: npt.NDArray[np.float64],
+    values: npt.NDArray[np.floating],
+    weight: float = 1.0,
+    gain: bool = False,
+) -> npt.NDArray[np.float64]:
+    """The same in float64, as a new array."""
+    scaled = weight * values.astype(np.float64)
+    result: npt.NDArray[np.float64] = sums * scaled if gain else sums + scaled
     return result

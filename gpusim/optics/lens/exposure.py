@@ -18,13 +18,25 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.geometry.face_winding import wound_inwards
-from gpusim.optics.lens.accumulation import accumulate, accumulate_twin
-from gpusim.optics.lens.convolution import ConvolvePass, Target, convolve_twin
-from gpusim.optics.lens.psf import Convolved, Disc, SampledKernel, sample
-from gpusim.optics.lens.rolling_shutter import rolled
-from gpusim.optics.lens.shutter import CameraAt, Shutter, SurfacesAt, moments, moments_for, motion
-from gpusim.optics.lens.thin_lens import Lens, focus_of, seen_through
+from gpusim.optics.geometry.culling import wound_inwards
+from gpusim.optics.lens.convolution import (
+    ConvolvePass,
+    Target,
+    accumulate,
+    accumulate_twin,
+    convolve_twin,
+)
+from gpusim.optics.lens.psf import Convolved, Disc, Psf, SampledKernel, sample
+from gpusim.optics.lens.shutter import (
+    CameraAt,
+    Shutter,
+    SurfacesAt,
+    moments,
+    moments_for,
+    motion,
+    rolled,
+)
+from gpusim.optics.lens.thin_lens import Focus, Lens, focus_of, seen_through
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.frame_plan import BAND_BYTES
 from gpusim.optics.rendering.local_origin import local_view
@@ -154,91 +166,124 @@ def plan_exposure(
     error: float,
 ) -> Exposure:
     """Decide moments, lens positions and cells per pixel."""
-    surfaces_at: SurfacesAt = surfaces if callable(surfaces) else lambda _: surfaces
-    camera_at: CameraAt = camera if callable(camera) else lambda _: camera
-    still = not callable(surfaces) and not callable(camera)
     tolerance = error * np.sqrt(2.0) / 255.0
-    facts: dict[str, str] = {}
-    warnings: list[str] = []
-    middle = time + 0.5 * shutter.exposure_time
-    sharp = camera_at(middle)
-    if not isinstance(sharp, Camera):
-        raise InputError(f"photograph camera; got {sharp!r}; expected a Camera")
-    if still:
-        scenes = [(1.0, surfaces_at(middle), sharp)]
-        sight = scenes[0][1:]
-    else:
-        travel = 0.0
-        if shutter.exposure_time:
-            travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
-        shares, weights = moments(shutter, travel)
-        facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
-        if shutter.samples is None and len(shares) < moments_for(travel) and shutter.exposure_time:
-            # the widest gap of Gauss-Legendre points is pi / 2 times their mean distance
-            warnings.append(
-                f"motion of {travel:.4g} px in {len(shares)} moments: edges go in steps of up to "
-                f"{0.5 * np.pi * travel / len(shares):.2g} px; {moments_for(travel)} samples of "
-                "the shutter would show none"
-            )
-
-        def moment(at: float) -> tuple[Sequence[Surface], Camera]:
-            if shutter.line_time:
-                return rolled(surfaces_at, camera_at, at, shutter.line_time)
-            return surfaces_at(at), camera_at(at)
-
-        scenes = [
-            (float(weight), *moment(time + float(share) * shutter.exposure_time))
-            for share, weight in zip(shares, weights, strict=True)
-        ]
-        sight = scenes[0][1:] if len(scenes) == 1 else moment(middle)
-        if shutter.line_time:
-            facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
+    notes = _Notes()
+    scenes, sight = _moments(surfaces, camera, shutter, time, notes)
     depths = np.concatenate([sight[1].to_camera(s.points)[:, 2] for s in sight[0]] or [np.zeros(0)])
     focus = focus_of(lens, sight[1], depths, tolerance)
     psf = lens.psf
     if lens.aperture:
-        words = f"blur up to {focus.largest:.3g} px"
-        if focus.disc:
-            psf = Disc(focus.disc) if psf is None else Convolved(psf, Disc(focus.disc))
-            words += ", all at one depth: one disc"
-        elif len(focus.points) == 1:
-            words += ": left out"
-        else:
-            words += f", {len(focus.points)} lens positions, edge error {focus.edge_error:.1e}"
-            if lens.positions is None and not focus.edge_error <= tolerance:
-                warnings.append(
-                    f"blur of {focus.largest:.4g} px by {len(focus.points)} lens positions: edge "
-                    f"error {focus.edge_error:.1e}; expected {tolerance:.1e}, by more positions "
-                    "of the lens"
-                )
-        facts["depth of field"] = words
-    kernel = SAME_IMAGE
-    if psf is None and lens.fill_factor != 1.0:
-        side = float(np.sqrt(lens.fill_factor))
+        psf = _depth_of_field(lens, focus, tolerance, notes)
+    kernel, side = _point_spread(lens, psf, tolerance, notes)
+    if side != 1.0:
         scenes = [(weight, what, replace(at, pixel_side=side)) for weight, what, at in scenes]
-        facts["fill factor"] = f"{lens.fill_factor:.4g}: a square of {side:.4g} px, in closed form"
-    elif psf is not None:
-        kernel = sample(
-            psf, fill_factor=lens.fill_factor, tolerance=tolerance, n=lens.samples_per_px
-        )
-        facts["point spread"] = (
-            f"{kernel.n} x {kernel.n} cells a pixel, {kernel.taps} across the kernel, edge error "
-            f"{kernel.edge_error:.1e}"
-        )
     if lens.vignetting is not None:
-        facts["vignetting"] = "applied"
-    if len(scenes) > 1 and len(focus.points) > 1:
-        facts["renderings"] = (
-            f"{len(scenes) * len(focus.points)}: {len(focus.points)} lens positions at each of "
+        notes.facts["vignetting"] = "applied"
+    positions = len(focus.points)
+    share = 1.0 / positions
+    if len(scenes) > 1 and positions > 1:
+        notes.facts["renderings"] = (
+            f"{len(scenes) * positions}: {positions} lens positions at each of "
             f"{len(scenes)} moments"
         )
-    share = 1.0 / len(focus.points)
     parts = [
         (weight * share, what, _at(whence, point, lens))
         for weight, what, whence in scenes
         for point in focus.points
     ]
-    return Exposure(tuple(parts), sight, kernel, facts, tuple(warnings))
+    return Exposure(tuple(parts), sight, kernel, notes.facts, tuple(notes.warnings))
+
+
+@dataclass(frozen=True)
+class _Notes:
+    """What is said of a photograph: see `Exposure`."""
+
+    facts: dict[str, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def _moments(
+    surfaces: Sequence[Surface] | SurfacesAt,
+    camera: Camera | CameraAt,
+    shutter: Shutter,
+    time: float,
+    notes: _Notes,
+) -> tuple[list[tuple[float, Sequence[Surface], Camera]], tuple[Sequence[Surface], Camera]]:
+    """Weight, surfaces and camera of each moment of the exposure, and those of its middle."""
+    surfaces_at: SurfacesAt = surfaces if callable(surfaces) else lambda _: surfaces
+    camera_at: CameraAt = camera if callable(camera) else lambda _: camera
+    middle = time + 0.5 * shutter.exposure_time
+    sharp = camera_at(middle)
+    if not isinstance(sharp, Camera):
+        raise InputError(f"photograph camera; got {sharp!r}; expected a Camera")
+    if not callable(surfaces) and not callable(camera):
+        return [(1.0, surfaces, sharp)], (surfaces, sharp)
+    travel = 0.0
+    if shutter.exposure_time:
+        travel = motion(surfaces_at, camera_at, time, shutter.exposure_time)
+    shares, weights = moments(shutter, travel)
+    notes.facts["motion"] = f"{travel:.3g} px during the exposure, {len(shares)} moments"
+    if shutter.samples is None and len(shares) < moments_for(travel) and shutter.exposure_time:
+        # the widest gap of Gauss-Legendre points is pi / 2 times their mean distance
+        notes.warnings.append(
+            f"motion of {travel:.4g} px in {len(shares)} moments: edges go in steps of up to "
+            f"{0.5 * np.pi * travel / len(shares):.2g} px; {moments_for(travel)} samples of "
+            "the shutter would show none"
+        )
+
+    def moment(at: float) -> tuple[Sequence[Surface], Camera]:
+        if shutter.line_time:
+            return rolled(surfaces_at, camera_at, at, shutter.line_time)
+        return surfaces_at(at), camera_at(at)
+
+    scenes = [
+        (float(weight), *moment(time + float(share) * shutter.exposure_time))
+        for share, weight in zip(shares, weights, strict=True)
+    ]
+    if shutter.line_time:
+        notes.facts["shutter"] = f"rolling, {shutter.line_time * 1e6:.4g} us a row"
+    return scenes, scenes[0][1:] if len(scenes) == 1 else moment(middle)
+
+
+def _depth_of_field(lens: Lens, focus: Focus, tolerance: float, notes: _Notes) -> Psf | None:
+    """The point spread with that of depth of field, where one disc serves for all of it."""
+    psf, count = lens.psf, len(focus.points)
+    words = f"blur up to {focus.largest:.3g} px"
+    if focus.disc:
+        psf = Disc(focus.disc) if psf is None else Convolved(psf, Disc(focus.disc))
+        words += ", all at one depth: one disc"
+    elif count == 1:
+        words += ": left out"
+    else:
+        words += f", {count} lens positions, edge error {focus.edge_error:.1e}"
+        if lens.positions is None and not focus.edge_error <= tolerance:
+            notes.warnings.append(
+                f"blur of {focus.largest:.4g} px by {count} lens positions: edge error "
+                f"{focus.edge_error:.1e}; expected {tolerance:.1e}, by more positions of the lens"
+            )
+    notes.facts["depth of field"] = words
+    return psf
+
+
+def _point_spread(
+    lens: Lens, psf: Psf | None, tolerance: float, notes: _Notes
+) -> tuple[SampledKernel, float]:
+    """The kernel that cells are summed by, and the side of pixels' squares that have none."""
+    if psf is not None:
+        kernel = sample(
+            psf, fill_factor=lens.fill_factor, tolerance=tolerance, n=lens.samples_per_px
+        )
+        notes.facts["point spread"] = (
+            f"{kernel.n} x {kernel.n} cells a pixel, {kernel.taps} across the kernel, edge error "
+            f"{kernel.edge_error:.1e}"
+        )
+        return kernel, 1.0
+    side = float(np.sqrt(lens.fill_factor))
+    if side != 1.0:
+        notes.facts["fill factor"] = (
+            f"{lens.fill_factor:.4g}: a square of {side:.4g} px, in closed form"
+        )
+    return SAME_IMAGE, side
 
 
 def _at(camera: Camera, point: Array, lens: Lens) -> Camera:

@@ -1,9 +1,17 @@
-"""Exposure in time: moments of the exposure, and rows that are exposed one after the other."""
+"""Exposure in time: moments of the exposure, and rows that are exposed one after the other.
+
+Under a rolling shutter every vertex is where it is when its own row is read: one rendering for all.
+The motion during the read-out is interpolated by polynomials in time through Chebyshev points, in
+camera coordinates, so that a moving camera is a moving scene; each vertex's time is the fixed point
+of t = start + line_time x row(t). Inside a face times vary linearly, as rows do in the image of a
+plane; faces for which that is off are divided. A point's time is that of its place, that of a pixel
+its row's: edges along the rows are off by at most half of what moves during one line time.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +21,16 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = ["CameraAt", "Shutter", "SurfacesAt", "moments", "moments_for", "motion"]
+__all__ = [
+    "CameraAt",
+    "Shutter",
+    "SurfacesAt",
+    "divided",
+    "moments",
+    "moments_for",
+    "motion",
+    "rolled",
+]
 
 Array = npt.NDArray[np.float64]
 SurfacesAt = Callable[[float], Sequence[Surface]]
@@ -93,3 +110,201 @@ def moments(shutter: Shutter, travel: float) -> tuple[Array, Array]:
         count = 1
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 + 0.5 * nodes, 0.5 * weights
+
+
+NODES = (5, 9, 17, 33)
+TOLERANCE = 0.002
+"""px; for the interpolation in time, for the fixed point, and inside faces."""
+MAX_TURNS = 200
+FASTEST = 0.9
+MAX_DIVISIONS = 5
+
+
+def rolled(
+    surfaces: Callable[[float], Sequence[Surface]],
+    camera: Callable[[float], Camera],
+    start: float,
+    line_time: float,
+) -> tuple[list[Surface], Camera]:
+    """Surfaces as a shutter sees them that reads row r at ``start`` + r ``line_time``.
+
+    The camera is that of the middle row.
+
+    Raises
+    ------
+    InputError
+        Surfaces whose vertices change in number, a motion that isn't smooth during the read-out,
+        or one so fast that a row would see a point never or twice.
+    """
+    height = camera(start).height
+    middle = camera(start + 0.5 * (height - 1) * line_time)
+    at_middle = surfaces(start + 0.5 * (height - 1) * line_time)
+    result = []
+    for index, surface in enumerate(at_middle):
+        where = f"rolling shutter, surface {surface.name!r}"
+        rows = middle.project(surface.points)[:, 1]
+        rows = rows[np.isfinite(rows)]
+        low = max(float(min(rows.min(initial=0.0), 0.0)), -float(height))
+        high = min(float(max(rows.max(initial=0.0), height - 1)), 2.0 * height)
+        margin = 0.1 * (high - low) + 4.0
+        times = (start + line_time * (low - margin), start + line_time * (high + margin))
+
+        def seen(time: float, index: int = index, where: str = where) -> Array:
+            points = surfaces(time)[index].points
+            if points.shape != at_middle[index].points.shape:
+                raise InputError(
+                    f"{where}; got {len(points)} vertices at {time:.6g} s; expected "
+                    f"{len(at_middle[index].points)} at any time"
+                )
+            return camera(time).to_camera(points)
+
+        path = _Path.through(seen, times, middle, where)
+        for division in range(MAX_DIVISIONS + 1):
+            moved = path.rolled(start, line_time)
+            if division == MAX_DIVISIONS:
+                break
+            finer, mean = divided(surface)
+            inner = path.over(mean)
+            if path.gap(mean(moved), inner.turn(mean(moved), start, line_time)) <= TOLERANCE:
+                break
+            surface, path = finer, inner
+        T = middle.camera_from_world
+        result.append(surface.moved((moved - T[:3, 3]) @ T[:3, :3]))
+    return result, middle
+
+
+class _Path:
+    """Camera-space positions of a surface's vertices as polynomials in time."""
+
+    def __init__(self, nodes: Array, positions: Array, camera: Camera, where: str) -> None:
+        self.nodes, self.positions, self.camera, self.where = nodes, positions, camera, where
+        sign = (-1.0) ** np.arange(len(nodes))
+        sign[[0, -1]] *= 0.5  # barycentric weights of Chebyshev points (Berrut, Trefethen 2004)
+        self.weights = sign
+
+    @staticmethod
+    def through(
+        seen: Callable[[float], Array], times: tuple[float, float], camera: Camera, where: str
+    ) -> _Path:
+        span = times[1] - times[0]
+        for count in NODES:
+            x = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
+            nodes = times[0] + span * x
+            path = _Path(nodes, np.stack([seen(float(t)) for t in nodes]), camera, where)
+            worst = 0.0
+            for share in (0.31, 0.55):
+                time = times[0] + share * span
+                got = path.at(np.full(path.positions.shape[1], time))
+                worst = max(worst, path.gap(got, seen(time)))
+            if worst <= TOLERANCE:
+                return path
+        raise InputError(
+            f"{where}: its motion during the read-out; got {worst:.3g} px off a polynomial through "
+            f"{NODES[-1]} moments; expected a smooth motion"
+        )
+
+    def over(self, mean: Callable[[Array], Array]) -> _Path:
+        """The same for vertices that are means of these."""
+        positions = np.stack([mean(p) for p in self.positions])
+        return _Path(self.nodes, positions, self.camera, self.where)
+
+    def at(self, times: Array) -> Array:
+        """Positions (P, 3), each vertex at its own time (P,)."""
+        difference = times[None, :] - self.nodes[:, None]
+        hit = difference == 0.0
+        factor = self.weights[:, None] / np.where(hit, 1.0, difference)
+        factor = np.where(hit.any(axis=0), hit, factor)
+        factor /= factor.sum(axis=0)
+        return np.asarray(np.einsum("mp,mpa->pa", factor, self.positions))
+
+    def project(self, positions: Array) -> Array:
+        """Pixels (P, 2) of camera-space positions."""
+        T = self.camera.camera_from_world
+        return self.camera.project((positions - T[:3, 3]) @ T[:3, :3])
+
+    def gap(self, a: Array, b: Array) -> float:
+        """Largest distance in px between two sets of positions, of those in front."""
+        with np.errstate(invalid="ignore"):
+            distance = np.hypot(*(self.project(a) - self.project(b)).T)
+        return float(np.nan_to_num(distance, nan=0.0).max(initial=0.0))
+
+    def turn(self, positions: Array, start: float, line_time: float) -> Array:
+        """Positions at the times of the rows that ``positions`` are in.
+
+        A position that is off by e px is off by e times motion over rows read afterwards: less.
+        """
+        low, high = self.nodes.min(), self.nodes.max()
+        row = self.project(positions)[:, 1]
+        own = np.clip(start + line_time * row, low, high)
+        return self.at(np.where(np.isfinite(row), own, 0.5 * (low + high)))
+
+    def rolled(self, start: float, line_time: float) -> Array:
+        """Positions (P, 3) of the vertices at their own times."""
+        with np.errstate(invalid="ignore"):
+            rows = np.stack([self.project(p)[:, 1] for p in self.positions])
+            speed = np.abs(np.diff(rows, axis=0) / np.diff(self.nodes)[:, None] * line_time)
+        fastest = float(np.nan_to_num(speed, nan=0.0).max(initial=0.0))
+        if not fastest <= FASTEST:
+            raise InputError(
+                f"{self.where}: moves along the columns at {fastest:.3g} rows per line_time; "
+                f"expected at most {FASTEST}: rows would see a point twice or never"
+            )
+        middle = 0.5 * (self.nodes.min() + self.nodes.max())
+        positions = self.at(np.full(self.positions.shape[1], middle))
+        for _ in range(MAX_TURNS):
+            last = positions
+            positions = self.turn(last, start, line_time)
+            if self.gap(positions, last) <= 1e-6:
+                break
+        return positions
+
+
+def divided(surface: Surface) -> tuple[Surface, Callable[[Array], Array]]:
+    """Every face cut into four, and how values at vertices go over to the new ones.
+
+    Vertices keep their numbers; middles of edges and of quadrilaterals follow.
+    """
+    faces = surface.faces
+    quads = faces[:, 3] >= 0
+    sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    pairs = np.stack([faces[:, list(side)] for side in sides], axis=1)
+    pairs[~quads, 2, 1] = faces[~quads, 0]  # a triangle's third side ends at its first corner
+    pairs[~quads, 3] = pairs[~quads, 2]
+    ordered = np.sort(pairs.reshape(-1, 2), axis=1)
+    edges, inverse = np.unique(ordered, axis=0, return_inverse=True)
+    count = len(surface.points)
+    middle = count + inverse.reshape(-1, 4)
+    centre = count + len(edges) + np.cumsum(quads) - 1
+    corners = [faces[:, k] for k in range(4)]
+    four = np.stack(
+        [
+            np.stack([corners[k], middle[:, k], centre, middle[:, (k + 3) % 4]], axis=1)
+            for k in range(4)
+        ],
+        axis=1,
+    )
+    none = np.full(len(faces), -1)
+    three = np.stack(
+        [
+            np.stack([corners[0], middle[:, 0], middle[:, 2], none], axis=1),
+            np.stack([corners[1], middle[:, 1], middle[:, 0], none], axis=1),
+            np.stack([corners[2], middle[:, 2], middle[:, 1], none], axis=1),
+            np.stack([middle[:, 0], middle[:, 1], middle[:, 2], none], axis=1),
+        ],
+        axis=1,
+    )
+    new = np.where(quads[:, None, None], four, three).reshape(-1, 4).astype(np.int32)
+
+    def mean(values: Array) -> Array:
+        at_edges = 0.5 * (values[edges[:, 0]] + values[edges[:, 1]])
+        return np.concatenate([values, at_edges, values[faces[quads]].mean(axis=1)])
+
+    finer = replace(
+        surface,
+        points=mean(surface.points),
+        faces=new,
+        region=np.repeat(surface.regions, 4),
+        reference=mean(surface.rest),
+        frames=surface._all_frames(),
+    )
+    return finer, mean

@@ -2,15 +2,12 @@
 
 In the order in which data passes:
 
-- `panorama`: Pictures of surroundings, in files of radiances.
 - `lights`: Lights, in radiometric units; `gpusim.optics.light.quadrature` turns them into what is
   summed up.
 - `quadrature`: Lamps reduced to tables of point emitters, and the faces that shadows are taken
   of.
 - `environment`: Surroundings far away: what they light diffusely, and what glossy paints mirror
   of them.
-- `brdf`: Glossy reflection: microfacets after Walter et al., "Microfacet models for refraction
-  through rough surfaces" (EGSR 2007).
 - `microfacet_material`: Glossy paints of a view: their microfacets, and tables of what they
   reflect of surroundings.
 """

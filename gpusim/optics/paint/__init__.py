@@ -2,8 +2,6 @@
 
 In the order in which data passes:
 
-- `area_integrals`: Exact areas of half planes, quadrants and discs inside convex polygons
-  (float64).
 - `disc_grid`: Speckle as lists of discs per cell, for the host and the device.
 - `disc_coverage`: The share of a pixel that speckle covers.
 - `feature_grid`: Paint patterns as tables that a pixel can look up;

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.geometry.view import RegionPaint
-from gpusim.optics.paint import area_integrals
 from gpusim.surface.bitmap import MARGIN, Image, Level
 
 __all__ = [
@@ -157,8 +157,8 @@ def mean_over_polygons(
     for i, j, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
         corner = [i, j] * size - cell - at
         seen = (polygon - corner[:, None]) * weight[..., None]
-        own = area_integrals.polygon_area(seen)
-        share += sign * area_integrals.quadrant_area(seen) / np.where(own != 0.0, own, 1.0)
+        own = polygon_clipping.polygon_area(seen)
+        share += sign * polygon_clipping.quadrant_area(seen) / np.where(own != 0.0, own, 1.0)
     result: Array = ground + (value - ground) * np.clip(share, 0.0, 1.0)
     return result
 
@@ -227,7 +227,7 @@ def _in_window(image: Image, cell: Long, at: Array, polygon: Array) -> Array:
     number = np.maximum(np.ceil(np.log2(np.maximum(extent / WINDOW, 1e-9))), 0.0).astype(np.int64)
     number = np.minimum(number, len(image.levels) - 1)
     value = np.zeros(len(at))
-    twice = area_integrals.polygon_area(polygon)
+    twice = polygon_clipping.polygon_area(polygon)
     for k in np.unique(number):
         rows = np.flatnonzero(number == k)
         level, scale = image.levels[k], 0.5 ** int(k)
@@ -298,8 +298,8 @@ def _share_of_pixel(image: Image, cell: Long, at: Array, ex: Array, ey: Array) -
     for axis, length in ((0, image.pixels.shape[1]), (1, image.pixels.shape[0])):
         low = at[:, axis] + cell[:, axis]
         high = length - cell[:, axis] - at[:, axis]
-        inside = area_integrals.half_plane_share(low, ex[:, axis], ey[:, axis])
-        inside = inside + area_integrals.half_plane_share(high, ex[:, axis], ey[:, axis]) - 1.0
+        inside = polygon_clipping.half_plane_share(low, ex[:, axis], ey[:, axis])
+        inside = inside + polygon_clipping.half_plane_share(high, ex[:, axis], ey[:, axis]) - 1.0
         share = share * np.maximum(inside, 0.0)
     return share
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.geometry.anisotropic_footprint import MAX_PIECES, MAX_ROW_PIECES, MAX_SIDE_PIECES
-from gpusim.optics.paint import area_integrals
+from gpusim.optics.geometry import polygon_clipping
+from gpusim.optics.geometry.pixel_footprint import MAX_PIECES, MAX_ROW_PIECES, MAX_SIDE_PIECES
 from gpusim.optics.paint.disc_grid import DiscGrid, SpeckleGrid
 from gpusim.surface.speckle import edge_opacity
 
@@ -135,7 +135,7 @@ def _uncovered(table: DiscGrid, start: Long, stop: Long, points: Array) -> Array
 
 def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array) -> Array:
     corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
-    area = area_integrals.polygon_area(corners)
+    area = polygon_clipping.polygon_area(corners)
     reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
     along, across = _by_steepness(table, start, stop, centre, ex, ey, reach)
     y = ((np.arange(ROWS) + 0.5) / ROWS - 0.5)[:, None]
@@ -149,7 +149,7 @@ def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey
         crossing = np.abs(gap) < reach[own]
         own, disc = own[crossing], disc[crossing]
         seen = corners[own] + (centre[own] - disc[:, :2])[:, None]
-        total[own] += area_integrals.disc_area(seen, disc[:, 2]) / area[own]
+        total[own] += polygon_clipping.disc_area(seen, disc[:, 2]) / area[own]
         rows.add(own, disc)
     twice: Array = (rows.total - rows.union()).mean(axis=1)
     return np.where(whole, 1.0, np.clip(total - twice, 0.0, 1.0))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.geometry.anisotropic_footprint import MAX_CUTS, SAFETY, Pieces, pieces_of
+from gpusim.optics.geometry.pixel_footprint import MAX_CUTS, SAFETY, Pieces, pieces_of
 from gpusim.surface.speckle import EDGE, Speckle, outer_radius
 
 __all__ = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.paint import area_integrals
+from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.paint.disc_coverage import grazing_cover, polygon_cover, speckle_cover
 from gpusim.optics.paint.feature_grid import FINEST, FeatureGrid
 
@@ -125,9 +125,9 @@ def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
     share: Array = (distance < radius).astype(np.float64)
     near = np.abs(distance - radius) < reach
     if near.any():
-        inside = area_integrals.disc_area(polygon[near] + centre[near, None], radius[near])
+        inside = polygon_clipping.disc_area(polygon[near] + centre[near, None], radius[near])
         # about its own middle a polygon's area loses no figures; slivers may have none at all
-        area = area_integrals.polygon_area(polygon[near])
+        area = polygon_clipping.polygon_area(polygon[near])
         known = area != 0.0
         some = np.flatnonzero(near)[known]
         share[some] = np.clip(inside[known] / area[known], 0.0, 1.0)
@@ -149,7 +149,7 @@ def _sector(
     """
     shifted = polygon + centre[:, None]
     straight = shifted * weight[..., None]
-    area = _divisor(area_integrals.polygon_area(straight))
+    area = _divisor(polygon_clipping.polygon_area(straight))
     left = np.stack([-feature[:, 5], feature[:, 4]], axis=1)
     right = np.stack([feature[:, 7], -feature[:, 6]], axis=1)
     disc = _disc(feature, centre, polygon)
@@ -160,11 +160,11 @@ def _sector(
             gx, gy = (
                 np.sum(e * normal, axis=1) + d * pixel[2][:, k] for k, e in enumerate(pixel[:2])
             )
-            sides.append(area_integrals.half_plane_share(d, gx, gy))
+            sides.append(polygon_clipping.half_plane_share(d, gx, gy))
             continue
         along = np.sum(straight * normal[:, None], axis=2)
         across = straight[..., 1] * normal[:, :1] - straight[..., 0] * normal[:, 1:]
-        sides.append(area_integrals.half_plane_area(np.stack([along, across], axis=2)) / area)
+        sides.append(polygon_clipping.half_plane_area(np.stack([along, across], axis=2)) / area)
     parts = np.clip(np.stack([disc, *sides]), 0.0, 1.0)
     share: Array = parts.prod(axis=0)
     # whole in two of them: the third one's share is the answer
@@ -180,8 +180,8 @@ def _sector(
             stop = np.where((b < 0.0) & (a >= 0.0), np.minimum(stop, at), stop)
         stop = np.maximum(start, stop)
         u, v = p + start[..., None] * (q - p), p + stop[..., None] * (q - p)
-        swept = area_integrals.swept_area(u, v, feature[some, 2])
-        share[some] = np.clip(swept / _divisor(area_integrals.polygon_area(p)), 0.0, 1.0)
+        swept = polygon_clipping.swept_area(u, v, feature[some, 2])
+        share[some] = np.clip(swept / _divisor(polygon_clipping.polygon_area(p)), 0.0, 1.0)
     return share
 
 
@@ -260,8 +260,8 @@ def _squares(feature: Array, polygon: Array, weight: Array) -> tuple[Array, Arra
             for di, dj, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
                 corner = (square + np.array([di, dj])) * size[rows]
                 seen = (polygon[rows] - corner[:, None]) * weight[rows][..., None]
-                area = _divisor(area_integrals.polygon_area(seen))
-                share += sign * area_integrals.quadrant_area(seen) / area
+                area = _divisor(polygon_clipping.polygon_area(seen))
+                share += sign * polygon_clipping.quadrant_area(seen) / area
             even = (square + index[rows]).sum(axis=1) % 2 == 0
             value[rows] += share * np.where(even, feature[rows, 8], feature[rows, 9])
             total[rows] += share
@@ -280,11 +280,11 @@ def _corner(feature: Array, centre: Array, ex: Array, ey: Array, q: Array) -> tu
     ex, ey = ex + d * q[:, :1], ey + d * q[:, 1:]
     corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
     shifted = corners + d[:, None]
-    area = area_integrals.polygon_area(shifted)
-    right = area_integrals.half_plane_area(shifted) / area
+    area = polygon_clipping.polygon_area(shifted)
+    right = polygon_clipping.half_plane_area(shifted) / area
     swapped = shifted[..., ::-1]
-    above = area_integrals.half_plane_area(swapped) / -area
-    both = area_integrals.quadrant_area(shifted) / area
+    above = polygon_clipping.half_plane_area(swapped) / -area
+    both = polygon_clipping.quadrant_area(shifted) / area
     shares = np.stack([both, right - both, above - both, 1.0 - right - above + both], axis=1)
     corner = corner + index
     i = corner[:, :1] - np.array([0.0, 0.0, 1.0, 1.0])

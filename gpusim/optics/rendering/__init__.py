@@ -3,7 +3,6 @@
 In the order in which data passes:
 
 - `local_origin`: The origin that a picture is made from, near what it shows.
-- `background`: Work on the host side by side, where arrays are long enough for it.
 - `frame_plan`: What one frame is made by: every choice, made once before any work, with its
   reason.
 - `frame_programs`: The programs of a frame that come after the first ones: compiled while those

@@ -10,14 +10,12 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.plate_border import Border
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.visibility_buffer import MAX_BOX, compute_raster_suits
-from gpusim.optics.shading.deferred_pass import LARGE_BOX, small_triangles
 from gpusim.optics.shading.lighting import casts_shadows
+from gpusim.optics.shading.shading_pass import small_triangles
 from gpusim.optics.shading.tile_light import MIN_PIXELS
 
 __all__ = ["BAND_BYTES", "FramePlan", "plan_frame"]
@@ -34,10 +32,6 @@ MIN_ROWS_SHADOWED = 32
 LAMPS_AT_ONCE = 4
 """Lamps whose shares of all of a band fit into one binding; with more of them bands are lower."""
 
-MIN_TRIANGLES_FOR_THREAD = 2000
-"""Of a view from which on a thread gains: NumPy lets go of the interpreter in passes over long
-arrays only, and threads that wait for it get it 5 ms later."""
-
 
 @dataclass(frozen=True)
 class FramePlan:
@@ -45,27 +39,20 @@ class FramePlan:
 
     ``rows``: of a band. ``lit``, ``shadowed``: whether there are lights, and lamps whose light
     something may hide. The others are shortcuts: ``deferred``: pixels are shaded once it is known
-    which triangle each one sees, which ``compute_raster`` finds in place of the rasteriser;
-    ``whole_large``: large triangles among small ones are shaded as wholes; ``checker_lines``:
-    boards are plain but for strips along their lines; ``tile_light``: light on large planes is
-    interpolated; ``painter``: triangles of one plane are drawn without a depth buffer;
-    ``plate_border``: edge pixels of a flat plate in closed form; ``shade_first``: the device shades
-    the first band before edges and shadows are known; ``thread``: edge pixels are looked for beside
-    the rest. ``reasons``: why, by name.
+    which triangle each one sees; ``checker_lines``: boards are plain but for strips along their
+    lines; ``tile_light``: light on large planes is interpolated; ``painter``: triangles of one
+    plane are drawn without a depth buffer; ``plate_border``: edge pixels of a flat plate in closed
+    form. ``reasons``: why, by name.
     """
 
     rows: int
     lit: bool
     shadowed: bool
     deferred: bool
-    compute_raster: bool
-    whole_large: bool
     checker_lines: bool
     tile_light: bool
     painter: bool
     plate_border: bool
-    shade_first: bool
-    thread: bool
     reasons: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
 
     def replace(self, **choices: bool | int) -> FramePlan:
@@ -84,15 +71,10 @@ class FramePlan:
         return "\n".join(f"{n:15} {v!s:6} {self.reasons[n]}" for n, v in shown.items())
 
 
-SHORTCUTS = (
-    "deferred", "compute_raster", "whole_large", "checker_lines", "tile_light", "painter",
-    "plate_border", "shade_first", "thread",
-)  # fmt: skip
+SHORTCUTS = ("deferred", "checker_lines", "tile_light", "painter", "plate_border")
 
 
-def plan_frame(
-    view: View, lights: Sequence[Light] | None, device: Device, height: int | None = None
-) -> FramePlan:
+def plan_frame(view: View, lights: Sequence[Light] | None, height: int | None = None) -> FramePlan:
     """The plan of a view, of which ``height`` rows are drawn (None: all)."""
     camera, height = view.camera, height or view.camera.height
     lit, shadowed = lights is not None, casts_shadows(lights or [])
@@ -109,11 +91,6 @@ def plan_frame(
         "deferred": (
             deferred, f"{view.count} triangles of {view.mean_pixels:.0f} px in the mean"
         ),
-        "compute_raster": (
-            deferred and compute_raster_suits(device, view),
-            f"boxes up to {view.extent:.0f} px; at most {MAX_BOX:.0f}, with 64-bit atomics",
-        ),
-        "whole_large": (deferred and view.extent > LARGE_BOX, "large boxes among small ones"),
         "checker_lines": (
             not deferred and straight, "small triangles or a lens bend lines" if deferred or
             not straight else "triangles larger than fields' lines are wide",
@@ -121,10 +98,6 @@ def plan_frame(
         "tile_light": (lit and large, f"boxes of at least {MIN_PIXELS:.0f} px, lit"),
         "painter": (painter, "one plane" if painter else "triangles may hide each other"),
         "plate_border": (not lit and Border.suits(view), "one unlit plate, its ground all round"),
-        "shade_first": (
-            shadowed or rows < height, "shadows or further bands are worked on meanwhile"
-        ),
-        "thread": (view.count >= MIN_TRIANGLES_FOR_THREAD, f"{view.count} triangles"),
     }  # fmt: skip
     return FramePlan(
         **{name: value for name, (value, _) in choices.items()},  # type: ignore[arg-type]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from types import UnionType
 
@@ -13,27 +13,23 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.edge_pixels.plate_border import Border, PlateBorderPass
+from gpusim.optics.edge_pixels.plate_border import PlateBorderPass
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.geometry.face_winding import wound_inwards
+from gpusim.optics.geometry.culling import wound_inwards
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import Light, is_light
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
-from gpusim.optics.rendering.background import BackgroundTasks
 from gpusim.optics.rendering.frame_plan import FramePlan, plan_frame
 from gpusim.optics.rendering.frame_programs import frame_programs
 from gpusim.optics.rendering.local_origin import local, seen_from_origin
-from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
-from gpusim.optics.shading.lighting import find_shadows
-from gpusim.optics.shading.receiver_planes import with_shadows
 from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
@@ -112,7 +108,7 @@ def render(
     else:
         bands: list[Band] = []
         for rows, part in _parts(view, range(camera.height)):
-            plan = plan_frame(part, lights, device, len(rows))
+            plan = plan_frame(part, lights, len(rows))
             plan = plan if shortcuts else plan.without_shortcuts()
             bands += _draw(device, part, scene, plan, rows)
         frame = Frame(shown, device, tuple(bands))
@@ -130,87 +126,36 @@ class _Scene:
 
 
 def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: range) -> list[Band]:
-    """Some ``rows`` of a view, in bands; the device begins with what is ready, while the host works
-    on what comes next."""
-    visibility = None
-    if plan.deferred:
-        visibility = VisibilityBuffer(device, view, plan.rows, plan.compute_raster)
-        visibility.begin(rows.start, plan.rows)
-    with BackgroundTasks(plan.thread) as tasks:
-        edges = None if plan.plate_border else tasks.begin(find_edge_pixels, view)
-        setup = Setup.build(
-            view, scene.lights, scene.background, scene.surfaces, device, shadows=False
-        )
-        device.programs.begin(frame_programs(setup, plan.shadowed, plan.plate_border))
-        buffers, shading = _upload(device, setup, plan, visibility)
-        bands = [
-            _band(device, row0, min(plan.rows, rows.stop - row0), shading.stride)
-            for row0 in rows[:: plan.rows]
-        ]
-        if plan.shade_first:
-            _shade(device, shading, bands[0])
-        if plan.shadowed:
-            shadows = find_shadows(view, scene.lights or [], scene.surfaces, device)
-            buffers = with_shadows(buffers, shadows)
-        edge_pass: EdgePixelPass | PlateBorderPass
-        if edges is None:
-            border = Border.of(view, scene.background)
-            edge_pass = PlateBorderPass(device, border, view.camera.width)
-        else:
-            edge_pass = EdgePixelPass(buffers, edges())
-    edge_pass.begin()
-    relighting = RelightingPass(buffers, shading, plan.rows) if plan.shadowed else None
-    for band in bands:
-        if relighting is not None:
-            relighting.finish()
-        if band is not bands[0]:
-            _shade(device, shading, band)
-        elif plan.shade_first:
-            edge_pass.fetch()
-        else:
-            # before that is submitted, which it would wait for as well
-            _shade(device, shading, band, edge_pass.fetch)
-        if relighting is not None:
-            relighting.record(band.buffer, band.row0, band.rows)
-    # the host pass, while the device looks for what hides lamps from other pixels
-    edge_pass.host_pass()
-    if relighting is not None:
-        relighting.finish()
-    edge_pass.write(bands)
-    if visibility is not None:
-        visibility.release()
-    return bands
-
-
-def _upload(
-    device: Device, setup: Setup, plan: FramePlan, visibility: VisibilityBuffer | None
-) -> tuple[SceneBuffers, ShadingPass]:
-    """A setup on the device, and what shades it there."""
+    """Some ``rows`` of a view, in bands; the host resolves its edge pixels while the device lights
+    all others."""
+    setup = Setup.build(view, scene.lights, scene.background, scene.surfaces, device)
+    device.programs.begin(frame_programs(setup, plan.shadowed, plan.plate_border))
     lines = None
     if plan.checker_lines and setup.lighting.openness is None:
-        lines = BoardLines.of(setup.view, setup.printed)
-    vertex_buffers = None if visibility is None else visibility.vertex_buffers
-    buffers = SceneBuffers(device, setup, lines, vertex_buffers)
-    shading = ShadingPass(
-        buffers, plan.rows, visibility,
-        tiles=LightTiles.of(setup) if plan.tile_light else None, marked=plan.shadowed,
-        whole_large=plan.whole_large, painter=plan.painter,
-    )  # fmt: skip
-    return buffers, shading
+        lines = BoardLines.of(view, setup.printed)
+    buffers = SceneBuffers(device, setup, lines, fine=plan.deferred)
+    tiles = LightTiles.of(setup) if plan.tile_light else None
+    lit_by_all = ShadingPass(
+        buffers, plan.rows, plan.deferred, tiles=tiles, marked=plan.shadowed, painter=plan.painter
+    )
+    shading = RelightingPass(lit_by_all) if plan.shadowed else lit_by_all
+    edge_pixels: EdgePixelPass | PlateBorderPass
+    if plan.plate_border:
+        edge_pixels = PlateBorderPass(device, view, scene.background)
+    else:
+        edge_pixels = EdgePixelPass(buffers, find_edge_pixels(view))
+    bands = [
+        Band.of(device, row0, min(plan.rows, rows.stop - row0), shading.stride)
+        for row0 in rows[:: plan.rows]
+    ]
 
-
-def _band(device: Device, row0: int, rows: int, stride: int) -> Band:
-    return Band(row0, rows, stride, device.pool.take(4 * rows * stride, f"radiance[{row0}]"))
-
-
-def _shade(
-    device: Device, shading: ShadingPass, band: Band, then: Callable[[], None] | None = None
-) -> None:
-    """Shade a band; ``then``: what is done before it is submitted."""
-    with device.recording("optics.shade") as recording:
-        shading.record(recording, band.buffer, band.row0, band.rows)
-        if then is not None:
-            then()
+    edge_pixels.find()
+    for band in bands:
+        shading.draw(band)
+    edge_pixels.host_pass()
+    shading.finish()
+    edge_pixels.write(bands)
+    return bands
 
 
 def _frame_twin(view: View, scene: _Scene) -> npt.NDArray[np.float32]:

@@ -2,7 +2,6 @@
 
 In the order in which data passes:
 
-- `presets`: Real cameras, as measured by EMVA 1288 and published.
 - `emva1288`: The noise of a camera sensor by the linear model of EMVA 1288, release 4.0.
 - `sensor`: The sensor: digital numbers from linear radiance.
 """

@@ -18,8 +18,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
-from gpusim.optics.sensor.presets import CAMERAS
+from gpusim.optics.sensor.emva1288 import CAMERAS, Signal, emva_twin, expose_noisy
 from gpusim.validation import checked
 
 __all__ = ["Sensor", "sensor_twin"]
@@ -120,7 +119,7 @@ class Sensor:
 
     @staticmethod
     def preset(name: str, **changes: Any) -> Sensor:
-        """A real camera (`gpusim.optics.sensor.presets`), with some values changed."""
+        """A real camera (`gpusim.optics.sensor.emva1288`), with some values changed."""
         if name not in CAMERAS:
             raise InputError(f"Sensor preset; got {name!r}; expected one of {sorted(CAMERAS)}")
         values = dict(CAMERAS[name].values)

@@ -95,12 +95,10 @@ class Lighting:
         lights: Sequence[Light] | None,
         surfaces: Sequence[Surface] = (),
         device: Device | None = None,
-        shadows: bool = True,
     ) -> Lighting:
         """Reduce ``lights`` for ``view``; ``surfaces`` may hide them.
 
-        ``device`` looks at surroundings, NumPy without one. ``shadows``: False leaves them to
-        `find_shadows`.
+        ``device`` looks at surroundings, NumPy without one.
 
         Raises
         ------
@@ -120,14 +118,14 @@ class Lighting:
                 f"render lights; got values up to {np.abs(rows).max():.3g}; expected positions "
                 f"and intensities below {F32_MAX:.3g}"
             )
-        found = find_shadows(view, lights, surfaces, device) if shadows else None
         environment = Environment.of(lights)
         even = ambient(lights)
         gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None
         hidden, openness = SkyIrradiance.of(lights, environment), None
         if surfaces and hidden is not None:
             openness = SkyVisibility.build(view, surfaces, hidden.share, device)
-        return Lighting(rows, even, environment, gloss, found, openness)
+        shadows = find_shadows(view, lights, surfaces, device)
+        return Lighting(rows, even, environment, gloss, shadows, openness)
 
     def constants(self, glossy: bool) -> dict[str, float]:
         """Override constants of the shaders; ``glossy``: for triangles with such paint."""

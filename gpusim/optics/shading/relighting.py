@@ -1,6 +1,6 @@
 """Pixels that don't see all of every lamp, lit again by what `gpusim.optics.shadow` finds.
 
-`gpusim.optics.shading.forward_pass` lights all pixels by all lamps, and marks which triangle each
+`gpusim.optics.shading.shading_pass` lights all pixels by all lamps, and marks which triangle each
 one sees; here the device finds each lamp's share and takes off what is hidden. Pieces of pixels on
 edges, and what the host resolves, ask one by one.
 """
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Bound, Buffer, Device, Texture
-from gpusim.optics.shading.forward_pass import ShadingPass
+from gpusim.gpu import Bound, Device, Texture
+from gpusim.optics.frame import Band
 from gpusim.optics.shading.scene_buffers import SceneBuffers
+from gpusim.optics.shading.shading_pass import ShadingPass
 from gpusim.optics.shadow.lamp_visibility import CAPACITY, VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
 from gpusim.optics.shadow.receivers import (
@@ -78,19 +79,19 @@ def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
 
 
 class RelightingPass:
-    """The pixels of one view, band by band, that ``shade`` has lit by all lamps."""
+    """Draws a view's radiance band by band: ``shade`` lights all pixels by all lamps before."""
 
-    def __init__(self, buffers: SceneBuffers, shade: ShadingPass, rows: int) -> None:
-        setup = buffers.setup
+    def __init__(self, shade: ShadingPass) -> None:
+        buffers, setup = shade.buffers, shade.buffers.setup
         shadows = setup.lighting.shadows
-        assert isinstance(shadows, Shadows) and shade.marks is not None
-        self.buffers, self.shade = buffers, shade
+        assert shadows is not None and shade.marks is not None
+        self.buffers, self.shade, self.stride = buffers, shade, shade.stride
         self._casting = shadows.casting
         # a relief may turn normals any way
         self._spaces = shadows.spaces if setup.bumps is None else shadows.turned(1.0)
-        self._receivers = self._pixels(shadows, shade.marks, rows)
+        self._receivers = self._pixels(shadows, shade.marks, shade.rows)
         self._found = _found_by(shadows, self._receivers, "band")
-        self._band: tuple[Buffer, int, int] | None = None
+        self._band: Band | None = None
         self._tiles = buffers.device.empty(4 * self._receivers.most_groups, "relit.tiles_listed")
         self._counters = buffers.device.empty(16, "relit.counters")
         self._groups = buffers.device.empty(12, "relit.groups")
@@ -106,40 +107,41 @@ class RelightingPass:
         ids = device.empty(marks.stride * rows, "shadow.ids")
         return DevicePixels(device, shadows.occluders, camera, rows, planes, ids, *layout)
 
-    def record(self, radiance: Buffer, row0: int, rows: int) -> None:
-        """Let the device light a band again, which ``shade`` has left last; `finish` is to follow
-        before it goes on."""
-        self._band = radiance, row0, rows
-        self._receivers.aim(row0, rows)
+    def draw(self, band: Band) -> None:
+        """Shade a band; `finish` is to follow the last one."""
+        self.finish()
+        self._draw(band)
+        self._band = band
+
+    def _draw(self, band: Band) -> None:
+        self.shade.draw(band)
+        self._receivers.aim(band.row0, band.rows)
         with self.buffers.device.recording("optics.shadow") as recording:
             assert self.shade.marks is not None
-            recording.copy_texture(self.shade.marks, self._receivers.ids, rows)
+            recording.copy_texture(self.shade.marks, self._receivers.ids, band.rows)
         self._found.record(self._spaces)
-        self._relight(radiance, row0, rows)
+        self._relight(band)
 
     def finish(self) -> None:
         """Do the last band again where the lists of what hides lamps were too short; waits for the
         device."""
         while self._band is not None and _enlarged(self._found, self._spaces):
-            radiance, row0, rows = self._band
-            with self.buffers.device.recording("optics.shade") as recording:
-                self.shade.record(recording, radiance, row0, rows)
-            self.record(radiance, row0, rows)
+            self._draw(self._band)
         self._band = None
 
-    def _relight(self, radiance: Buffer, row0: int, rows: int) -> None:
+    def _relight(self, band: Band) -> None:
         setup, width = self.buffers.setup, self.buffers.setup.view.camera.width
         glossy = bool(setup.shiny.any())
         constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
         constants["scaled"] = float(not glossy)
         params = {
-            "rays": self.buffers.rays(), "width": width, "rows": rows,
-            "stride": self.shade.stride, "row0": row0, "casting": self._casting,
+            "rays": self.buffers.rays(), "width": width, "rows": band.rows,
+            "stride": self.stride, "row0": band.row0, "casting": self._casting,
         }  # fmt: skip
         bound = Bound(
             self.buffers.device,
             {
-                "params": params, "radiance": radiance, "marks": self.shade.marks,
+                "params": params, "radiance": band.buffer, "marks": self.shade.marks,
                 "lamp_shares": self._found.shares, "states": self._found.states,
                 "halves": self._receivers.halves, "listed": self._tiles,
                 "counters": self._counters, "groups_of": self._groups, **self.buffers.surface(),
@@ -147,7 +149,7 @@ class RelightingPass:
         )  # fmt: skip
         with self.buffers.device.recording("optics.relit") as recording:
             recording.clear(self._counters)
-            count = -(-width // TILE) * -(-rows // TILE)
+            count = -(-width // TILE) * -(-band.rows // TILE)
             name = "optics/shading/relighting"
             bound.run(recording, name, "list_tiles", constants, threads=(count,))
             bound.run(recording, name, "count_tiles", constants, groups=(1,))

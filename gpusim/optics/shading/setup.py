@@ -7,7 +7,7 @@ evaluate the same coefficients at pixels.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,7 @@ from gpusim.optics.paint.bitmap import BITMAP, PIECES, BitmapTable, pieces_neede
 from gpusim.optics.paint.checker_lines import matte_boards, within_fields
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
-from gpusim.optics.raster.coefficients import (
+from gpusim.optics.shading.coefficients import (
     BLOCK,
     CoefficientCache,
     Coefficients,
@@ -30,7 +30,6 @@ from gpusim.optics.raster.coefficients import (
     coefficients,
 )
 from gpusim.optics.shading.lighting import Lighting, SharesOf
-from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.surface import Surface
 
 __all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "radiance_of"]
@@ -78,23 +77,15 @@ class Setup:
         background: float,
         surfaces: Sequence[Surface] = (),
         device: Device | None = None,
-        shadows: bool = True,
     ) -> Setup:
         """Set up every triangle of ``view``; ``lights`` None shows the albedo itself.
 
-        ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at. ``shadows``:
-        False leaves them to `with_shadows`.
+        ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at.
         """
         table = FeatureGrid.build(view.paints, view.extent)
         bitmaps = BitmapTable.build(view.paints, table.paints)
-        lighting = Lighting.build(view, lights, surfaces, device, shadows)
+        lighting = Lighting.build(view, lights, surfaces, device)
         return Setup(view, table, bitmaps, lighting, background, lights is not None)
-
-    def with_shadows(self, shadows: Shadows | None) -> Setup:
-        """The same view with shadows."""
-        result = replace(self, lighting=replace(self.lighting, shadows=shadows))
-        result.__dict__["_near_and_albedo"] = self._near_and_albedo
-        return result
 
     @cached_property
     def _near_and_albedo(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:

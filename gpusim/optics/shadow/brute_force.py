@@ -2,7 +2,7 @@
 
 This says what is true, not how it is found: a sample of a lamp is hidden by an occluder that the
 way to it enters from outside (of closed bodies) or passes through (of open surfaces). Where an
-occluder's plane passes through the pixel itself, `gpusim.optics.shadow.sample_mask` says what
+occluder's plane passes through the pixel itself, `gpusim.optics.shadow.light_space` says what
 counts.
 """
 
@@ -15,11 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.light.quadrature import Lamp
-from gpusim.optics.shadow.bvh_refit import planes_of, single_sheets
-from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
-from gpusim.optics.shadow.occluders import Occluders
-from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.shadow.sample_mask import (
+from gpusim.optics.shadow.light_space import (
     AGAINST,
     BESIDE,
     COLUMNS,
@@ -27,9 +23,13 @@ from gpusim.optics.shadow.sample_mask import (
     STEP_A,
     STEP_B,
     TOLERANCE,
+    LightSpace,
     lamp_masks,
+    lamp_numbers,
     lattice,
 )
+from gpusim.optics.shadow.occluders import Occluders, planes_of, single_sheets
+from gpusim.optics.shadow.receivers import Receivers
 
 __all__ = ["EdgeFunctions", "edge_functions", "shares_of", "shares_twin", "visible_footprint"]
 

@@ -1,20 +1,35 @@
-"""What receivers see of lamps: all stages of one lamp after the other, in one submission."""
+"""What receivers see of lamps: all stages of one lamp after the other, in one submission.
+
+*Search*: an occluder that is surely between all receivers of an entry and the lamp, turned one way,
+hides *as a whole* with its neighbours that are, too: only the ends of that, its silhouette and
+where it leaves the shaft, are listed, and nodes that lie wholly in the shaft have none. Other
+occluders are listed *alone*. Without either an entry is lit or in the umbra, which a winding number
+tells. Lists lie in chunks of a pool. Where that is used up, what is missing is counted and nothing
+that comes after the search is done.
+
+*Refinement*: drops occluders listed alone that hide nothing from any receiver of the entry. An
+entry's box in light space is larger than what its receivers look from, and nearly all of an open
+sheet that they lie on is listed. Most of it is below the planes that they see, or beside the way;
+what is left is tested receiver by receiver.
+
+*Mask*: the share of a lamp that receivers in penumbra see, on the mask of
+`gpusim.optics.shadow.light_space`. Ends of what hides the lamp as a whole are wound round its
+samples: as often as layers hide them, modulo 64. Those behind occluders that stand alone are taken
+off besides.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
-from gpusim.optics.shadow.bvh_refit import OccluderBVH
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
-from gpusim.optics.shadow.occluder_refinement import record_refinement
-from gpusim.optics.shadow.occluder_search import CHUNK, COUNTERS, HALF, UMBRA, OccluderSearch
-from gpusim.optics.shadow.occluders import Occluders
-from gpusim.optics.shadow.penumbra_mask import record_masks
+from gpusim.optics.shadow.occluders import OccluderBVH, Occluders
 from gpusim.optics.shadow.receiver_groups import entries_of, record_cells, record_groups
 from gpusim.optics.shadow.receivers import (
     DeviceReceivers,
@@ -23,18 +38,81 @@ from gpusim.optics.shadow.receivers import (
     on_device,
 )
 
-__all__ = ["STAGES", "VisibleShares", "visible_shares"]
+__all__ = ["HALF", "LIT", "STAGES", "UMBRA", "OccluderSearch", "VisibleShares"]
 
 STAGES = ("refit", "cells", "groups", "search", "refine", "mask")
 
 CAPACITY = 1 << 14
 """Chunks that the pool begins with: 2 MiB."""
 
+LIT, UMBRA, HALF = range(3)
+"""What an entry sees of a lamp."""
+
+COUNTERS = ("taken", "sifted", "refined", "penumbra", "mixed")
+
+CHUNK = 128
+"""Bytes of a chunk of the pool."""
+
+COARSE = 4
+"""Tiles, each way, that are looked at together first."""
+
+
+class OccluderSearch:
+    """Lists of entries, for one lamp after the other."""
+
+    def __init__(self, device: Device, receivers: DeviceReceivers, capacity: int) -> None:
+        self._receivers, self.capacity = receivers, capacity
+        entries = 2 * receivers.most_groups
+        self.groups_of = device.empty(48 * entries, "shadow.groups")
+        self.pool = device.empty(CHUNK * capacity, "shadow.pool")
+        self.heads = device.empty(16 * entries, "shadow.heads")
+        # entries to sift, to refine, in penumbra by ends alone, and by single occluders, too
+        self.work = device.empty(16 * entries, "shadow.work")
+        # of all that there is room for: a band may be shorter than those that follow
+        across, down = self._coarse_size(receivers.most_groups)
+        self.coarse = device.empty(8 * across * down, "shadow.coarse")
+        self.next_groups = device.empty(12, "shadow.next_groups")
+
+    def _coarse_size(self, groups: int) -> tuple[int, int]:
+        columns = self._receivers.columns
+        return -(-columns // COARSE), max(-(-groups // columns // COARSE), 1)
+
+    def bindings(self) -> dict[str, Any]:
+        """By their WGSL names."""
+        return {
+            "pool": self.pool, "heads": self.heads, "work": self.work, "coarse": self.coarse,
+            "next_groups": self.next_groups,
+        }  # fmt: skip
+
+    def record(self, recording: Recording, bound: Bound) -> None:
+        """Fill the lists."""
+        receivers = self._receivers
+        name, constants = "optics/shadow/occluder_search", receivers.kind
+        if receivers.listed:
+            bound.run(recording, name, "listed_groups", constants, threads=(receivers.entries,))
+        else:
+            across, down = self._coarse_size(receivers.groups)
+            bound.run(recording, name, "coarse_tiles", constants, threads=(2 * across * down,))
+            rows = receivers.groups // receivers.columns
+            groups = 2 * -(-receivers.columns // 8) * -(-rows // 8)
+            bound.run(recording, name, "tiles_of_pixels", constants, groups=(groups,))
+
+    def run_counted(
+        self, recording: Recording, bound: Bound, name: str, what: str, entry: str = "main"
+    ) -> None:
+        """Run a kernel on the entries that one before it has counted: what is "sifted", "refined",
+        in "penumbra" or "mixed"."""
+        constants = self._receivers.constants
+        bound.run(
+            recording, "optics/shadow/occluder_search", f"count_{what}", constants, groups=(1,)
+        )
+        bound.run(recording, name, entry, constants, counted=self.next_groups)
+
 
 class VisibleShares:
     """What receivers see of lamps, found on a device; what is bound stays for the next time.
 
-    ``states`` (L, E) uint32: of each lamp and entry, see `gpusim.optics.shadow.occluder_search`;
+    ``states`` (L, E) uint32: of each lamp and entry, `LIT`, `UMBRA` or `HALF`;
     ``shares`` (L, n) float32: of receivers in entries that see a lamp in part, of those in a list
     all.
     """
@@ -215,18 +293,15 @@ class _SpaceOnDevice:
             search.record(recording, bound)
         if "refine" in stages:
             recording.begin("optics.shadow.refine")
-            record_refinement(recording, search, bound)
+            name = "optics/shadow/occluder_refinement"
+            search.run_counted(recording, bound, name, "sifted", "sift")
+            search.run_counted(recording, bound, name, "refined")
         if "mask" in stages:
             recording.begin("optics.shadow.mask")
-            record_masks(recording, receivers, search, bound)
-
-
-def visible_shares(
-    device: Device,
-    occluders: Occluders,
-    points: npt.NDArray[np.float32],
-    spaces: Sequence[LightSpace],
-    receivers: Receivers | PixelReceivers,
-) -> npt.NDArray[np.float32]:
-    """(n, L): see `VisibleShares.find`."""
-    return VisibleShares(device, occluders, receivers).find(points, spaces)
+            name = "optics/shadow/penumbra_mask"
+            search.run_counted(recording, bound, name, "penumbra")
+            search.run_counted(recording, bound, name, "mixed", "mixed")
+            if receivers.listed:  # the shares of all others, too
+                bound.run(
+                    recording, name, "plain", receivers.constants, threads=(receivers.groups,)
+                )

@@ -1,8 +1,13 @@
-"""Occluders: the triangles of all surfaces in Morton order, and what lies across their edges.
+"""Occluders: the triangles of all surfaces in Morton order, and a tree over them for each lamp.
 
-Both stay while vertices move, and so does the tree over them, whose boxes are fitted again for each
-lamp (Karras, "Maximizing parallelism in the construction of BVHs, octrees, and k-d trees", 2012,
-without his search for splits: the tree halves the order).
+Their order and what lies across their edges stay while vertices move, and so does the tree, whose
+boxes are fitted again for each lamp (Karras, "Maximizing parallelism in the construction of BVHs,
+octrees, and k-d trees", 2012, without his search for splits: the tree halves the order).
+
+Of a lamp's tree boxes in its light space around occluders are known, and which way these face it.
+Nodes are numbered from the root, 1; node i has the children 2 i and 2 i + 1, so that what follows
+in depth-first order is found without a stack. A node is *uniform* where all in it, and all that
+lies across its edges, is turned the same way to all of the lamp.
 """
 
 from __future__ import annotations
@@ -10,17 +15,31 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Device, Texels
+from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
 from gpusim.optics.geometry.triangle_corners import CHUNK, parts
+from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["NO_OCCLUDER", "SHEETS", "DeviceOccluders", "Occluders", "relative_points"]
+__all__ = [
+    "NO_OCCLUDER",
+    "SHEETS",
+    "DeviceOccluders",
+    "OccluderBVH",
+    "Occluders",
+    "box_ends",
+    "facing",
+    "planes_of",
+    "refit_twin",
+    "relative_points",
+    "single_sheets",
+]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -176,3 +195,200 @@ class DeviceOccluders:
                 f"shadows vertices; got shape {points.shape}; expected ({used}, 3) at least"
             )
         self.vertices.write(points[:used])
+
+
+HIDES_NOTHING, AWAY, TOWARDS, SPLIT, SPLIT_OPEN, AWAY_OPEN, CROSSING, KIND = range(8)
+UNIFORM, OPEN, CLOSED, SHEET = 8, 16, 32, 64
+"""Words of nodes, as in ``shaders/optics/shadow/light_space.wgsl``."""
+
+LEVELS = 7
+"""Of a tree that one dispatch joins."""
+
+NAME = "optics/shadow/bvh_refit"
+
+
+class OccluderBVH:
+    """Occluders on a device, and the tree of each light space, which stays until they move."""
+
+    def __init__(self, device: Device, occluders: Occluders) -> None:
+        self.device, self.occluders = device, occluders
+        self.placed = DeviceOccluders(device, occluders)
+        self._boxes = device.empty(64 * occluders.leaves, "shadow.boxes")
+        self._levels = []
+        first = occluders.leaves
+        while first > 1:
+            numbers = {"count": occluders.count, "leaves": occluders.leaves, "first": first}
+            self._levels.append((first, Uniform(device, numbers, "shadow.tree")))
+            first >>= LEVELS
+        own = self.placed
+        self._gathering = Bound(
+            device,
+            {
+                "tree": self._levels[0][1], "vertices": own.vertices, "triangles": own.triangles,
+                "gathered": own.records,
+            },
+        )  # fmt: skip
+        self._gathered = True
+        self._trees: list[_Tree] = []
+        self.notes: dict[str, object] = {}
+        """What others keep with these from one frame to the next."""
+
+    def move(self, points: npt.NDArray[np.float32]) -> None:
+        """Put the vertices at ``points`` (V, 3), relative to the eye."""
+        self.placed.move(points)
+        self._gathered = False
+        for tree in self._trees:
+            tree.space = None
+
+    def bindings(self, place: int) -> dict[str, Any]:
+        """By their WGSL names; of the space with this number among all."""
+        while place >= len(self._trees):
+            self._trees.append(_Tree(self.device, self.occluders.leaves))
+        tree, placed = self._trees[place], self.placed
+        return {
+            "occluders": placed.records, "neighbours": placed.neighbours, "nodes": tree.nodes,
+            "sides": tree.sides,
+        }  # fmt: skip
+
+    def gather(self, recording: Recording) -> None:
+        """Put corners of occluders side by side, where vertices have moved."""
+        if not self._gathered:
+            self._gathered = True
+            self._gathering.run(recording, NAME, "gather", threads=(self.occluders.count,))
+
+    def fit(self, recording: Recording, place: int, space: LightSpace) -> None:
+        """Let the tree with this number be that of a space."""
+        self.gather(recording)
+        shared = {**self.bindings(place), "boxes": self._boxes}
+        tree = self._trees[place]
+        if tree.suits(space):
+            return
+        tree.space = space
+        if tree.bound:
+            tree.light.update(space.uniform())
+        else:
+            tree.light = Uniform(self.device, space.uniform(), "shadow.light")
+            shared["light"] = tree.light
+            tree.bound = [Bound(self.device, {**shared, "tree": own}) for _, own in self._levels]
+        recording.clear(tree.sides)
+        tree.bound[0].run(recording, NAME, "leaves", threads=(self.occluders.leaves,))
+        for (first, _), bound in zip(self._levels, tree.bound, strict=True):
+            bound.run(recording, NAME, "levels", groups=(max(first >> LEVELS, 1),))
+
+
+class _Tree:
+    """Nodes, and the space that they are of."""
+
+    light: Uniform
+
+    def __init__(self, device: Device, leaves: int) -> None:
+        self.nodes: Texels = device.texels(4 * leaves, "rgba32float", "shadow.nodes")
+        self.sides = device.empty(4 * SHEETS, "shadow.sides")
+        self.space: LightSpace | None = None
+        self.bound: list[Bound] = []
+
+    def suits(self, space: LightSpace) -> bool:
+        """Whether nothing that the nodes depend on differs."""
+        own = self.space
+        return own is not None and own.lamp is space.lamp and bool((own.axis == space.axis).all())
+
+
+def planes_of(corners: Array) -> Array:
+    """(T, 4): unit normals, zero of what has no area, and offsets of triangles (T, 3, 3)."""
+    a, b, c = (corners[:, k] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    size = np.linalg.norm(normal, axis=1)
+    normal /= np.where(size > 0.0, size, 1.0)[:, None]
+    return np.column_stack([normal, np.sum(normal * corners.mean(axis=1), axis=1)])
+
+
+def facing(space: LightSpace, corners: Array, is_open: npt.NDArray[np.bool_]) -> Numbers:
+    """(T,): the way that triangles (T, 3, 3) face a lamp."""
+    planes = space.planes(planes_of(corners))
+    slack = ANGLE if space.lamp.far else 4.0 * space.rounding
+    reach = space.extent(planes) + slack
+    away, towards = planes[:, 2] + reach < 0.0, planes[:, 2] - reach > 0.0
+    result = np.where(is_open, SPLIT_OPEN, SPLIT)
+    result = np.where(away, np.where(is_open, AWAY_OPEN, AWAY), result)
+    result = np.where(towards, np.where(is_open, TOWARDS, HIDES_NOTHING), result)
+    if space.lamp.far:
+        return result
+    behind = space.ahead(corners.reshape(-1, 3)).reshape(-1, 3) < space.begin
+    crossing = np.where(behind.all(axis=1), HIDES_NOTHING, CROSSING)
+    return np.where(behind.any(axis=1) & (result != HIDES_NOTHING), crossing, result)
+
+
+def box_ends(space: LightSpace, corners: Array) -> tuple[Array, Array]:
+    """Low and high ends (T, 3) of boxes around triangles (T, 3, 3)."""
+    low = np.full((len(corners), 3), UNLIMITED)
+    high = -low
+    for k in range(3):
+        a, b = corners[:, k], corners[:, (k + 1) % 3]
+        start, stop = space.ahead(a), space.ahead(b)
+        here = np.ones(len(a), bool) if space.lamp.far else start >= space.begin
+        place = space.place(a)
+        slack = space.rounding_at(place)
+        low[here] = np.minimum(low, place - slack)[here]
+        high[here] = np.maximum(high, place + slack)[here]
+        if space.lamp.far:
+            continue
+        cuts = np.flatnonzero((start < space.begin) != (stop < space.begin))
+        share = ((space.begin - start) / np.where(stop != start, stop - start, 1.0))[cuts, None]
+        y = a[cuts] + np.clip(share, 0.0, 1.0) * (b - a)[cuts] - space.centre
+        beside = np.stack([y @ space.across, y @ space.along], axis=1)
+        least = np.where(beside < space.begin, -UNLIMITED, beside / space.begin)
+        most = np.where(beside > -space.begin, UNLIMITED, beside / space.begin)
+        low[cuts, :2] = np.minimum(low[cuts, :2], least)
+        high[cuts, :2] = np.maximum(high[cuts, :2], most)
+        high[cuts, 2] = UNLIMITED
+    return low, high
+
+
+def single_sheets(space: LightSpace, occluders: Occluders, corners: Array) -> Numbers:
+    """(T,): ``sheet`` of occluders with ``corners`` (T, 3, 3) where it hides nothing of itself on
+    the side that a lamp lights, else 0: all of it turns one side to all of the lamp."""
+    kind = facing(space, corners, occluders.open)
+    result = np.zeros_like(occluders.sheet)
+    for number in range(1, SHEETS + 1):
+        if space.sheets >> (number - 1) & 1:
+            own = occluders.sheet == number
+            if (kind[own] == TOWARDS).all() or (kind[own] == AWAY_OPEN).all():
+                result[own] = number
+    return result
+
+
+def refit_twin(
+    occluders: Occluders, points: Array, space: LightSpace
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Boxes (2 L, 7), low and high ends of p, q and s and the lowest s with its neighbours', and
+    words (2 L,) of the nodes over L leaves; ``points`` (V, 3) relative to the eye."""
+    corners, leaves = points[occluders.triangles], occluders.leaves
+    kind = facing(space, corners, occluders.open)
+    low, high = box_ends(space, corners)
+    beside = np.where(occluders.neighbours == NO_OCCLUDER, 0, occluders.neighbours)
+    alone = occluders.neighbours == NO_OCCLUDER
+    same = np.isin(kind, (AWAY, TOWARDS, AWAY_OPEN)) & ~alone.any(axis=1)
+    same &= (kind[beside] == kind[:, None]).all(axis=1)
+    ring = np.minimum(low[:, 2], np.where(alone, UNLIMITED, low[beside, 2]).min(axis=1))
+    word = kind + UNIFORM * same + np.where(occluders.open, OPEN * same, CLOSED)
+    word += SHEET * np.where(occluders.sheet <= SHEETS, occluders.sheet, 0)
+    boxes = np.full((2 * leaves, 7), UNLIMITED)
+    boxes[:, 3:6] = -UNLIMITED
+    words = np.zeros(2 * leaves, np.int64)
+    used = np.flatnonzero(kind != HIDES_NOTHING)
+    boxes[leaves + used] = np.column_stack([low, high, ring])[used]
+    words[leaves + used] = word[used]
+    first = leaves
+    while first > 1:
+        one, other = boxes[first : 2 * first : 2], boxes[first + 1 : 2 * first : 2]
+        a, b = words[first : 2 * first : 2], words[first + 1 : 2 * first : 2]
+        first //= 2
+        boxes[first : 2 * first] = np.minimum(one, other)
+        boxes[first : 2 * first, 3:6] = np.maximum(one[:, 3:6], other[:, 3:6])
+        joined = np.where(a == 0, b, np.where((b == 0) | (a == b), a, 0))
+        mixed = (a | b) & CLOSED
+        mixed = np.where((mixed == 0) & ((a | b) != 0), KIND, mixed)
+        same = (a == 0) | (b == 0) | (a // SHEET == b // SHEET)
+        mixed += SHEET * np.where(same, (a | b) // SHEET, 0)
+        words[first : 2 * first] = np.where(joined & UNIFORM, joined, mixed)
+    return boxes, words

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Recording
-from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
+from gpusim.optics.shadow.light_space import ANGLE, TOLERANCE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.receivers import (
     APART,
     TILE,
@@ -21,7 +21,6 @@ from gpusim.optics.shadow.receivers import (
     PixelReceivers,
     Receivers,
 )
-from gpusim.optics.shadow.sample_mask import TOLERANCE
 
 __all__ = ["asking", "cells_twin", "entries_of", "groups_twin", "record_cells", "record_groups"]
 

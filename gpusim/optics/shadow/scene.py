@@ -13,9 +13,15 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.quadrature import Lamp, check_number
 from gpusim.optics.shadow.brute_force import shares_of
-from gpusim.optics.shadow.bvh_refit import OccluderBVH, box_ends, planes_of, single_sheets
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers, light_spaces
-from gpusim.optics.shadow.occluders import Occluders, relative_points
+from gpusim.optics.shadow.occluders import (
+    OccluderBVH,
+    Occluders,
+    box_ends,
+    planes_of,
+    relative_points,
+    single_sheets,
+)
 from gpusim.optics.shadow.receivers import TILE, Receivers
 from gpusim.optics.shadow.single_layer import wound_once
 from gpusim.surface.surface import Surface

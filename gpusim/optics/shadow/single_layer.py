@@ -19,7 +19,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.optics.geometry.feature_edges import border_of
-from gpusim.optics.geometry.surface_normals import SurfaceNormals, surface_normals
+from gpusim.optics.geometry.vertex_attributes import SurfaceNormals, surface_normals
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces

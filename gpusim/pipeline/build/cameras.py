@@ -15,8 +15,7 @@ from gpusim.optics.calibration.formats import read_rig
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens import psf
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
-from gpusim.optics.lens.thin_lens import Lens
-from gpusim.optics.lens.vignetting import Vignetting
+from gpusim.optics.lens.thin_lens import Lens, Vignetting
 from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,

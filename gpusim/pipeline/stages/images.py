@@ -23,8 +23,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.change_detection import same_surfaces, unseen_change
 from gpusim.optics.frame import Frame
 from gpusim.optics.lens.exposure import photograph
-from gpusim.optics.lens.rolling_shutter import rolled
-from gpusim.optics.lens.shutter import SurfacesAt
+from gpusim.optics.lens.shutter import SurfacesAt, rolled
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.sensor.sensor import Sensor

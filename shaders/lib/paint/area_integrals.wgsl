@@ -1,5 +1,5 @@
 // Exact areas of simple shapes inside a pixel's footprint, in float32 without cancellation.
-// The NumPy form is gpusim/optics/paint/area_integrals.py; both are compared with sampling in the tests.
+// The NumPy form is gpusim/optics/geometry/polygon_clipping.py; both are compared with sampling in the tests.
 //
 // A footprint is a convex polygon in paint coordinates. Green's theorem turns each area into a
 // sum over its edges, so that a shape needs one function of an edge only.

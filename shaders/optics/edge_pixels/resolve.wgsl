@@ -129,7 +129,7 @@ const LEFT_OUT: f32 = 1e-5;
 // px^2 of a triangle round a corner that may be lit as a rectangle.
 const SMALL: f32 = 0.01;
 
-// What is seen of such a triangle is what is left by those before it: gpusim/optics/edge_pixels/background_moments.py.
+// What is seen of such a triangle is what is left by those before it: gpusim/optics/edge_pixels/fragment_shading.py.
 const BACKDROP: u32 = 0x80000000u;
 
 // Seen share of a pixel from which on nothing behind can matter.

@@ -14,7 +14,7 @@ struct Params {
 @group(0) @binding(6) var<storage, read> corners: array<u32>;
 
 struct Varying {
-    @invariant @builtin(position) position: vec4f,
+    @builtin(position) position: vec4f,
     @location(0) @interpolate(flat, either) id: u32,
 }
 

@@ -3,8 +3,8 @@
 //
 // All that a large triangle's pixels share travels in flat varyings, which cost nothing per pixel.
 // Where triangles are small, that and the pixels beside them that are shaded in vain cost more than
-// the picture: which one each pixel sees is found first (compute_raster.wgsl or id_buffer.wgsl), then every
-// pixel reads its own one's record.
+// the picture: which one each pixel sees is found first (id_buffer.wgsl), then every pixel reads its
+// own one's record.
 #import lib/paint/bitmap
 #import lib/paint/checker_lines
 #import lib/paint/feature_grid
@@ -36,8 +36,7 @@ struct Params {
 @group(0) @binding(11) var light_tiles: texture_2d<f32>;
 
 struct Varying {
-    // large triangles are drawn where id_buffer.wgsl found them
-    @invariant @builtin(position) position: vec4f,
+    @builtin(position) position: vec4f,
     @location(0) @interpolate(flat, either) st: vec4f,
     @location(1) @interpolate(flat, either) tw: vec4f,
     @location(2) @interpolate(flat, either) n0: vec4f,
@@ -157,21 +156,6 @@ fn fragment_numbered(in: Varying) -> Numbered {
 // number + 1 of the triangle that each pixel's centre sees
 @group(0) @binding(9) var ids: texture_2d<u32>;
 
-// Of a large triangle the pixels that see it, where small ones are shaded pixel by pixel.
-fn is_seen(in: Varying) -> bool {
-    return textureLoad(ids, vec2u(in.position.xy), 0).x == in.id + 1u;
-}
-@fragment
-fn fragment_own(in: Varying) -> @location(0) f32 {
-    if (!is_seen(in)) { discard; }
-    return shade_inside(in).x;
-}
-@fragment
-fn fragment_own_marked(in: Varying) -> Marked {
-    if (!is_seen(in)) { discard; }
-    return marked(shade_inside(in), in.id + 1u);
-}
-
 // per triangle a byte, which program it has; sixteen of them a texel
 @group(0) @binding(10) var levels: texture_2d<u32>;
 
@@ -180,20 +164,6 @@ fn fragment_own_marked(in: Varying) -> Marked {
 fn vertex_band(@builtin(vertex_index) index: u32) -> @invariant @builtin(position) vec4f {
     let corner = vec2f(f32(index & 1u), f32(index >> 1u));
     return vec4f(4.0 * corner - 1.0, params.level, 1.0);
-}
-// The same of some tiles of the picture, whose column and row are 16 bits each of `order`.
-const TILE: i32 = 32;
-@vertex
-fn vertex_tiles(@builtin(vertex_index) index: u32) -> @invariant @builtin(position) vec4f {
-    let tile = order[index / 6u];
-    let k = index % 6u;
-    // the second triangle has the corners of the first, turned round
-    let own = select(k, k - 3u, k > 2u);
-    let turned = select(0u, 1u, k > 2u);
-    let corner = vec2u(own & 1u, own >> 1u) ^ vec2u(turned);
-    let at = TILE * vec2i(vec2u(tile & 0xffffu, tile >> 16u) + corner) - vec2i(0, params.row0);
-    let place = 2.0 * vec2f(at) / vec2f(params.width, params.rows) - 1.0;
-    return vec4f(place.x, -place.y, params.level, 1.0);
 }
 // Depths by program: each then draws the band where they equal its own.
 const LEVELS: f32 = 64.0;

@@ -1,6 +1,6 @@
 // A lamp's tree over triangles in Morton order: the boxes of its leaves and, seven levels a dispatch,
 // of what is above them. Node 1 is the root, node i has the children 2 i and 2 i + 1.
-// The NumPy form is gpusim/optics/shadow/bvh_refit.py.
+// The NumPy form is gpusim/optics/shadow/occluders.py.
 #import lib/numeric/index
 #import optics/shadow/light_space
 

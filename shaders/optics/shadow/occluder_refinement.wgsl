@@ -1,6 +1,6 @@
 // Drops single occluders that hide nothing from any receiver of an entry: at first those that are below the
 // planes in which receivers lie, or beside, a thread for each entry; then receiver by receiver, a workgroup
-// for each. The NumPy form is gpusim/optics/shadow/occluder_refinement.py.
+// for each. The NumPy form is gpusim/optics/shadow/lamp_visibility.py.
 #import lib/numeric/index
 #import optics/shadow/single_occluder
 #import optics/shadow/lists

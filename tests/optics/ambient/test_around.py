@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gpusim.gpu import Device
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
-from gpusim.optics.ambient.sample_points import SamplePoints
-from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
-from gpusim.optics.ambient.silhouette_bvh import SilhouetteBVH
-from gpusim.optics.ambient.silhouette_search import silhouettes_near
+from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, SilhouetteBVH
+from gpusim.optics.ambient.silhouette_search import SilhouetteBuffers, silhouettes_near
 
 
 def test_lists_of_many_faces_are_whole(device: Device) -> None:

@@ -8,22 +8,24 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.ambient.edge_adjacency import EdgeAdjacency
 from gpusim.optics.ambient.hemisphere_mask import (
-    SilhouetteLists,
     directions,
     hemisphere_masks,
     hemisphere_masks_twin,
 )
-from gpusim.optics.ambient.sample_points import SamplePoints, tangent
-from gpusim.optics.ambient.silhouette_buffers import SilhouetteBuffers
-from gpusim.optics.ambient.silhouette_search import in_groups, silhouettes_near
+from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, tangent
+from gpusim.optics.ambient.silhouette_search import (
+    SilhouetteBuffers,
+    SilhouetteLists,
+    in_groups,
+    silhouettes_near,
+)
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.scenes import block
 

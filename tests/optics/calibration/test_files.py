@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.optics.calibration.common import angles_of, from_angles
+from gpusim.optics.calibration.document import angles_of, from_angles
 from tests.support.optics_rigs import rig
 
 

@@ -15,10 +15,10 @@ from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band
 from gpusim.optics.geometry.clipping import CHORD, ImagePlane
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shading.forward_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
+from gpusim.optics.visibility_buffer import visibility_twin
 from tests.support.optics_reference import Plate, difference, pattern, reference
 from tests.support.optics_rigs import RIGS, rig
 
@@ -136,8 +136,8 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
     compare("bent shade", got.reshape(-1)[inside], twin.reshape(-1)[inside], "pixel")
     flat = device.buffer(np.full(shape, 0.25, np.float32), "bent.radiance")
     edge_pass = EdgePixelPass(tables, edges)
-    edge_pass.begin()
-    edge_pass.fetch()
+    edge_pass.find()
+    edge_pass.host_pass()
     edge_pass.write([Band(0, camera.height, camera.width, flat)])
     want = edges_twin(setup, edges, np.full(shape, 0.25, np.float32))
     compare("bent edges", flat.read(np.float32, shape), want, "pixel")

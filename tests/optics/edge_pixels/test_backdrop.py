@@ -9,8 +9,8 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels import resolve
-from gpusim.optics.edge_pixels.background_moments import backdrops, fills, left_open
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.fragment_shading import backdrops, fills, left_open
 from gpusim.optics.geometry.polygon_clipping import (
     clip_square,
     half_planes,

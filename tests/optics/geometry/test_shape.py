@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import gpusim as gs
-from gpusim.optics.geometry.surface_normals import surface_normals
 from gpusim.optics.geometry.triangle_corners import NORMAL
+from gpusim.optics.geometry.vertex_attributes import surface_normals
 from gpusim.optics.geometry.view import look
 
 

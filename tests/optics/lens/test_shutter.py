@@ -12,8 +12,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.lens.exposure import Exposure, plan_exposure
-from gpusim.optics.lens.rolling_shutter import divided, rolled
-from gpusim.optics.lens.shutter import moments, moments_for
+from gpusim.optics.lens.shutter import divided, moments, moments_for, rolled
 from tests.support.optics_edges import ANGLE, HEIGHT, camera, half_plane, pixel_transfer, transfer
 
 FREQUENCY = np.linspace(0.02, 0.5, 25)

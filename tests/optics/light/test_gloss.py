@@ -11,8 +11,8 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.light.brdf import SAMPLES, reflectance_table
 from gpusim.optics.light.environment import Environment
+from gpusim.optics.light.microfacet_material import SAMPLES, reflectance_table
 from gpusim.twin_checks.scenes import shadow_scene
 
 Array = npt.NDArray[np.float64]

@@ -11,8 +11,8 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.paint import checker_lines
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.setup import Setup, footprint
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
 

@@ -13,8 +13,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
-from gpusim.optics.sensor.emva1288 import normal_quantile, philox, poisson_quantile
-from gpusim.optics.sensor.presets import CAMERAS
+from gpusim.optics.sensor.emva1288 import CAMERAS, normal_quantile, philox, poisson_quantile
 
 SHAPE = (150, 200)
 

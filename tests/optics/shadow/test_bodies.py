@@ -12,9 +12,9 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shading.lighting import find_shadows
-from gpusim.optics.shadow.lamp_visibility import visible_shares
+from gpusim.optics.shadow.lamp_visibility import VisibleShares
+from gpusim.optics.visibility_buffer import visibility_twin
 from tests.support.optics_rays import brute_share, triangles_of
 from tests.support.optics_skins import skin_of
 
@@ -68,7 +68,9 @@ def compared(
     rows = np.flatnonzero(inside & (turned > 0.0) & (truth.reference[:, 1] > least))
     seen, still = truth.reference[rows], np.zeros((len(rows), 3))
     own = shadows.receivers(seen - camera.eye, truth.normal[rows], still, still, triangle[rows])
-    shares = visible_shares(device, shadows.occluders, shadows.points, shadows.spaces, own)[:, 0]
+    shares = VisibleShares(device, shadows.occluders, own).find(shadows.points, shadows.spaces)[
+        :, 0
+    ]
     tile = truth.row[rows] // 8 * camera.width + truth.column[rows] // 8
     low, high = np.full(tile.max() + 1, 2.0), np.full(tile.max() + 1, -1.0)
     np.minimum.at(low, tile, shares)

@@ -11,11 +11,11 @@ from benchmarks.faces import camera_of, scene_of
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.quadrature import Lamp, lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shadow.lamp_visibility import visible_shares
+from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
+from gpusim.optics.visibility_buffer import visibility_twin
 from tests.support.optics_rays import may_meet
 from tests.support.shadow_rays import blocked, box, ray_shares, triangles_of
 
@@ -38,7 +38,7 @@ def seen(
     points = relative_points(surfaces, camera.eye)
     spaces = light_spaces(lamps_of(lights), points, camera.eye)
     pixel, own = pixels.receivers()
-    shares = visible_shares(device, occluders, points, spaces, pixels)[pixel].astype(np.float64)
+    shares = VisibleShares(device, occluders, pixels).find(points, spaces)[pixel].astype(np.float64)
     return surfaces, camera, [space.lamp for space in spaces], pixel, own, shares, occluders.rank
 
 

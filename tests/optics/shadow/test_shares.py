@@ -16,12 +16,12 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shading.deferred_pass import small_triangles
 from gpusim.optics.shading.lighting import find_shadows
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.shading_pass import small_triangles
+from gpusim.optics.shadow.light_space import lattice
 from gpusim.optics.shadow.receivers import Receivers
-from gpusim.optics.shadow.sample_mask import lattice
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import block, shadow_scene
 from tests.support.optics_rays import brute_share, triangles_of
 from tests.support.shadow_rays import found

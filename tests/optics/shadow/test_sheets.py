@@ -13,13 +13,12 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
-from gpusim.optics.shadow.bvh_refit import single_sheets
 from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
-from gpusim.optics.shadow.occluders import SHEETS, Occluders, relative_points
+from gpusim.optics.shadow.occluders import SHEETS, Occluders, relative_points, single_sheets
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.shadow.single_layer import wound_once
+from gpusim.optics.visibility_buffer import visibility_twin
 from tests.optics.shadow.test_single_layer import CAMERA, LAMP, MATTE, ribbon, wavy
 from tests.support.shadow_rays import box
 

@@ -11,12 +11,12 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SunLight
 from gpusim.optics.light.quadrature import lamps_of
-from gpusim.optics.raster.id_buffer import visibility_twin
 from gpusim.optics.shadow.brute_force import shares_twin
-from gpusim.optics.shadow.lamp_visibility import VisibleShares, visible_shares
+from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receivers
+from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import probe_pieces, probe_pixels, probe_points
 from tests.support.shadow_rays import box, found, on_plane, sheet
 
@@ -103,7 +103,7 @@ def test_vertices_move(device: Device) -> None:
     higher = points + np.array([0.05, 0.0, 0.1], np.float32)
     spaces = light_spaces(lamps_of(lights), higher, eye)
     moved = surfaces[0].moved(surfaces[0].points + np.array([0.05, 0.0, 0.1]))
-    want = visible_shares(device, Occluders.of([moved]), higher, spaces, own)
+    want = VisibleShares(device, Occluders.of([moved]), own).find(higher, spaces)
     assert np.abs(shares.find(higher, spaces) - want).max() <= 1.5 / 512.0
 
 
@@ -122,13 +122,13 @@ def test_pixels_through_a_bent_lens(device: Device) -> None:
     pixels = PixelReceivers.of(view, visibility_twin(view), occluders)
     points = relative_points(surfaces, camera.eye)
     spaces = light_spaces(lamps_of(lights), points, camera.eye)
-    got = visible_shares(device, occluders, points, spaces, pixels)
+    got = VisibleShares(device, occluders, pixels).find(points, spaces)
     pixel, own = pixels.receivers()
     want = shares_twin(occluders, points[:, :3].astype(float), spaces, own)
     assert np.abs(got[pixel] - want).max() <= 2.5 / 512.0
     assert ((want > 0.1) & (want < 0.9)).any()
     # pieces of the same size in the same places see the same
-    pieces = visible_shares(device, occluders, points, spaces, own)
+    pieces = VisibleShares(device, occluders, own).find(points, spaces)
     assert np.abs(pieces - want).max() <= 2.5 / 512.0
 
 
@@ -140,7 +140,7 @@ def test_receivers_beyond_the_terminator(device: Device) -> None:
     occluders = Occluders.of(surfaces)
     for terminator, share in ((0.0, 0.0), (0.2, 1.0)):
         spaces = light_spaces(lamps_of(lights), points, eye, terminator)
-        assert (visible_shares(device, occluders, points, spaces, own) == share).all()
+        assert (VisibleShares(device, occluders, own).find(points, spaces) == share).all()
 
 
 def test_a_pool_enlarged_for_a_short_band_suits_longer_ones(device: Device) -> None:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.visibility_buffer import VisibilityBuffer
-from gpusim.optics.shading.deferred_pass import LARGE_BOX, TILE, small_triangles, tiles_under
-from gpusim.optics.shading.forward_pass import ShadingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.shading_pass import ShadingPass, small_triangles
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (90, 61), (0.12, -1.0, 0.08), (0.02, 0, 0))
 LAMP = gs.AreaLight((-0.4, -1.2, 0.7), (0.0, 0.0, 0.0), (0.2, 0.1), 20.0)
@@ -41,13 +37,9 @@ PAINTS = {
 }
 
 
-def shading_of(
-    device: Device, setup: Setup, rows: int, deferred: bool, whole_large: bool = True
-) -> ShadingPass:
-    visibility = VisibilityBuffer(device, setup.view, rows) if deferred else None
+def shading_of(device: Device, setup: Setup, rows: int, deferred: bool) -> ShadingPass:
     marked = setup.lighting.shadows is not None
-    buffers = SceneBuffers(device, setup)
-    return ShadingPass(buffers, rows, visibility, marked=marked, whole_large=whole_large)
+    return ShadingPass(SceneBuffers(device, setup), rows, deferred, marked=marked)
 
 
 @pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["one program", "several"])
@@ -91,60 +83,7 @@ LARGER = gs.Camera.from_lens((36.0, 24.0), 30.0, (333, 221), (0.12, -1.0, 0.08),
 
 
 @pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["matte", "glossy"])
-@pytest.mark.parametrize("lit", [False, True], ids=["unlit", "shadowed"])
-def test_walls_behind_small_triangles_are_shaded_as_wholes(
-    paints: dict[str, object], lit: bool, device: Device
-) -> None:
-    surfaces, lights = before_a_wall(paints), [LAMP] if lit else None
-    view = look(surfaces, LARGER, lit)
-    assert small_triangles(view) and view.extent > LARGE_BOX
-    setup = Setup.build(view, lights, 0.25, surfaces)
-    assert (setup.lighting.shadows is not None) == lit
-    image, marks = by_pixel(setup, device)
-    want, every = by_pixel(setup, device, whole_large=False)
-    assert (want == 0.25).any() and len(np.unique(want)) > 100
-    np.testing.assert_array_equal(marks, every)
-    np.testing.assert_allclose(image, want, rtol=1e-6, atol=0.0)
-
-
-def test_a_tile_that_is_left_out_is_seen(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
-    surfaces = before_a_wall(CHECKED)
-    setup = Setup.build(look(surfaces, LARGER, False), None, 0.25, surfaces)
-    want, _ = by_pixel(setup, device)
-
-    def fewer(*given: Any) -> npt.NDArray[np.bool_]:
-        tiles = tiles_under(*given)
-        tiles[tuple(np.argwhere(tiles)[np.count_nonzero(tiles) // 2])] = False
-        return tiles
-
-    monkeypatch.setattr("gpusim.optics.shading.deferred_pass.tiles_under", fewer)
-    image, _ = by_pixel(setup, device)
-    assert 0 < np.count_nonzero(image != want) <= TILE * TILE
-
-
-def by_pixel(
-    setup: Setup, device: Device, whole_large: bool = True
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
-    """The picture and its marks, in two bands."""
-    shading = shading_of(device, setup, 140, True, whole_large)
-    images, marks = [], []
-    for row0, rows in ((0, 140), (140, 81)):
-        out = device.empty(4 * shading.stride * rows, "test.out")
-        own = shading.marks
-        seen = None if own is None else device.empty(own.stride * rows, "test.marks")
-        with device.recording("test") as recording:
-            shading.record(recording, out, row0, rows)
-            if own is not None and seen is not None:
-                recording.copy_texture(own, seen, rows)
-        images.append(out.read(np.float32, (rows, shading.stride))[:, :333])
-        if own is not None and seen is not None:
-            words = own.nbytes // (4 * own.width * own.height)
-            marks.append(seen.read(np.uint32, (rows, own.stride // 4))[:, : 333 * words])
-    return np.concatenate(images), np.concatenate(marks or [np.zeros((0, 0), np.uint32)])
-
-
-@pytest.mark.parametrize("paints", [CHECKED, PAINTS], ids=["matte", "glossy"])
-def test_shadows_found_beside_the_device_are_those_of_the_twin(
+def test_shadows_on_small_triangles_are_those_of_the_twin(
     paints: dict[str, object], device: Device
 ) -> None:
     surfaces = before_a_wall(paints)

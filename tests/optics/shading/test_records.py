@@ -10,13 +10,13 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import BufferPool
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.edge_pixels.pixel_rank import Ranks
+from gpusim.optics.edge_pixels.fragment_lists import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
-from gpusim.optics.raster.vertex_buffers import VertexBuffers
-from gpusim.optics.shading.deferred_pass import small_triangles
+from gpusim.optics.shading.scene_buffers import TriangleRecords
 from gpusim.optics.shading.setup import Setup
-from gpusim.optics.shading.triangle_records import TriangleRecords
+from gpusim.optics.shading.shading_pass import small_triangles
+from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.twin_checks.images import evaluated
 
 LIGHTS = [gs.PointLight((-1.0, -2.0, 1.0), 50.0, shadows=False)]

@@ -1,14 +1,23 @@
 """Shading: the mean radiance over each pixel that lies inside one smooth, evenly painted patch.
 
 On the device the rasteriser finds each pixel's nearest triangle and its fragment shader evaluates
-the closed form; the twin evaluates the same on the ids of `gpusim.optics.raster.id_buffer`. Albedo
-is the area integral of the paint over the pixel's footprint (`gpusim.optics.paint.feature_grid`);
-light is that of the pixel's centre. Radiance of a Lambert surface is albedo x irradiance / pi;
-without lights it is the albedo itself.
+the closed form; the twin evaluates the same on the ids of
+`gpusim.optics.visibility_buffer`. Albedo is the area integral of the paint over the pixel's
+footprint (`gpusim.optics.paint.feature_grid`); light is that of the pixel's centre. Radiance of a
+Lambert surface is albedo x irradiance / pi; without lights it is the albedo itself.
+
+There is a program for each kind of paint and light: software rasterisers run both sides of every
+branch, and a plain wall must not pay for the pattern on a marker. Large triangles are shaded as
+they are drawn (forward). Where triangles cover a few pixels each, rasterisers shade several times
+what is seen (blocks of pixels at every border), and set up all that a triangle's pixels share for
+those few: then the triangles draw their numbers only, and every pixel reads its own one's record
+(deferred).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,38 +25,108 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Raster, Recording, Texture
+from gpusim.optics.frame import Band
+from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_pixels
+from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
-from gpusim.optics.raster.visibility_buffer import NONE, VisibilityBuffer
-from gpusim.optics.shading.deferred_pass import DeferredPass
-from gpusim.optics.shading.programs import Program, shader_programs
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import Setup, footprint, radiance_of
+from gpusim.optics.shading.setup import GRAZING, Setup, footprint, radiance_of
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass
+from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
 
-__all__ = ["ForwardPass", "ShadingPass", "shade_twin"]
+__all__ = ["DeferredPass", "ForwardPass", "ShadingPass", "shade_twin", "small_triangles"]
+
+MAX_PIXELS = 200.0
+"""px; triangles that cover fewer are shaded pixel by pixel.
+
+Several programs pass over all of the image once more.
+"""
+
+MIN_TRIANGLES = 2000
+"""Triangles of a view that is worth it."""
+
+LEVELS = 64
+"""More than there are programs; as in the shader."""
+
+PER_TEXEL = 16
+
+
+def small_triangles(view: View) -> bool:
+    """Whether the triangles of a view (some of them, if they are many) cover few pixels each."""
+    if view.count < MIN_TRIANGLES:
+        return False
+    pixels = view.mean_pixels
+    if len(view.regions) > 1:
+        pixels += view.camera.width * view.camera.height / view.count
+    return pixels <= MAX_PIXELS
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Override constants, and the numbers of the triangles to draw with them, nearest first."""
+
+    constants: dict[str, float]
+    triangles: npt.NDArray[np.uint32]
+
+
+def shader_programs(
+    setup: Setup,
+    tiles: LightTiles | None,
+    lines: BoardLines | None,
+    sort: bool,
+) -> list[Program]:
+    """The programs that a view needs, one at least (which clears the targets)."""
+    result: list[Program] = []
+    order = np.zeros(0, np.int64)
+    if sort:
+        nearest = setup.view.inverse_depth().max(axis=1, initial=0.0)
+        order = np.argsort(-nearest, kind="stable")
+    none = np.zeros(setup.view.count, bool)
+    tiled = none if tiles is None else tiles.member
+    boards = none if lines is None else lines.member
+    groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
+    each = (True, False)
+    kind = setup.groups.astype(np.uint8) << np.uint8(4)
+    for bit, flags in enumerate((tiled, setup.bumpy, setup.shiny, boards)):
+        if flags.any():
+            kind |= flags.view(np.uint8) << np.uint8(bit)
+    many = np.bincount(kind, minlength=256)
+    if lines is not None:
+        strips = kind[lines.parent]
+    kind = kind[order] if sort else kind
+    for group, board, glossy, bumpy, lit in product(groups, each, each, each, each):
+        wanted = 16 * group + 8 * board + 4 * glossy + 2 * bumpy + lit
+        numbers = np.flatnonzero(kind == wanted) if many[wanted] else order[:0]
+        own: npt.NDArray[np.uint32] = (order[numbers] if sort else numbers).astype(np.uint32)
+        if len(own) or not (group or board or glossy or bumpy or lit or result):
+            constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
+            if board and lines is not None:
+                # in front of the others, which are then left out where they are
+                strip = setup.view.count + np.flatnonzero(strips == wanted)
+                result.insert(0, Program({**constants, "board": 2.0}, strip.astype(np.uint32)))
+            result.append(Program({**constants, "board": float(board)}, own))
+    return result
 
 
 class ShadingPass:
     """Draws a view's radiance band by band.
 
-    ``visibility``: the triangle that each pixel sees, where pixels are shaded once that is known
-    (`gpusim.optics.shading.deferred_pass`); without one triangles are drawn from near to far.
-    ``tiles``: light on large planes. ``marked``: whether pixels are marked for
-    `gpusim.optics.shading.relighting`. ``whole_large``: large triangles among small ones are shaded
-    as wholes. ``painter``: triangles of one plane are drawn without a depth buffer.
+    ``deferred``: pixels are shaded once it is known which triangle each one sees; otherwise
+    triangles are drawn from near to far. ``tiles``: light on large planes. ``marked``: whether
+    pixels are marked for `gpusim.optics.shading.relighting`. ``painter``: triangles of one plane
+    are drawn without a depth buffer.
     """
 
     def __init__(
         self,
         buffers: SceneBuffers,
         rows: int,
-        visibility: VisibilityBuffer | None = None,
+        deferred: bool = False,
         *,
         tiles: LightTiles | None = None,
         marked: bool = False,
-        whole_large: bool = True,
         painter: bool = False,
     ) -> None:
         device, setup = buffers.device, buffers.setup
@@ -56,7 +135,10 @@ class ShadingPass:
         glossy = bool(setup.shiny.any())
         width = setup.view.camera.width
         self._tile_light = None if tiles is None else TileLightPass(buffers, tiles)
-        programs = shader_programs(setup, tiles, buffers.lines, sort=visibility is None)
+        programs = shader_programs(setup, tiles, buffers.lines, sort=not deferred)
+        visibility = None
+        if deferred:
+            visibility = VisibilityBuffer(buffers.vertex_buffers, setup.view, rows)
         self.marks: Texture | None = None
         self.color = device.target(width, rows, "r32float", "shade.radiance")
         self.colors: tuple[Texture, ...] = (self.color,)
@@ -68,7 +150,7 @@ class ShadingPass:
             self.colors = (self.color, self.marks)
         self._pass: DeferredPass | ForwardPass
         if visibility is not None:
-            self._pass = DeferredPass(buffers, rows, programs, visibility, whole_large)
+            self._pass = DeferredPass(buffers, rows, programs, visibility)
         else:
             self._pass = ForwardPass(buffers, rows, programs, self.colors, painter)
 
@@ -76,6 +158,14 @@ class ShadingPass:
     def stride(self) -> int:
         """Pixels from one row of a band's buffer to the next."""
         return self.color.stride // 4
+
+    def draw(self, band: Band) -> None:
+        """Shade a band."""
+        with self.buffers.device.recording("optics.shade") as recording:
+            self.record(recording, band.buffer, band.row0, band.rows)
+
+    def finish(self) -> None:
+        """There is nothing left to do."""
 
     def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
         """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
@@ -137,6 +227,61 @@ class ForwardPass:
             recording.draw(
                 raster, raster.bind(params=params, **values), colors=colors, depth=self.depth,
                 vertices=3 * count, size=size, clear=clear,
+            )  # fmt: skip
+            clear = None
+
+
+class DeferredPass:
+    """The programs of a view, each over the pixels that see triangles of its kind.
+
+    Each draws the whole band at a depth of its own, so that it runs where the triangle seen is of
+    its kind.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        rows: int,
+        programs: list[Program],
+        visibility: VisibilityBuffer,
+    ) -> None:
+        device, view = buffers.device, buffers.setup.view
+        self.buffers, self.programs, self.visibility = buffers, programs, visibility
+        count = -(-view.count // PER_TEXEL)
+        levels = np.zeros(PER_TEXEL * max(count, 1), np.uint8)
+        for k, program in enumerate(programs):
+            levels[program.triangles] = k + 1
+        self._levels = device.texels(max(count, 1), "rgba32uint", "shade.levels")
+        self._levels.write(levels.view(np.uint32).reshape(-1, 4))
+        self._depth = device.target(view.camera.width, rows, "depth32float", "shade.level_depth")
+
+    def record(
+        self,
+        recording: Recording,
+        colors: tuple[Texture, ...],
+        params: dict[str, Any],
+        shared: dict[str, Any],
+    ) -> None:
+        """Shade a band into ``colors``, whose first one is cleared to the background."""
+        device, ids = self.buffers.device, self.visibility.ids
+        size = (int(params["width"]), int(params["rows"]))
+        self.visibility.record(recording, int(params["row0"]), size[1])
+        name = "optics/shading/forward_pass"
+        constants = self.programs[0].constants
+        raster = device.raster(name, (), constants, entries=("vertex_band", "fragment_levels"))
+        bindings = raster.bind(params=params, ids=ids, levels=self._levels)
+        recording.draw(raster, bindings, colors=(), depth=self._depth, vertices=3, size=size)
+        formats = tuple(texture.format for texture in colors)
+        entry = "fragment_seen" if len(colors) == 1 else "fragment_seen_marked"
+        clear: float | None = self.buffers.setup.background
+        for k, program in enumerate(self.programs):
+            raster = device.raster(
+                name, formats, program.constants, entries=("vertex_band", entry), depth="equal"
+            )
+            level = {**params, "level": (k + 1) / LEVELS}
+            recording.draw(
+                raster, raster.bind(params=level, ids=ids, **shared), colors=colors,
+                depth=self._depth, vertices=3, size=size, clear=clear, keep_depth=True,
             )  # fmt: skip
             clear = None
 

@@ -1,0 +1,325 @@
+"""Files of whole rigs: Kalibr's camchain, MatchID's .caldat, VIC-3D's and DICe's XML."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.calibration.document import (
+    Document,
+    angles_of,
+    five,
+    from_angles,
+    make,
+    number,
+    pose_of,
+    read_document,
+    relative,
+    xml_root,
+)
+from gpusim.optics.camera.pinhole import Camera
+
+__all__ = [
+    "read_dice",
+    "read_kalibr",
+    "read_matchid",
+    "read_vic",
+    "write_dice",
+    "write_kalibr",
+    "write_matchid",
+    "write_vic",
+]
+
+Array = npt.NDArray[np.float64]
+Size = tuple[int, int] | None
+LONGEST_LABEL = 100
+
+
+def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
+    """cam0, cam1 … in the order of their numbers; cam0's frame is the world."""
+    cameras: list[Camera] = []
+    pose = np.eye(4)
+    for name, values in _chain(read_document(text, where), where):
+        key = f"{where}: {name}"
+        if not isinstance(values, dict):
+            raise InputError(f"{key}; got {str(values)[:60]!r}; expected a camera: camN: and keys")
+        for model, allowed in (
+            ("camera_model", ("pinhole",)),
+            ("distortion_model", ("radtan", "none")),
+        ):
+            if values.get(model) not in allowed:
+                got = values.get(model)
+                raise InputError(f"{key}.{model}; got {got!r}; expected {' or '.join(allowed)}")
+        fx, fy, cx, cy = _row(values, "intrinsics", 4, key)
+        width, height = _row(values, "resolution", 2, key)
+        bent = values["distortion_model"] == "radtan"
+        coefficients = _row(values, "distortion_coeffs", 4, key) if bent else [0.0] * 4
+        if cameras:
+            step = np.array(_row(values, "T_cn_cnm1", 16, key)).reshape(4, 4)
+            pose = step @ pose
+        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        shape = (int(width), int(height))
+        cameras.append(make(key, name, shape, K, coefficients, pose[:3, :3], pose[:3, 3]))
+    return cameras
+
+
+def _chain(document: Document, where: str) -> list[tuple[str, Any]]:
+    """The entries cam0, cam1 … by number: programs that write YAML put cam10 before cam2."""
+    for name in document:
+        if not re.fullmatch(r"cam(0|[1-9]\d{0,5})", name):
+            raise InputError(f"{where}: {name[:60]}; got an unknown key; expected cam0, cam1 …")
+    for index in range(max(1, len(document))):
+        if f"cam{index}" not in document:
+            raise InputError(
+                f"{where}: cam{index}; got nothing; expected it: each camera stands by the one "
+                "before it"
+            )
+    return [(f"cam{index}", document[f"cam{index}"]) for index in range(len(document))]
+
+
+def _row(values: Document, key: str, count: int, where: str) -> list[float]:
+    """Numbers in one list, or in a list of rows."""
+    if key not in values:
+        raise InputError(f"{where}.{key}; got nothing; expected {count} numbers")
+    rows = values[key] if isinstance(values[key], list) else [values[key]]
+    words = [word for row in rows for word in (row if isinstance(row, list) else [row])]
+    found = [number(word, f"{where}.{key}") for word in words]
+    if len(found) != count:
+        raise InputError(f"{where}.{key}; got {len(found)} numbers; expected {count}")
+    return found
+
+
+def write_kalibr(cameras: Sequence[Camera], where: str) -> str:
+    """The first camera becomes the world; no skew and no k3."""
+    lines = ["# length_unit: m"]  # a key of its own would be taken for a camera
+    for index, camera in enumerate(cameras):
+        values = five(camera, where)
+        if values[4] != 0.0 or camera.K[0, 1] != 0.0:
+            raise InputError(
+                f"{where}: camera {camera.name!r}; got k3 = {values[4]:g}, skew = "
+                f"{camera.K[0, 1]:g}; expected 0, as Kalibr has neither"
+            )
+        K = camera.K
+        inner = [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
+        lines += [f"cam{index}:"]
+        if index:
+            rows = relative(camera, cameras[index - 1])
+            lines += ["  T_cn_cnm1:", *(f"  - {_list(row)}" for row in rows)]
+        lines += [
+            "  camera_model: pinhole",
+            f"  distortion_coeffs: {_list(values[:4])}",
+            "  distortion_model: radtan",
+            f"  intrinsics: {_list(inner)}",
+            f"  resolution: [{camera.width}, {camera.height}]",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _list(values: Sequence[float] | Array) -> str:
+    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
+
+
+def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
+    """Cam0 and Cam1 (or Cam1 and Cam2); the first camera's frame is the world, mm."""
+    values: dict[str, float] = {}
+    for line_number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        label, _, value = line.partition(";")
+        label = label[:LONGEST_LABEL]
+        unit = re.search(r"\[(.*?)\]", label)
+        key = re.sub(r"\[.*?\]|\s", "", label).lower()
+        if unit and unit.group(1).lower() not in ("pixels", "pixel", "mm", "deg"):
+            raise InputError(
+                f"{where} line {line_number}, {label.strip()}; got unit [{unit.group(1)}]; "
+                "expected [pixels], [mm] or [deg]"
+            )
+        values[key] = number(value, f"{where} line {line_number}, {label.strip()}")
+    numbers = sorted({int(m.group(1)) for k in values if (m := re.match(r"cam(\d+)_fx$", k))})
+    if not 1 <= len(numbers) <= 2:
+        raise InputError(f"{where}: Cam0_Fx, Cam1_Fx; got {len(numbers)} cameras; expected 1 or 2")
+    cameras = []
+    for index, camera in enumerate(numbers):
+        own = {k.split("_", 1)[1]: v for k, v in values.items() if k.startswith(f"cam{camera}_")}
+        for needed in ("fx", "fy", "cx", "cy"):
+            if needed not in own:
+                raise InputError(f"{where}: Cam{camera}_{needed.capitalize()}; got nothing")
+        K = np.array([[own["fx"], own.get("fs", 0.0), own["cx"]], [0.0, own["fy"], own["cy"]],
+                      [0.0, 0.0, 1.0]])  # fmt: skip
+        coefficients = [own.get(k, 0.0) for k in ("kappa1", "kappa2", "p1", "p2", "kappa3")]
+        R, T = np.eye(3), np.zeros(3)
+        if index:
+            R = from_angles(*(values.get(k, 0.0) for k in ("theta", "phi", "psi")))
+            T = np.array([values.get(k, 0.0) for k in ("tx", "ty", "tz")])
+        name = f"Cam{camera}"
+        cameras.append(make(f"{where}: {name}", name, size, K, coefficients, R, T))
+    return cameras
+
+
+def write_matchid(cameras: Sequence[Camera], where: str) -> str:
+    """One or two cameras; the first one's frame becomes the world."""
+    if len(cameras) > 2:
+        raise InputError(f"{where}: cameras; got {len(cameras)}; expected one or two for MatchID")
+    lines = []
+    for index, camera in enumerate(cameras):
+        k1, k2, p1, p2, k3 = five(camera, where)
+        K = camera.K
+        for label, value in (
+            ("Fx [pixels]", K[0, 0]), ("Fy [pixels]", K[1, 1]), ("Fs [pixels]", K[0, 1]),
+            ("Kappa 1", k1), ("Kappa 2", k2), ("Kappa 3", k3), ("P1", p1), ("P2", p2),
+            ("Cx [pixels]", K[0, 2]), ("Cy [pixels]", K[1, 2]),
+        ):  # fmt: skip
+            lines.append(f"Cam{index}_{label};{float(value)!r}")
+    if len(cameras) == 2:
+        pose = relative(cameras[1], cameras[0])
+        lines += [f"T{k} [mm];{float(v)!r}" for k, v in zip("xyz", pose[:3, 3], strict=True)]
+        angles = zip(("Theta", "Phi", "Psi"), angles_of(pose[:3, :3]), strict=True)
+        lines += [f"{label} [deg];{angle!r}" for label, angle in angles]
+    return "\n".join(lines) + "\n"
+
+
+_DICE = ("K1", "K2", "P1", "P2", "K3", "K4", "K5", "K6", "S1", "S2", "S3", "S4", "T1", "T2")
+_VIC = "cx cy fx fy fs k1 k2 k3 alpha beta gamma tx ty tz"
+
+
+def read_vic(text: str, where: str, size: Size) -> list[Camera]:
+    """<camera id="…">: cx cy fx fy fs k1 k2 k3, then alpha beta gamma tx ty tz.
+
+    The last six follow in the same text or in an <orientation> element within it. Distortion is
+    x (1 + k1 r^2 + k2 r^4 + k3 r^6) on the plane at unit distance.
+    """
+    cameras: list[Camera] = []
+    for element in xml_root(text, where).iter():
+        if element.tag.lower() != "camera":
+            continue
+        name = element.get("id") or element.get("ID") or str(len(cameras))
+        key = f"{where}: camera {name}"
+        words = (element.text or "").split()
+        for child in element:
+            if child.tag.lower() == "orientation":
+                words = [*words[:8], *(child.text or "").split()]
+        values = [number(word, key) for word in words]
+        if len(values) < 14 or any(values[14:]):
+            raise InputError(f"{key}; got {len(values)} numbers; expected 14: {_VIC}")
+        cx, cy, fx, fy, fs, k1, k2, k3 = values[:8]
+        K = np.array([[fx, fs, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        R, T = from_angles(*values[8:11]), np.array(values[11:14])
+        cameras.append(make(key, f"camera {name}", size, K, [k1, k2, 0.0, 0.0, k3], R, T))
+    if not cameras:
+        raise InputError(f"{where}: <camera>; got none; expected at least one")
+    return cameras
+
+
+def write_vic(cameras: Sequence[Camera], where: str) -> str:
+    """As `read_vic` reads them; no tangential distortion."""
+    root = ET.Element("calibration")
+    root.append(ET.Comment(" length_unit: mm "))
+    for index, camera in enumerate(cameras):
+        k1, k2, _, _, k3 = five(camera, where, tangential=False)
+        K, (R, T) = camera.K, pose_of(camera)
+        inner = [K[0, 2], K[1, 2], K[0, 0], K[1, 1], K[0, 1], k1, k2, k3]
+        element = ET.SubElement(root, "camera", id=str(index))
+        element.text = _words(inner)
+        ET.SubElement(element, "orientation").text = _words([*angles_of(R), *T])
+    return _pretty(root)
+
+
+def read_dice(text: str, where: str, size: Size) -> list[Camera]:
+    """<ParameterList name="CAMERA n">: X_camera = R X + T with the file's world.
+
+    DICe's template calls FS an angle, its projection adds FS * Y in px, and so does this.
+    """
+    cameras = []
+    for block in xml_root(text, where).iter("ParameterList"):
+        name = block.get("name", "")
+        if not name.upper().startswith("CAMERA "):
+            continue
+        key = f"{where}: {name}"
+        words = {p.get("name", "").upper(): p.get("value", "") for p in block.findall("Parameter")}
+        model = words.get("LENS_DISTORTION_MODEL", "OPENCV_LENS_DISTORTION").strip().upper()
+        if model not in ("OPENCV_LENS_DISTORTION", "NO_LENS_DISTORTION", "NONE"):
+            raise InputError(
+                f"{key} LENS_DISTORTION_MODEL; got {model}; expected OPENCV_LENS_DISTORTION or "
+                "NO_LENS_DISTORTION"
+            )
+        for needed in ("FX", "FY", "CX", "CY"):
+            if needed not in words:
+                raise InputError(f"{key} {needed}; got nothing; expected a number")
+        values = {k: number(words.get(k, 0.0), f"{key} {k}")
+                  for k in (*_DICE, "FX", "FY", "CX", "CY", "FS", "TX", "TY", "TZ",
+                            "ALPHA", "BETA", "GAMMA")}  # fmt: skip
+        K = np.array([[values["FX"], values["FS"], values["CX"]],
+                      [0.0, values["FY"], values["CY"]], [0.0, 0.0, 1.0]])  # fmt: skip
+        R = from_angles(values["ALPHA"], values["BETA"], values["GAMMA"])
+        for matrix in block.findall("ParameterList"):
+            if matrix.get("name") == "rotation_3x3_matrix":
+                rows = {p.get("name"): _braces(p.get("value", ""), f"{key} rotation_3x3_matrix", 3)
+                        for p in matrix.findall("Parameter")}  # fmt: skip
+                if set(rows) != {"ROW 0", "ROW 1", "ROW 2"}:
+                    raise InputError(f"{key} rotation_3x3_matrix; got {sorted(map(str, rows))}")
+                R = np.array([rows[f"ROW {i}"] for i in range(3)])
+        shape = size
+        if "IMAGE_HEIGHT_WIDTH" in words:
+            height, width = _braces(words["IMAGE_HEIGHT_WIDTH"], f"{key} IMAGE_HEIGHT_WIDTH", 2)
+            shape = int(width), int(height)
+        bent = [values[k] if "OPENCV" in model else 0.0 for k in _DICE]
+        T = np.array([values["TX"], values["TY"], values["TZ"]])
+        label = words.get("CAMERA_ID", "").strip() or name
+        cameras.append(make(key, label, shape, K, bent, R, T))
+    if not cameras:
+        raise InputError(f"{where}: CAMERA 0; got none; expected at least one camera")
+    return cameras
+
+
+def write_dice(cameras: Sequence[Camera], where: str) -> str:
+    """A camera system of type OPENCV with rotation matrices."""
+    root = ET.Element("ParameterList")
+    root.append(ET.Comment(" length_unit: mm "))
+
+    def put(parent: ET.Element, name: str, kind: str, value: str) -> None:
+        ET.SubElement(parent, "Parameter", name=name, type=kind, value=value)
+
+    put(root, "xml_file_format", "string", "DICe_xml_camera_system_file")
+    put(root, "system_type_3D", "string", "OPENCV")
+    put(root, "extrinsics_relative_camera_to_camera", "bool", "false")
+    for index, camera in enumerate(cameras):
+        block = ET.SubElement(root, "ParameterList", name=f"CAMERA {index}")
+        values = np.zeros(14)
+        if camera.distortion is not None:
+            values[: len(camera.distortion)] = camera.distortion
+        K, (R, T) = camera.K, pose_of(camera)
+        put(block, "CAMERA_ID", "string", camera.name)
+        pairs = [("CX", K[0, 2]), ("CY", K[1, 2]), ("FX", K[0, 0]), ("FY", K[1, 1]),
+                 ("FS", K[0, 1]), *zip(_DICE, values, strict=True),
+                 ("TX", T[0]), ("TY", T[1]), ("TZ", T[2])]  # fmt: skip
+        for name, value in pairs:
+            put(block, name, "double", repr(float(value)))
+        put(block, "LENS_DISTORTION_MODEL", "string", "OPENCV_LENS_DISTORTION")
+        put(block, "IMAGE_HEIGHT_WIDTH", "string", f"{{ {camera.height}, {camera.width} }}")
+        matrix = ET.SubElement(block, "ParameterList", name="rotation_3x3_matrix")
+        for row in range(3):
+            entries = ", ".join(repr(float(value)) for value in R[row])
+            put(matrix, f"ROW {row}", "string", f"{{ {entries} }}")
+    return _pretty(root)
+
+
+def _braces(text: str, where: str, count: int) -> list[float]:
+    values = [number(word, where) for word in text.strip().strip("{}").split(",")]
+    if len(values) != count:
+        raise InputError(f"{where}; got {text!r}; expected {count} numbers in braces")
+    return values
+
+
+def _words(values: Sequence[float]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _pretty(root: ET.Element) -> str:
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
