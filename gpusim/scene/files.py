@@ -11,8 +11,7 @@ from gpusim.files.file_series import SERIES_SUFFIXES, read_series
 from gpusim.files.includes import included_files
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.scene.faults.faults import unread
-from gpusim.scene.faults.key_path import dotted
-from gpusim.scene.faults.line_numbers import Keys
+from gpusim.scene.faults.key_paths import Keys, dotted
 
 __all__ = ["find_files"]
 

@@ -11,8 +11,8 @@ from typing import Any
 from gpusim.errors import Fault, InputError, SceneError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.scene.faults.faults import unread
+from gpusim.scene.faults.key_paths import key_lines
 from gpusim.scene.faults.limits import document_fault, size_fault, text_fault
-from gpusim.scene.faults.line_numbers import key_lines
 
 from .scene import Scene
 

@@ -18,15 +18,12 @@ from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.scene.faults.cross_references import check_document
 from gpusim.scene.faults.faults import MOST, faults_of, with_origin
-from gpusim.scene.faults.key_path import pick, put, with_names
+from gpusim.scene.faults.key_paths import Keys, Origins, overridden, pick, put, with_names
 from gpusim.scene.faults.limits import document_fault
-from gpusim.scene.faults.line_numbers import Keys, Origins, overridden
 
-from .conversion import light as resolve_light
-from .conversion import tables
 from .description import model
+from .description.model import SceneTable
 from .files import find_files
-from .schema import SceneTable
 from .toml_text import toml_text
 
 __all__ = ["Scene"]
@@ -116,26 +113,25 @@ class Scene:
                 replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
             ]
             raise SceneError(source, faults, more)
-        materials = tables.material_table(table)
-        analysis = tables.analysis(table)
-        factors = analysis.load_factors
+        materials = {entry.name: entry.resolved() for entry in table.material}
+        factors = table.analysis.load_factors
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
         return cls(
             name=table.name,
             description=table.description,
             materials=tuple(materials.values()),
-            bodies=tuple(tables.body(entry, materials, factors) for entry in table.body),
-            props=tuple(tables.prop(entry) for entry in table.prop),
-            analysis=analysis,
-            solver=tables.solver(table),
-            cameras=tuple(tables.camera(entry, table.sensor) for entry in table.camera),
-            lights=tuple(resolve_light.light(entry) for entry in table.light),
-            render=tables.render(table),
-            sensor=tables.sensor(table),
-            measures=tuple(tables.measure(entry) for entry in table.measure),
-            variants=tuple(model.Variant(entry.name, entry.set) for entry in table.variant),
-            output=tables.output(table),
-            calibration=tables.calibration(table),
+            bodies=tuple(entry.resolved(materials, factors) for entry in table.body),
+            props=table.prop,
+            analysis=table.analysis,
+            solver=table.solver,
+            cameras=table.camera,
+            lights=table.light,
+            render=table.render,
+            sensor=table.sensor,
+            measures=table.measure,
+            variants=table.variant,
+            output=table.output,
+            calibration=table.calibration,
             content=json.dumps(content),
             source=source,
             files=hashes,

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from gpusim.errors import InputError
-from gpusim.scene.faults.key_path import nearest
+from gpusim.scene.faults.key_paths import nearest
 
 __all__ = ["SOURCES", "active_sources", "check_sources", "with_only", "without_sources"]
 

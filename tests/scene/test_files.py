@@ -18,7 +18,7 @@ from gpusim.optics.light.lights import EnvironmentLight
 from gpusim.optics.light.panorama import PANORAMA_SUFFIXES, read_panorama
 from gpusim.pipeline.build.build import build_lights
 from gpusim.pipeline.checks.files import check_files
-from gpusim.scene.schema import light as light_tables
+from gpusim.scene.description import lights as light_tables
 
 FIELD = """schema = 1
 name = "given"

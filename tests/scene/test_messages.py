@@ -13,9 +13,8 @@ import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.mesh import box
 from gpusim.scene import Scene, load_scene
-from gpusim.scene.faults.expectations import expected
-from gpusim.scene.schema import SceneTable
-from gpusim.scene.schema.described import _tables
+from gpusim.scene.description.model import SceneTable
+from gpusim.scene.faults.schema_places import _tables, expected
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +94,9 @@ def test_every_key_has_words_for_what_it_wants() -> None:
     }
     assert len(words) > 200 and all(words.values())
     assert not [text for text in words.values() if re.search(r"None|\$|inf|e\+18|dict", text)]
-    assert words["CameraTable", "rotation_matrix"] == "a list of 3 lists of 3 numbers"
-    assert words["SupportTable", "fix"] == 'a list of some of "x", "y", "z"'
-    assert words["SpeckleTable", "coverage"] == "a number > 0 and < 1"
+    assert words["Camera", "rotation_matrix"] == "a list of 3 lists of 3 numbers"
+    assert words["Support", "fix"] == 'a list of some of "x", "y", "z"'
+    assert words["Speckle", "coverage"] == "a number > 0 and < 1"
     assert expected(SceneTable, "schema") == "1"
 
 

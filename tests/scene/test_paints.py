@@ -14,7 +14,7 @@ from gpusim.errors import SceneError
 from gpusim.pipeline.build.build import build_body
 from gpusim.pipeline.build.props import build_prop
 from gpusim.scene import Scene
-from gpusim.scene.cost.cost import compiled_for, describe
+from gpusim.scene.cost import compiled_for, describe
 
 HEAD = """
 schema = 1

@@ -29,7 +29,7 @@ from gpusim.scene.description import model as m
 from gpusim.surface import Skin, Surface
 from gpusim.surface.paint import Paint, Plain
 
-__all__ = ["BodyParts", "build_body", "build_lights", "build_pattern"]
+__all__ = ["BodyParts", "build_body", "build_lights", "build_pattern", "painted_skin"]
 
 Array = npt.NDArray[np.float64]
 DEFAULT_ALBEDO = 0.5
@@ -61,29 +61,38 @@ def build_body(body: m.Body, read: Reader = read_input) -> BodyParts:
             read(given.path), name=given.variable, scale=given.scale, magnify=given.magnify
         )
     grid = field.mesh if field is not None else build_mesh(body.mesh, read)
+    skin, surface = painted_skin(f"body {body.name!r}", body.name, grid, body.paints, read)
+    return BodyParts(body, grid, skin, surface, field)
+
+
+def painted_skin(
+    what: str, name: str, grid: Mesh, scene_paints: tuple[m.Paint, ...], read: Reader
+) -> tuple[Skin, Surface]:
+    """The skin of a mesh and its painted surface of that ``name``; ``what`` says in errors what it
+    is of."""
     faces = mesh.boundary_faces(grid)
     skin = Skin(grid, faces)
     region = np.zeros(len(faces), np.int32)
     paints: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
-    for number, paint in enumerate(body.paints, start=1):
+    for number, paint in enumerate(scene_paints, start=1):
         try:
             painted = faces_of(grid, faces, paint.where)
         except InputError as error:
-            raise InputError(f"body {body.name!r}, paint {paint.name!r}: {error}") from None
+            raise InputError(f"{what}, paint {paint.name!r}: {error}") from None
         region[skin.numbers(painted)] = number
         paints[paint.name] = Plain(paint.albedo, *finish_of(paint))
     frames: dict[str, Frame] = {}
     rest = skin.at_vertices(grid.points)
-    for number, paint in enumerate(body.paints, start=1):
+    for number, paint in enumerate(scene_paints, start=1):
         own = (region == number)[skin.face_of_piece]
-        where = f"body {body.name!r}, paint {paint.name!r}"
+        where = f"{what}, paint {paint.name!r}"
         if isinstance(paint, m.Plain):
             continue
         if not own.any():
             raise _painted_over(where)
         frames[paint.name] = build_frame(paint, rest, skin.pieces, own, where)
         paints[paint.name] = build_pattern(paint, frames[paint.name], where, read)
-    return BodyParts(body, grid, skin, skin.surface(paints, region, frames, body.name), field)
+    return skin, skin.surface(paints, region, frames, name)
 
 
 def _painted_over(where: str) -> InputError:

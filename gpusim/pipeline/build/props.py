@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.files.input_file import Reader, read_input
-from gpusim.mesh import read_surface
-from gpusim.pipeline.build.build import build_body
+from gpusim.pipeline.build.build import painted_skin
 from gpusim.pipeline.build.painting import Frame, build_frame, build_pattern, finish_of
 from gpusim.pipeline.build.places import surface_faces_of
 from gpusim.scene.description import model as m
-from gpusim.scene.schema.prop import SURFACE_SUFFIXES
+from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface import Surface
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame
@@ -36,16 +36,11 @@ def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
         return _faces(prop, read)
     # a box or a mesh is painted as a body is
     if isinstance(prop, m.Box):
-        low = tuple(c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
-        mesh: m.MeshRecipe = m.BoxMesh(prop.size, (1, 1, 1), (low[0], low[1], low[2]))
+        x, y, z = (c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
+        grid = mesh.box(prop.size, (1, 1, 1), (x, y, z))
     else:
-        mesh = m.FileMesh(prop.path, prop.scale, 1, None, False, False, 0)
-    try:
-        own = m.Body(prop.name, None, (), "", mesh, (), (), prop.paints)
-        return build_body(own, read).surface
-    except InputError as error:
-        text = str(error).replace(f"body {prop.name!r}", f"prop {prop.name!r}")
-        raise InputError(text) from None
+        grid = mesh.read_mesh(read(prop.path), scale=prop.scale)
+    return painted_skin(f"prop {prop.name!r}", prop.name, grid, prop.paints, read)[1]
 
 
 def _plate(prop: m.Plate, read: Reader) -> Surface:
@@ -69,7 +64,7 @@ def _plate(prop: m.Plate, read: Reader) -> Surface:
 
 def _faces(prop: m.Shape, read: Reader) -> Surface:
     """Triangles of a file without solids; a face belongs to the last paint that matches it."""
-    points, faces = read_surface(read(prop.path))
+    points, faces = mesh.read_surface(read(prop.path))
     points = points * prop.scale
     region = np.zeros(len(faces), np.int32)
     paints: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
@@ -92,7 +87,7 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
 def posed(surface: Surface, prop: m.Prop, pose: m.Pose | None = None) -> Surface:
     """The prop's surface in a pose (None: as it stands); its paint goes with it."""
     pose = pose or prop.stand
-    if pose == m.Pose(prop.origin):
+    if pose.position == prop.origin and not any(pose.rotation):
         return surface
     points = (surface.rest - np.array(prop.origin)) @ rotation(pose.rotation).T
     return surface.moved(points + np.array(pose.position))

@@ -6,7 +6,7 @@ from gpusim.errors import InputError
 from gpusim.parallel.main_memory import host_memory
 from gpusim.plan.plan import Plan
 from gpusim.scene import Scene
-from gpusim.scene.cost.counts import element_counts
+from gpusim.scene.cost import element_counts
 
 __all__ = ["check_memory", "memory_fault", "mesh_fault"]
 

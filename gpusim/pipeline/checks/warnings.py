@@ -26,7 +26,7 @@ from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description import model as m
-from gpusim.scene.schema.mesh import CAD_SUFFIXES
+from gpusim.scene.description.mesh import CAD_SUFFIXES
 
 if TYPE_CHECKING:
     from gpusim.pipeline.checks.linear_theory import LinearError

@@ -39,7 +39,7 @@ from gpusim.report import (
     write_report,
 )
 from gpusim.scene import Scene
-from gpusim.scene.cost.cost import effects
+from gpusim.scene.cost import effects
 from gpusim.scene.description import model as m
 
 __all__ = ["Findings", "failure_text", "make_report", "write_page"]

@@ -1,37 +1,41 @@
-"""What a scene holds once it is read: frozen, in SI (m, N, Pa, kg, W), names resolved.
+"""``[[body]]`` and the scene as a whole; every table's class by its name.
 
-World axes are right-handed. A ``Vec3`` is (x, y, z). Directions are as in the file, not
-normalised. A pattern's ``up`` (projected into the plane of the faces it falls on, seen from
-outside) is None for +z, or +y on a plane that is horizontal.
+A table's class has the keys of the file under their names, in the units that these say, and their
+values in SI (m, s, N, Pa, kg, W, rad) under the same names without unit. World axes are
+right-handed. Directions are as in the file, not normalised. A pattern's ``up`` (projected into the
+plane of the faces it falls on, seen from outside) is None for +z, or +y on a plane that is
+horizontal.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
-from .finish import MATTE, Bump, Finish
-from .lights import Ambient, Area, Environment, Light, Point, Spot, Sun
+from pydantic import Field, model_validator
+
+from .camera import Camera
+from .ground import Bump, Finish, Wrap
+from .lens import Lens, Psf, Shutter, Vignetting
+from .lights import Ambient, Area, Environment, Light, LightTable, Point, Spot, Sun
 from .loads import (
     Amplitude,
     Centrifugal,
     Force,
     Gravity,
-    Isotropic,
     LineForce,
     Load,
-    Material,
+    LoadTable,
     NodalForce,
-    Orthotropic,
-    Part,
     Pressure,
     Support,
     Thermal,
     Traction,
-    Vec3,
     Where,
 )
-from .measures import Damage, Deflection, Measure, Published, Stereo, Variant
-from .mesh_recipe import (
+from .material import Isotropic, Material, MaterialTable, Orthotropic
+from .mesh import (
     BeamMesh,
     BoxMesh,
     BracketMesh,
@@ -39,11 +43,39 @@ from .mesh_recipe import (
     FieldMesh,
     FileMesh,
     MeshRecipe,
+    MeshTable,
     NotchRecipe,
     PlateMesh,
 )
-from .patterns import Picture, Target, Wrap
-from .photo import Lens, Psf, Sensor, Shutter, Vignetting
+from .paint import (
+    Checker,
+    Dots,
+    Marker,
+    Markers,
+    Paint,
+    PaintTable,
+    Pattern,
+    Picture,
+    Plain,
+    Speckle,
+)
+from .processing import (
+    Analysis,
+    Damage,
+    Deflection,
+    Measure,
+    MeasureTable,
+    Output,
+    Published,
+    Render,
+    Solver,
+    Stereo,
+    Variant,
+)
+from .prop import Box, Calibration, Plate, Pose, Prop, PropTable, Shape
+from .sensor import Sensor, merged
+from .table import Listed, Name, Table, Vec3, Words, fault
+from .targets import Target
 
 __all__ = [
     "Ambient",
@@ -98,6 +130,7 @@ __all__ = [
     "Psf",
     "Published",
     "Render",
+    "SceneTable",
     "Sensor",
     "Shape",
     "Shutter",
@@ -119,105 +152,16 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Plain:
-    """One albedo everywhere; ``finish``: how it shines, here and elsewhere."""
+class Part:
+    """Elements whose middle is at ``where`` are of another material than their body."""
 
-    name: str
+    material: Material
     where: Where
-    albedo: float
-    finish: Finish = MATTE
-
-
-@dataclass(frozen=True)
-class Marker:
-    """One marker: its own name and its centre (m) on the unloaded shape."""
-
-    name: str
-    position: Vec3
-
-
-@dataclass(frozen=True)
-class Markers:
-    """2x2 square markers of side ``size`` (m); fields lower left and upper right are ``dark``."""
-
-    name: str
-    where: Where
-    albedo: float
-    up: Vec3 | None
-    size: float
-    dark: float
-    light: float
-    markers: tuple[Marker, ...]
-    wrap: Wrap | None = None
-    finish: Finish = MATTE
-
-
-@dataclass(frozen=True)
-class Checker:
-    """Fields of side ``cell`` (m) from the lower left corner ``origin``, whose field is dark."""
-
-    name: str
-    where: Where
-    albedo: float
-    up: Vec3 | None
-    cell: float
-    columns: int
-    rows: int
-    origin: Vec3
-    dark: float
-    light: float
-    wrap: Wrap | None = None
-    finish: Finish = MATTE
-
-
-@dataclass(frozen=True)
-class Dots:
-    """Round dots (m) of albedo ``dot``; ``origin`` is the centre of the one at the lower left."""
-
-    name: str
-    where: Where
-    albedo: float
-    up: Vec3 | None
-    diameter: float
-    pitch: float
-    columns: int
-    rows: int
-    origin: Vec3
-    dot: float
-    wrap: Wrap | None = None
-    finish: Finish = MATTE
-
-
-@dataclass(frozen=True)
-class Speckle:
-    """Random discs of mean ``diameter`` and edge ``softness`` (m); ``albedo`` is the ground's.
-
-    The other values are those of `gpusim.surface.paint.Speckle`.
-    """
-
-    name: str
-    where: Where
-    albedo: float
-    up: Vec3 | None
-    diameter: float
-    coverage: float
-    softness: float
-    size_law: str
-    spread: float
-    arrangement: str
-    seed: int
-    dot: float
-    wrap: Wrap | None = None
-    finish: Finish = MATTE
-
-
-Pattern = Markers | Checker | Dots | Speckle | Picture | Target
-Paint = Plain | Pattern
 
 
 @dataclass(frozen=True)
 class Body:
-    """A deformable body.
+    """A deformable body, names resolved.
 
     A face belongs to the last paint whose ``where`` matches it, an element to the last part; where
     no part does it is of ``material``. A body whose displacements are given (its ``mesh`` is a
@@ -234,160 +178,113 @@ class Body:
     paints: tuple[Paint, ...]
 
 
-@dataclass(frozen=True)
-class Pose:
-    """Where a prop's own point is (m), and how it is turned (rad, about x, then y, then z)."""
+class PartTable(Table):
+    """Elements of a body that are of another material."""
 
-    position: Vec3
-    rotation: Vec3 = (0.0, 0.0, 0.0)
+    material: Name
+    """The name of a [[material]]."""
+    where: Where
+    """The elements whose middle is there; ``set`` is a named set of elements."""
 
-
-@dataclass(frozen=True)
-class Plate:
-    """A rigid plate (m): ``size`` is width (along up x normal) and height (along up).
-
-    Props of every shape have ``paints``, and ``poses``, one per frame, or none if they stand
-    still. They are built as described; ``stand`` is the pose in which they then stand, with
-    ``origin`` the point that a pose is about.
-    """
-
-    name: str
-    center: Vec3
-    normal: Vec3
-    up: Vec3
-    size: tuple[float, float]
-    paint: Paint
-    poses: tuple[Pose, ...] = ()
-
-    @property
-    def paints(self) -> tuple[Paint, ...]:
-        return (self.paint,)
-
-    @property
-    def origin(self) -> Vec3:
-        return self.center
-
-    @property
-    def stand(self) -> Pose:
-        return Pose(self.center)
+    @model_validator(mode="after")
+    def _check(self) -> PartTable:
+        if self.where.normal is not None:
+            raise fault("where.normal", "of elements, which look nowhere", self.where.normal,
+                        "a set of elements or bounds")  # fmt: skip
+        if self.where.is_everything:
+            raise fault("where", "selects the whole body", Words("{}"), "a set or a bound")
+        return self
 
 
-@dataclass(frozen=True)
-class Box:
-    """A rigid block (m)."""
+class BodyTable(Table):
+    """A deformable body: a mesh of a material to be solved, or a field that is given."""
 
-    name: str
-    center: Vec3
-    size: Vec3
-    paints: tuple[Paint, ...]
-    rotation: Vec3
-    poses: tuple[Pose, ...] = ()
+    name: Name
+    material: Name | None = None
+    """The name of a [[material]]."""
+    field: FieldMesh | None = None
+    """Mesh and displacements from a result file of another program, in place of material, mesh,
+    supports and loads; ``analysis.type`` is "field" then."""
+    part: Annotated[tuple[PartTable, ...], Listed()] = ()
+    """Elements of other materials; an element belongs to the last entry that matches it."""
+    formulation: Literal["incompatible", "full", "bbar", "reduced", "exact"] = "incompatible"
+    """Of 8-node bricks "incompatible" (bends without locking), "full", or "bbar" (for rubber-like
+    bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
+    type that doesn't have it takes its own default."""
+    mesh: MeshTable | None = None
+    notch: Annotated[tuple[NotchRecipe, ...], Listed()] = ()
+    """Slots in a box or a beam."""
+    support: Annotated[tuple[Support, ...], Listed()] = ()
+    load: Annotated[tuple[LoadTable, ...], Listed()] = ()
+    paint: Annotated[tuple[PaintTable, ...], Listed(1)]
+    """A face belongs to the last entry that matches it."""
 
-    @property
-    def origin(self) -> Vec3:
-        return self.center
+    @model_validator(mode="after")
+    def _check(self) -> BodyTable:
+        if self.field is None:
+            for key, what in (("material", "the name of a [[material]]"), ("mesh", "a mesh")):
+                if getattr(self, key) is None:
+                    raise fault(
+                        key, "missing", Words(f"neither {key} nor field"), f"{what}, or a field"
+                    )
+            return self
+        for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
+            if getattr(self, key) not in (None, (), type(self).model_fields[key].default):
+                raise fault(key, "beside field, which gives mesh and displacements",
+                            Words("both"), "one of them")  # fmt: skip
+        return self
 
-    @property
-    def stand(self) -> Pose:
-        return Pose(self.center, self.rotation)
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A rigid thing from a file (absolute ``path``; ``scale`` is metres per unit of the file)."""
-
-    name: str
-    path: str
-    scale: float
-    position: Vec3
-    paints: tuple[Paint, ...]
-    rotation: Vec3
-    poses: tuple[Pose, ...] = ()
-
-    @property
-    def origin(self) -> Vec3:
-        return 0.0, 0.0, 0.0
-
-    @property
-    def stand(self) -> Pose:
-        return Pose(self.position, self.rotation)
-
-
-Prop = Plate | Box | Shape
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Images of the prop ``board`` in each of ``poses``, by ``cameras``; ``show``: other props."""
-
-    board: str
-    cameras: tuple[str, ...]
-    show: tuple[str, ...]
-    poses: tuple[Pose, ...]
-
-
-@dataclass(frozen=True)
-class Analysis:
-    """One frame per load factor ("static"), or per time of a given field ("field")."""
-
-    type: str
-    load_factors: tuple[float, ...]
-    frame_rate: float | None = None
+    def resolved(self, materials: Mapping[str, Material], factors: Amplitude) -> Body:
+        """The body with its materials, its notches, and the load ``factors`` of the frames for
+        what has no amplitude of its own."""
+        mesh = self.mesh if self.field is None else self.field
+        assert mesh is not None  # _check made sure
+        if isinstance(mesh, BoxMesh | BeamMesh):
+            mesh.notched(self.notch)
+        for driven in (*self.support, *self.load):
+            driven.driven(factors)
+        return Body(
+            name=self.name,
+            material=None if self.material is None else materials[self.material],
+            parts=tuple(Part(materials[part.material], part.where) for part in self.part),
+            formulation=self.formulation,
+            mesh=mesh,
+            supports=self.support,
+            loads=self.load,
+            paints=self.paint,
+        )
 
 
-@dataclass(frozen=True)
-class Solver:
-    """``tolerance`` is the estimated relative displacement error at which to stop."""
+class SceneTable(Table):
+    """A gpusim scene: structure, loads, cameras, lights, and what to measure."""
 
-    tolerance: float
-    max_iterations: int | None
-    method: str
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    """Version of the scene format."""
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    description: str = ""
+    material: Annotated[tuple[MaterialTable, ...], Listed()] = ()
+    body: Annotated[tuple[BodyTable, ...], Listed()] = ()
+    prop: Annotated[tuple[PropTable, ...], Listed()] = ()
+    analysis: Analysis = Analysis()
+    solver: Solver = Solver()
+    camera: Annotated[tuple[Camera, ...], Listed()] = ()
+    light: Annotated[tuple[LightTable, ...], Listed()] = ()
+    """Without any, images show the albedo."""
+    calibration: Calibration | None = None
+    """Images of a calibration target, beside the frames."""
+    render: Render = Render()
+    sensor: Sensor = Sensor()
+    measure: Annotated[tuple[MeasureTable, ...], Listed()] = ()
+    variant: Annotated[tuple[Variant, ...], Listed()] = ()
+    """States that are made in one run and compared."""
+    output: Output = Output()
 
-
-@dataclass(frozen=True)
-class Camera:
-    """Camera: lengths in m, ``resolution`` (columns, rows) in px.
-
-    ``principal_point_offset`` is right and down from the image's centre, on the sensor.
-    ``intrinsics`` (fx, fy, cx, cy, skew) px come before ``focal``, which is 0 where nobody said
-    it, as are the sides of the ``sensor``. ``position`` and ``target`` are None for a camera with
-    a ``rotation`` (a Rodrigues vector, or nine numbers row by row) and ``translation``, or with
-    the pose of its ``calibration`` file. ``electronics``: its sensor where it isn't the scene's.
-    """
-
-    name: str
-    sensor: tuple[float, float]
-    resolution: tuple[int, int]
-    focal: float
-    position: Vec3 | None
-    target: Vec3 | None
-    up: Vec3
-    principal_point_offset: tuple[float, float]
-    lens: Lens | None = None
-    shutter: Shutter | None = None
-    intrinsics: tuple[float, ...] = ()
-    distortion: tuple[float, ...] = ()
-    rotation: tuple[float, ...] = ()
-    translation: Vec3 | None = None
-    calibration: str = ""
-    calibration_camera: str | int = 0
-    calibration_unit: float = 0.0
-    electronics: Sensor | None = None
-
-
-@dataclass(frozen=True)
-class Render:
-    """``error`` in grey levels of 8 bit; ``background`` radiance."""
-
-    error: float
-    background: float
-
-
-@dataclass(frozen=True)
-class Output:
-    """Truth layers by name, and whether to write VTU and STL files, and stress."""
-
-    truth: tuple[str, ...]
-    vtu: bool
-    stl: bool
-    stress: bool
+    @model_validator(mode="after")
+    def _complete(self) -> SceneTable:
+        """What tables take from others where they don't say it themselves."""
+        for index, camera in enumerate(self.camera):
+            if camera.own_sensor is not None:
+                camera.equip(merged(self.sensor, camera.own_sensor, f"camera.{index}.sensor"))
+        if self.calibration is not None:
+            self.calibration.photographed(tuple(camera.name for camera in self.camera))
+        return self

@@ -10,12 +10,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.errors import Fault
-from gpusim.scene.schema.base import Words, norm
-from gpusim.scene.schema.mesh import NOTCHABLE, SETS
+from gpusim.scene.description.mesh import NOTCHABLE, SETS
+from gpusim.scene.description.table import Words, norm
 
 from .faults import value_text
-from .key_path import dotted, listed, nearest
-from .line_numbers import Keys
+from .key_paths import Keys, dotted, listed, nearest
 
 __all__ = ["check_document"]
 

@@ -11,12 +11,10 @@ from pydantic import BaseModel, ValidationError
 
 from gpusim.errors import Fault, InputError
 from gpusim.printable import printable
-from gpusim.scene.schema.base import Words
+from gpusim.scene.description.table import Words
 
-from .expectations import expected
-from .key_path import dotted, nearest
-from .line_numbers import Keys, Origins, origin_of
-from .schema_places import Place, locate
+from .key_paths import Keys, Origins, dotted, nearest, origin_of
+from .schema_places import Place, expected, locate
 
 __all__ = ["MOST", "faults_of", "unread", "value_text", "with_origin"]
 
@@ -167,7 +165,7 @@ def value_text(value: Any) -> str:
         text = "a table" if value else "{}"
     elif isinstance(value, int) and abs(value) >= 10**40:
         text = f"a number of about {value.bit_length() * 0.30103:,.0f} digits"
-    elif isinstance(value, list):
+    elif isinstance(value, list | tuple):
         text = f"[{', '.join(map(value_text, value[:20]))}{', ...' if len(value) > 20 else ''}]"
     else:
         text = str(value)

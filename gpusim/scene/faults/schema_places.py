@@ -1,22 +1,102 @@
-"""Where in the file a pydantic location is, and what the schema says about that place."""
+"""What the schema says: of a place in the file, and of the file as a whole, for editors.
+
+The text of a key is the one below it in the source, read when somebody asks for it. pydantic would
+read it whenever the classes are made (``use_attribute_docstrings``): a third of the time that a
+scene's classes take, in every command.
+"""
 
 from __future__ import annotations
 
+import ast
+import inspect
+import json
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass
-from textwrap import shorten
+from functools import cache
+from textwrap import dedent, shorten
 from types import UnionType
 from typing import Annotated, Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gpusim.scene.schema.described import descriptions
+from gpusim.scene.description.model import SceneTable
+from gpusim.scene.description.table import Table
 
-__all__ = ["Place", "locate"]
+__all__ = ["Place", "descriptions", "expected", "json_schema", "locate"]
 
-Keys = tuple[str | int, ...]
+_MANY = 2**31  # a count above it is no limit that anybody asks about
+_KINDS = {
+    "number": "number",
+    "integer": "whole number",
+    "string": "text",
+    "boolean": "true or false",
+}
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a scene file, for editors.
+
+    Examples
+    --------
+    >>> from gpusim.scene import json_schema
+    >>> json_schema()["type"]
+    'object'
+    """
+    schema = SceneTable.model_json_schema(by_alias=True)
+    _add_descriptions(schema, SceneTable)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+@cache
+def descriptions(table: type[BaseModel]) -> dict[str, str]:
+    """Text by the name of the field, those of the classes that ``table`` derives from included."""
+    found: dict[str, str] = {}
+    for owner in reversed(table.__mro__):
+        if issubclass(owner, BaseModel) and owner is not BaseModel:
+            found |= _own(owner)
+    return found
+
+
+def _own(table: type[BaseModel]) -> dict[str, str]:
+    (body,) = ast.parse(dedent(inspect.getsource(table))).body
+    assert isinstance(body, ast.ClassDef)
+    found = {}
+    for field, text in zip(body.body, body.body[1:], strict=False):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+            and isinstance(text.value.value, str)
+        ):
+            found[field.target.id] = inspect.cleandoc(text.value.value)
+    return found
+
+
+def _add_descriptions(schema: dict[str, Any], root: type[BaseModel]) -> None:
+    """Put the texts into a JSON schema of ``root``, in place."""
+    tables = _tables()
+    for name, definition in (*schema.get("$defs", {}).items(), (root.__name__, schema)):
+        if name not in tables:
+            continue
+        texts, fields = descriptions(tables[name]), tables[name].model_fields
+        for key, field in definition.get("properties", {}).items():
+            own = next(own for own, info in fields.items() if key == (info.alias or own))
+            if own in texts:
+                field["description"] = texts[own]
+
+
+def _tables() -> dict[str, type[BaseModel]]:
+    """Every table class by its name."""
+    found: dict[str, type[BaseModel]] = {}
+    queue: list[type[BaseModel]] = [Table]
+    while queue:
+        table = queue.pop()
+        found[table.__name__] = table
+        queue += table.__subclasses__()
+    return found
 
 
 @dataclass(frozen=True)
@@ -26,7 +106,7 @@ class Place:
     ``choice``: which of the types that the value may have is meant, where it may have several.
     """
 
-    keys: Keys
+    keys: tuple[str | int, ...]
     table: type[BaseModel]
     annotation: Any
     choice: str = ""
@@ -113,3 +193,63 @@ def _variants(annotation: Any) -> dict[str | int, type[BaseModel]]:
             if info is not None:
                 found.update(dict.fromkeys(typing.get_args(info.annotation), variant))
     return found
+
+
+def expected(table: type[BaseModel], key: str) -> str:
+    """Words for the value of a key (as it stands in the file) of a table; "" if there are none."""
+    schema = _schema(table)
+    return _words(schema.get("properties", {}).get(key, {}), schema.get("$defs", {}))
+
+
+@cache
+def _schema(table: type[BaseModel]) -> dict[str, Any]:
+    return table.model_json_schema(by_alias=True)
+
+
+def _words(schema: dict[str, Any], defs: dict[str, Any], many: bool = False) -> str:
+    if "$ref" in schema:
+        return _words(defs.get(schema["$ref"].rsplit("/", 1)[-1], {}), defs, many)
+    if "const" in schema or "enum" in schema:
+        values = schema.get("enum", [schema.get("const")])
+        text = ", ".join(json.dumps(value) for value in values)
+        return f"one of {text}" if len(values) > 1 else text
+    options = [one for one in schema.get("anyOf", schema.get("oneOf", []))
+               if one.get("type") != "null"]  # fmt: skip
+    if options:
+        return ", or ".join(dict.fromkeys(_words(one, defs, many) for one in options))
+    kind = schema.get("type")
+    if kind == "object":
+        return "tables" if many else "a table"
+    if kind == "array":
+        text = _list(schema, defs)
+        return text.replace("a list", "lists", 1) if many else text
+    if "pattern" in schema:
+        return "names" if many else "a name of letters, digits, _ and -, a letter first"
+    if kind == "boolean":
+        return _KINDS[kind]
+    if kind not in _KINDS:
+        return ""
+    name = f"{_KINDS[kind]}s" if many else f"a {_KINDS[kind]}"
+    return f"{name}{_range(schema)}"
+
+
+def _list(schema: dict[str, Any], defs: dict[str, Any]) -> str:
+    inner = _words(schema.get("items", {}), defs, many=True)
+    least, most = schema.get("minItems", 0), schema.get("maxItems")
+    if inner == "tables":
+        return "one table or more" if least else "tables"
+    count = f"{least} " if least == most else ""
+    inner = inner.replace("one of", "some of", 1)
+    return f"a list of {count}{inner}" if inner else "a list"
+
+
+def _range(schema: dict[str, Any]) -> str:
+    low, high = schema.get("minimum"), schema.get("maximum")
+    above, below = schema.get("exclusiveMinimum"), schema.get("exclusiveMaximum")
+    if low is not None and high is not None:
+        return f" from {low:g} to {high:g}"
+    parts = []
+    for value, sign in ((low, ">="), (above, ">"), (high, "<="), (below, "<")):
+        if value is not None and abs(value) < _MANY:
+            parts.append(f"{sign} {value:g}")
+    return " " + " and ".join(parts) if parts else ""
