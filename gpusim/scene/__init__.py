@@ -3,13 +3,12 @@
 In the order in which data passes:
 
 - `description`: The scene file's tables, each once: keys as in the file, and what they are in SI.
+- `toml_text`: A plain document as a TOML text, and back; and how large it may be.
 - `faults`: Faults of a scene file: where, what, and what was expected.
 - `files`: Files that a scene names, meshes and results: found beside it, and known by their
   content.
-- `toml_text`: A plain document as a TOML text that `tomllib` reads back to the same.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
-  from.
-- `load`: Reading a scene file.
+  from; and how its file is read.
 - `cost`: Cost of a run, from the scene's numbers alone.
 - `plausibility`: Numbers that no structure, material or camera has: most often a value in another
   unit.
@@ -21,8 +20,8 @@ In the order in which data passes:
 from __future__ import annotations
 
 from .faults.schema_places import json_schema
-from .load import load_scene, parse_value
-from .scene import Scene
+from .scene import Scene, load_scene
+from .toml_text import parse_value
 
 __all__ = ["Scene", "json_schema", "load_scene", "parse_value"]
 

@@ -11,8 +11,7 @@ from gpusim.scene import json_schema
 from gpusim.scene.description.ground import Painted
 from gpusim.scene.description.model import SceneTable
 from gpusim.scene.description.paint import Speckle
-from gpusim.scene.description.table import Table
-from gpusim.scene.faults.schema_places import descriptions
+from gpusim.scene.description.table import Table, descriptions
 
 
 class _Base(Table):

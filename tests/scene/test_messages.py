@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from gpusim.errors import InputError, SceneError
 from gpusim.mesh import box
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.description.model import SceneTable
-from gpusim.scene.faults.schema_places import _tables, expected
+from gpusim.scene.description.table import Table
+from gpusim.scene.faults.schema_places import expected
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +87,14 @@ def test_names_that_are_not_clear_stay_indices(crane: Scene) -> None:
     assert "camera.1.name: name used twice" in str(caught.value)
 
 
+def subclasses(table: type[Table]) -> Iterator[type[Table]]:
+    for one in table.__subclasses__():
+        yield one
+        yield from subclasses(one)
+
+
 def test_every_key_has_words_for_what_it_wants() -> None:
-    tables = [one for one in _tables().values() if not one.__name__.startswith("_")]
+    tables = [one for one in subclasses(Table) if not one.__name__.startswith("_")]
     words = {
         (table.__name__, key): expected(table, info.alias or key)
         for table in tables

@@ -15,5 +15,6 @@ In the order in which data passes:
 - `sensor`: From radiance to grey values.
 - `camera`: From where a scene is seen.
 - `processing`: What is done with a scene, what is measured, and the states that are compared.
-- `model`: Bodies and the scene as a whole; every table's class by its name.
+- `scene_table`: ``[[body]]``, and the scene as a whole.
+- `model`: Every table's class by its name.
 """

@@ -62,10 +62,12 @@ class Camera(Table):
     """OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]]; tau in rad."""
     calibration_: Annotated[str | None, Field(alias="calibration")] = None
     """File of OpenCV, Kalibr, MatchID (.caldat), VIC (.xml) or DICe (.xml)."""
+    calibration = SI[str]("", "calibration_", without="")
     calibration_camera: str | Annotated[int, Field(ge=0)] = 0
     """Which camera of the file: its name, or its number from 0 on."""
     calibration_unit_mm: Length | None = None
     """Length of the file's unit; by default 1, and 1000 for Kalibr."""
+    calibration_unit = SI[float]("mm", without=0.0)
     position_mm: Vector | None = None
     """The centre of projection."""
     position = SI[Vec3 | None]("mm")
@@ -120,16 +122,6 @@ class Camera(Table):
         if self.rotation_matrix is not None:
             return tuple(value for row in self.rotation_matrix for value in row)
         return self.rotation_vector or ()
-
-    @property
-    def calibration(self) -> str:
-        """File of the calibration, or nothing."""
-        return self.calibration_ or ""
-
-    @property
-    def calibration_unit(self) -> float:
-        """Length of the file's unit (m), or 0."""
-        return (self.calibration_unit_mm or 0.0) / 1000.0
 
     @property
     def electronics(self) -> Sensor | None:

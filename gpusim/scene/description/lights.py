@@ -152,8 +152,10 @@ class Environment(Table):
     type: Literal["environment"]
     sky_W_m2_sr: Radiance | None = None
     """Radiance above the horizon; or give file."""
+    sky = SI[float]("W_m2_sr", without=0.0)
     ground_W_m2_sr: Radiance | None = None
     """Radiance below it."""
+    ground = SI[float]("W_m2_sr", without=0.0)
     path: Annotated[Annotated[str, Field(min_length=1)] | None, Field(alias="file")] = None
     """Equirectangular picture of radiances (.hdr, .tif of floats, .npy), relative to the
     scene file; colours count by their luminance."""
@@ -166,16 +168,6 @@ class Environment(Table):
     """Where the file's middle column looks; without it +y, or +x where up is along y."""
     occlusion: bool = False
     """Whether bodies and props hide it from each other (ambient occlusion)."""
-
-    @property
-    def sky(self) -> float:
-        """Radiance above the horizon; 0 with a picture."""
-        return self.sky_W_m2_sr or 0.0
-
-    @property
-    def ground(self) -> float:
-        """Radiance below it; 0 with a picture."""
-        return self.ground_W_m2_sr or 0.0
 
     @model_validator(mode="after")
     def _check(self) -> Environment:

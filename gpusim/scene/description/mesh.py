@@ -19,8 +19,8 @@ from .table import (
     Vector,
     Words,
     fault,
+    in_si,
     known_suffix,
-    metres,
 )
 
 __all__ = [
@@ -317,7 +317,7 @@ class FileMesh(Table):
     def scale(self) -> float:
         """Metres per unit of the file."""
         step = PurePath(self.path).suffix.lower() in (".step", ".stp")
-        return metres("mm" if step else self.unit)
+        return float(in_si("mm" if step else self.unit, "a file's unit"))
 
     @model_validator(mode="after")
     def _check(self) -> FileMesh:
@@ -354,6 +354,7 @@ class FieldMesh(Table):
     time), .e/.exo (Exodus), .frd (CalculiX, text), .npz."""
     unit: FileUnit = "mm"
     """Of coordinates and displacements in the file."""
+    scale = SI[float]("a file's unit", "unit")
     variable: Annotated[
         Annotated[str, Field(min_length=1, max_length=200)] | None, Field(alias="displacement")
     ] = None
@@ -361,11 +362,6 @@ class FieldMesh(Table):
     Without it one with a usual name: displacement, disp, U, DISP."""
     magnify: Annotated[Length, Field(alias="scale")] = 1.0
     """Factor on the displacements, to show them larger than they are."""
-
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the file."""
-        return metres(self.unit)
 
     @model_validator(mode="after")
     def _check(self) -> FieldMesh:

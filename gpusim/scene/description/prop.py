@@ -25,7 +25,6 @@ from .table import (
     each_once,
     fault,
     known_suffix,
-    metres,
     parallel,
     unit,
 )
@@ -57,11 +56,7 @@ class _Prop(Table):
     name: Name
     poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
-
-    @property
-    def poses(self) -> tuple[Pose, ...]:
-        """One per frame, or none if it stands still."""
-        return self.poses_ or ()
+    poses = SI[tuple[Pose, ...]]("", "poses_", without=())
 
 
 class Plate(_Prop):
@@ -153,6 +148,7 @@ class Shape(_Shaped):
     """Relative to the scene file. Faces are wound counter-clockwise seen from outside."""
     unit: FileUnit = "mm"
     """Of the file's coordinates."""
+    scale = SI[float]("a file's unit", "unit")
     position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin is."""
     origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
@@ -162,11 +158,6 @@ class Shape(_Shaped):
     def _check(self) -> Shape:
         known_suffix("file", self.path, SURFACE_SUFFIXES + MESH_SUFFIXES)
         return self
-
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the file."""
-        return metres(self.unit)
 
     @property
     def stand(self) -> Pose:

@@ -7,9 +7,13 @@ file are tuples here: a scene that was read doesn't change.
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import cache
 from pathlib import PurePath
+from textwrap import dedent
 from typing import Annotated, Any, Generic, Literal, Self, TypeVar, overload
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
@@ -39,11 +43,11 @@ __all__ = [
     "across",
     "between",
     "cross",
+    "descriptions",
     "each_once",
     "fault",
     "in_si",
     "known_suffix",
-    "metres",
     "norm",
     "not_zero",
     "parallel",
@@ -52,8 +56,9 @@ __all__ = [
 
 _SMALLEST, _LARGEST = 1e-30, 1e30
 _LARGEST_COUNT = 2**63 - 1
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}  # per unit of a file
 # A millimetre becomes a metre by division by 1000, which rounds once; times 0.001 rounds twice.
-_TO_SI: dict[str, Callable[[float], float]] = {
+_TO_SI: dict[str, Callable[[Any], float]] = {
     "mm": lambda value: value / 1000.0,
     "um": lambda value: value / 1e6,
     "nm": lambda value: value / 1e9,
@@ -64,8 +69,8 @@ _TO_SI: dict[str, Callable[[float], float]] = {
     "rpm": lambda value: value * math.tau / 60.0,
     "percent": lambda value: value / 100.0,
     "deg": math.radians,
+    "a file's unit": lambda unit: _METRES[unit],
 }
-_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 
 T = TypeVar("T")
 Vec3 = tuple[float, float, float]
@@ -123,17 +128,12 @@ def in_si(value: Any, unit: str) -> Any:
     return _TO_SI[unit](value)
 
 
-def metres(unit: FileUnit) -> float:
-    """Metres per unit of a file's coordinates."""
-    return _METRES[unit]
-
-
 class SI(Generic[T]):
     """A key's value in SI, named by the key without its unit: ``size = SI[Vec3]("mm")`` is that of
-    ``size_mm``. Another ``key`` is said."""
+    ``size_mm``. Another ``key`` is said, and what there is ``without`` a value of it."""
 
-    def __init__(self, unit: str, key: str = "") -> None:
-        self.unit, self.key = unit, key
+    def __init__(self, unit: str, key: str = "", without: Any = None) -> None:
+        self.unit, self.key, self.without = unit, key, without
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.key = self.key or f"{name}_{self.unit}"
@@ -145,7 +145,43 @@ class SI(Generic[T]):
     def __get__(self, table: object, owner: type) -> T: ...
 
     def __get__(self, table: object | None, owner: type) -> Any:
-        return self if table is None else in_si(getattr(table, self.key), self.unit)
+        if table is None:
+            return self
+        value = getattr(table, self.key)
+        return self.without if value is None else in_si(value, self.unit)
+
+
+@cache
+def descriptions(table: type[BaseModel]) -> dict[str, str]:
+    """The text below each field in the source, by the field's name; base classes included.
+
+    Read when somebody asks for it. pydantic would read it whenever the classes are made
+    (``use_attribute_docstrings``): a third of the time that a scene's classes take, in every
+    command.
+    """
+    found: dict[str, str] = {}
+    for owner in table.__mro__:
+        if not issubclass(owner, BaseModel) or owner is BaseModel:
+            continue
+        (body,) = ast.parse(dedent(inspect.getsource(owner))).body
+        assert isinstance(body, ast.ClassDef)
+        for field, text in zip(body.body, body.body[1:], strict=False):
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(field.target, ast.Name)
+                and isinstance(text, ast.Expr)
+                and isinstance(text.value, ast.Constant)
+                and isinstance(text.value.value, str)
+            ):
+                found.setdefault(field.target.id, inspect.cleandoc(text.value.value))
+    return found
+
+
+def _add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    texts = descriptions(table)
+    for name, info in table.model_fields.items():
+        if name in texts:
+            schema["properties"][info.alias or name]["description"] = texts[name]
 
 
 class Table(BaseModel):
@@ -160,6 +196,7 @@ class Table(BaseModel):
         frozen=True,
         allow_inf_nan=False,
         ignored_types=(SI,),
+        json_schema_extra=_add_descriptions,
     )
 
     @model_validator(mode="after")

@@ -2,8 +2,6 @@
 
 In the order in which data passes:
 
-- `limits`: How large and how deeply nested a scene may be; asked before anything else is done
-  with it.
 - `key_paths`: Dotted key paths, and the lines of a TOML text that they were written in.
 - `schema_places`: What the schema says: of a place in the file, and of the file as a whole.
 - `faults`: From pydantic's errors to faults: key path with index, what, got, expected, nearest

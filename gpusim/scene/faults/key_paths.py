@@ -10,8 +10,7 @@ from itertools import islice
 from typing import Any
 
 from gpusim.errors import Fault
-
-from .limits import DEEPEST
+from gpusim.scene.toml_text import DEEPEST
 
 __all__ = [
     "Keys",

@@ -1,30 +1,23 @@
-"""What the schema says: of a place in the file, and of the file as a whole, for editors.
-
-The text of a key is the one below it in the source, read when somebody asks for it. pydantic would
-read it whenever the classes are made (``use_attribute_docstrings``): a third of the time that a
-scene's classes take, in every command.
-"""
+"""What the schema says: of a place in the file, and of the file as a whole, for editors."""
 
 from __future__ import annotations
 
-import ast
-import inspect
 import json
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from textwrap import dedent, shorten
+from textwrap import shorten
 from types import UnionType
 from typing import Annotated, Any
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from gpusim.scene.description.model import SceneTable
-from gpusim.scene.description.table import Table
+from gpusim.scene.description.scene_table import SceneTable
+from gpusim.scene.description.table import descriptions
 
-__all__ = ["Place", "descriptions", "expected", "json_schema", "locate"]
+__all__ = ["Place", "expected", "json_schema", "locate"]
 
 _MANY = 2**31  # a count above it is no limit that anybody asks about
 _KINDS = {
@@ -45,58 +38,7 @@ def json_schema() -> dict[str, Any]:
     'object'
     """
     schema = SceneTable.model_json_schema(by_alias=True)
-    _add_descriptions(schema, SceneTable)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-@cache
-def descriptions(table: type[BaseModel]) -> dict[str, str]:
-    """Text by the name of the field, those of the classes that ``table`` derives from included."""
-    found: dict[str, str] = {}
-    for owner in reversed(table.__mro__):
-        if issubclass(owner, BaseModel) and owner is not BaseModel:
-            found |= _own(owner)
-    return found
-
-
-def _own(table: type[BaseModel]) -> dict[str, str]:
-    (body,) = ast.parse(dedent(inspect.getsource(table))).body
-    assert isinstance(body, ast.ClassDef)
-    found = {}
-    for field, text in zip(body.body, body.body[1:], strict=False):
-        if (
-            isinstance(field, ast.AnnAssign)
-            and isinstance(field.target, ast.Name)
-            and isinstance(text, ast.Expr)
-            and isinstance(text.value, ast.Constant)
-            and isinstance(text.value.value, str)
-        ):
-            found[field.target.id] = inspect.cleandoc(text.value.value)
-    return found
-
-
-def _add_descriptions(schema: dict[str, Any], root: type[BaseModel]) -> None:
-    """Put the texts into a JSON schema of ``root``, in place."""
-    tables = _tables()
-    for name, definition in (*schema.get("$defs", {}).items(), (root.__name__, schema)):
-        if name not in tables:
-            continue
-        texts, fields = descriptions(tables[name]), tables[name].model_fields
-        for key, field in definition.get("properties", {}).items():
-            own = next(own for own, info in fields.items() if key == (info.alias or own))
-            if own in texts:
-                field["description"] = texts[own]
-
-
-def _tables() -> dict[str, type[BaseModel]]:
-    """Every table class by its name."""
-    found: dict[str, type[BaseModel]] = {}
-    queue: list[type[BaseModel]] = [Table]
-    while queue:
-        table = queue.pop()
-        found[table.__name__] = table
-        queue += table.__subclasses__()
-    return found
 
 
 @dataclass(frozen=True)
