@@ -10,10 +10,11 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cache
+from itertools import pairwise
 from pathlib import PurePath
-from textwrap import dedent
 from typing import Annotated, Any, Generic, Literal, Self, TypeVar, overload
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
@@ -151,7 +152,6 @@ class SI(Generic[T]):
         return self.without if value is None else in_si(value, self.unit)
 
 
-@cache
 def descriptions(table: type[BaseModel]) -> dict[str, str]:
     """The text below each field in the source, by the field's name; base classes included.
 
@@ -160,21 +160,29 @@ def descriptions(table: type[BaseModel]) -> dict[str, str]:
     command.
     """
     found: dict[str, str] = {}
-    for owner in table.__mro__:
-        if not issubclass(owner, BaseModel) or owner is BaseModel:
-            continue
-        (body,) = ast.parse(dedent(inspect.getsource(owner))).body
-        assert isinstance(body, ast.ClassDef)
-        for field, text in zip(body.body, body.body[1:], strict=False):
-            if (
-                isinstance(field, ast.AnnAssign)
-                and isinstance(field.target, ast.Name)
-                and isinstance(text, ast.Expr)
-                and isinstance(text.value, ast.Constant)
-                and isinstance(text.value.value, str)
-            ):
-                found.setdefault(field.target.id, inspect.cleandoc(text.value.value))
+    for owner in reversed(table.__mro__):
+        if issubclass(owner, BaseModel) and owner is not BaseModel:
+            found |= _field_texts(owner.__module__).get(owner.__name__, {})
     return found
+
+
+@cache
+def _field_texts(module: str) -> dict[str, dict[str, str]]:
+    """The same of every class of a module, by its name."""
+    classes = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {
+        one.name: {
+            field.target.id: inspect.cleandoc(text.value.value)
+            for field, text in pairwise(one.body)
+            if isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+            and isinstance(text.value.value, str)
+        }
+        for one in classes
+        if isinstance(one, ast.ClassDef)
+    }
 
 
 def _add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
