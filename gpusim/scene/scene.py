@@ -110,7 +110,7 @@ class Scene:
         try:
             table = SceneTable.model_validate(plain)
         except ValidationError as error:
-            found, more = faults_of(error, SceneTable, origins)
+            found, more = faults_of(error, origins)
             faults += found
         between = [*unread, *check_document(plain)]
         faults += [with_origin(fault, keys, origins) for keys, fault in between]
