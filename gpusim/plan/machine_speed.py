@@ -30,7 +30,7 @@ _LIMITS = 0.02, 50.0  # of a ratio: what is beyond is another fault than speed
 _FASTER, _SLOWER = 0.7, 0.4  # weights of a new run: one that is slow may have had neighbours
 _QUIET = 0.6  # share of the machine from which on a first run is believed
 HOST_SECONDS = 0.036
-"""`host_seconds` of the machine that the costs of `gpusim.scene.cost.cost` were measured on."""
+"""`host_seconds` of the machine that the costs of `gpusim.scene.cost` were measured on."""
 
 
 @dataclass(frozen=True)

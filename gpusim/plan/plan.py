@@ -21,8 +21,8 @@ from gpusim.plan.machine_speed import Speed
 from gpusim.plan.stages import Plan, PlannedStage, RunOptions, State, timed, works_of
 from gpusim.plan.state import StateFile, variant_folder
 from gpusim.scene import Scene, plausibility
+from gpusim.scene import cost as cost_of
 from gpusim.scene.amplitudes import LoadHistory
-from gpusim.scene.cost import cost as cost_of
 from gpusim.scene.description.model import Camera
 
 __all__ = ["Plan", "PlannedStage", "make_plan"]

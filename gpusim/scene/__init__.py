@@ -1,18 +1,15 @@
-"""Scene files: a strict TOML schema with units in its keys -> frozen dataclasses in SI.
+"""Scene files: a strict TOML schema with units in its keys, frozen, and what it says in SI.
 
 In the order in which data passes:
 
-- `schema`: The scene file's tables (pydantic, strict); they stop at the loader.
-- `description`: What a scene holds once it is read: frozen, in SI.
-- `conversion`: From tables to what a scene holds: units to SI, names to things.
+- `description`: The scene file's tables, each once: keys as in the file, and what they are in SI.
+- `toml_text`: A plain document as a TOML text, and back; and how large it may be.
 - `faults`: Faults of a scene file: where, what, and what was expected.
-- `cost`: Cost of a run, from the scene's numbers alone.
 - `files`: Files that a scene names, meshes and results: found beside it, and known by their
   content.
-- `toml_text`: A plain document as a TOML text that `tomllib` reads back to the same.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
-  from.
-- `load`: Reading a scene file.
+  from; and how its file is read.
+- `cost`: Cost of a run, from the scene's numbers alone.
 - `plausibility`: Numbers that no structure, material or camera has: most often a value in another
   unit.
 - `amplitudes`: Which loads vary together over the frames: they are solved as one, and scaled.
@@ -22,9 +19,9 @@ In the order in which data passes:
 
 from __future__ import annotations
 
-from .load import load_scene, parse_value
-from .scene import Scene
-from .schema import json_schema
+from .faults.schema_places import json_schema
+from .scene import Scene, load_scene
+from .toml_text import parse_value
 
 __all__ = ["Scene", "json_schema", "load_scene", "parse_value"]
 

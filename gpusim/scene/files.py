@@ -15,8 +15,7 @@ from gpusim.files.input_file import (
     read_series,
 )
 from gpusim.scene.faults.faults import unread
-from gpusim.scene.faults.key_path import dotted
-from gpusim.scene.faults.line_numbers import Keys
+from gpusim.scene.faults.key_paths import Keys, dotted
 
 __all__ = ["find_files"]
 

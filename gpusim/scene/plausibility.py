@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from math import dist, hypot
 from typing import TYPE_CHECKING
 
-from gpusim.scene.cost.extent import element_sizes, extent
-
+from .cost import element_sizes, extent
 from .description import model as m
 
 if TYPE_CHECKING:

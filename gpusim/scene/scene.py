@@ -1,4 +1,5 @@
-"""``Scene``: everything a run needs, validated, in SI, and able to say what it was read from."""
+"""``Scene``: everything a run needs, validated, in SI, and able to say what it was read from; and
+how its file is read."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +19,23 @@ from gpusim.errors import Fault, InputError, SceneError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.scene.faults.cross_references import check_document
-from gpusim.scene.faults.faults import MOST, faults_of, with_origin
-from gpusim.scene.faults.key_path import pick, put, with_names
-from gpusim.scene.faults.limits import document_fault
-from gpusim.scene.faults.line_numbers import Keys, Origins, overridden
+from gpusim.scene.faults.faults import MOST, faults_of, unread, with_origin
+from gpusim.scene.faults.key_paths import (
+    Keys,
+    Origins,
+    key_lines,
+    overridden,
+    pick,
+    put,
+    with_names,
+)
 
-from .conversion import light as resolve_light
-from .conversion import tables
 from .description import model
+from .description.scene_table import SceneTable
 from .files import find_files
-from .schema import SceneTable
-from .toml_text import toml_text
+from .toml_text import document_fault, parse_toml, size_fault, toml_text
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "load_scene"]
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ class Scene:
         try:
             table = SceneTable.model_validate(plain)
         except ValidationError as error:
-            found, more = faults_of(error, SceneTable, origins)
+            found, more = faults_of(error, origins)
             faults += found
         between = [*unread, *check_document(plain)]
         faults += [with_origin(fault, keys, origins) for keys, fault in between]
@@ -116,26 +122,25 @@ class Scene:
                 replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
             ]
             raise SceneError(source, faults, more)
-        materials = tables.material_table(table)
-        analysis = tables.analysis(table)
-        factors = analysis.load_factors
+        materials = {entry.name: entry.resolved() for entry in table.material}
+        factors = table.analysis.load_factors
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
         return cls(
             name=table.name,
             description=table.description,
             materials=tuple(materials.values()),
-            bodies=tuple(tables.body(entry, materials, factors) for entry in table.body),
-            props=tuple(tables.prop(entry) for entry in table.prop),
-            analysis=analysis,
-            solver=tables.solver(table),
-            cameras=tuple(tables.camera(entry, table.sensor) for entry in table.camera),
-            lights=tuple(resolve_light.light(entry) for entry in table.light),
-            render=tables.render(table),
-            sensor=tables.sensor(table),
-            measures=tuple(tables.measure(entry) for entry in table.measure),
-            variants=tuple(model.Variant(entry.name, entry.set) for entry in table.variant),
-            output=tables.output(table),
-            calibration=tables.calibration(table),
+            bodies=tuple(entry.resolved(materials, factors) for entry in table.body),
+            props=table.prop,
+            analysis=table.analysis,
+            solver=table.solver,
+            cameras=table.camera,
+            lights=table.light,
+            render=table.render,
+            sensor=table.sensor,
+            measures=table.measure,
+            variants=table.variant,
+            output=table.output,
+            calibration=table.calibration,
             content=json.dumps(content),
             source=source,
             files=hashes,
@@ -245,6 +250,42 @@ class Scene:
             parts["mesh files"] = [content for _, content in self.files]
         text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def load_scene(
+    path: str | PathLike[str] | InputFile, overrides: Mapping[str, Any] | None = None
+) -> Scene:
+    """Read, validate and resolve a TOML scene file.
+
+    ``overrides`` maps dotted key paths to values ("solver.tolerance": 1e-9) and wins over the
+    file. Raises SceneError that lists every fault: unreadable file, TOML syntax (with line),
+    unknown or missing keys, wrong types and ranges, names and references that don't fit; or that
+    says that the file is too large or too deeply nested for a scene.
+
+    Examples
+    --------
+    >>> scene = gs.load_scene("bar.toml", {"solver.tolerance": 1e-4})
+    >>> scene.name, scene.solver.tolerance
+    ('bar', 0.0001)
+    """
+    place = path.path if isinstance(path, InputFile) else Path(path)
+    source = str(place)
+    if fault := size_fault(place):
+        raise SceneError(source, [fault])
+    try:
+        text = read_input(path, "a scene file").text("TOML in UTF-8")
+    except InputError as error:
+        raise SceneError(source, [unread(error, "file", place)]) from None
+    document = parse_toml(text)
+    if isinstance(document, Fault):
+        raise SceneError(source, [document])
+    return Scene.from_document(
+        document,
+        source=source,
+        origins=key_lines(text),
+        overrides=overrides,
+        folder=place.parent,
+    )
 
 
 def without_variants(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,104 +7,57 @@ Geometry, loads and the pixels' size stay as they are.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from gpusim.errors import InputError
-from gpusim.scene.faults.key_path import nearest
+from gpusim.scene.faults.key_paths import nearest
 
 __all__ = ["SOURCES", "active_sources", "check_sources", "with_only", "without_sources"]
 
 Document = dict[str, Any]
-ELECTRONS = ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent", "full_well_e",
-             "gain_DN_per_e", "preset", "black_level_DN", "seed")  # fmt: skip
-FINEST_BITS = 16
+_GONE = object()
+_SENSOR, _OWN_SENSOR, _CAMERA, _LENS = "sensor", "camera.sensor", "camera", "camera.lens"
+_FINEST_BITS = 16
+_NOISE = dict.fromkeys(
+    ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent", "full_well_e",
+     "gain_DN_per_e", "preset", "black_level_DN", "seed"),
+    _GONE,
+)  # fmt: skip
+_DEPTH_OF_FIELD = ("f_number", "focus_distance_mm", "focal_mm", "positions")
+
+SOURCES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
+    # shot, dark and read-out noise, pixels that differ; with them the black level
+    "noise": {_SENSOR: _NOISE, _OWN_SENSOR: _NOISE},
+    # grey values in whole numbers
+    "quantisation": {_SENSOR: {"bits": _FINEST_BITS}, _OWN_SENSOR: {"bits": _FINEST_BITS}},
+    # the lens's point spread and the gaps between pixels
+    "psf": {_LENS: {"psf": _GONE, "fill_factor": 1.0}},
+    "defocus": {_LENS: dict.fromkeys(_DEPTH_OF_FIELD, _GONE)},
+    # fall-off towards the corners
+    "vignetting": {_LENS: {"vignetting": _GONE}},
+    # as far as it stands in the scene, not in a calibration file
+    "distortion": {_CAMERA: {"distortion": []}},
+    # while the shutter is open
+    "motion": {_CAMERA: {"shutter": _GONE}},
+    # what surfaces hide of lamps and surroundings
+    "shadows": {"light": {"shadows": False, "occlusion": False}},
+    # uneven light, shadows included: every paint has its albedo's grey, and radiance is albedo
+    "light": {
+        "": {"light": []}, _SENSOR: {"exposure": "auto"}, _OWN_SENSOR: {"exposure": "auto"},
+    },
+}  # fmt: skip
+"""What takes an effect out of a document: of which tables which keys, if they are there, become
+what."""
 
 
-def _sensors(document: Document) -> list[Document]:
-    """[sensor], and what cameras have of their own."""
-    own = [camera.get("sensor") for camera in document.get("camera", [])]
-    return [document.setdefault("sensor", {}), *(one for one in own if one)]
-
-
-def _noise(document: Document) -> None:
-    """Shot, dark and read-out noise, pixels that differ; with them the black level."""
-    counted, sensors = ("preset", "full_well_e", "gain_DN_per_e"), _sensors(document)
-    if any(sensor.get(key) is not None for sensor in sensors for key in counted):
-        for sensor in sensors:
-            for key in ELECTRONS:
-                sensor.pop(key, None)
-
-
-def _quantisation(document: Document) -> None:
-    """Grey values in whole numbers: 16 bits instead of the sensor's."""
-    for sensor in _sensors(document):
-        sensor["bits"] = FINEST_BITS
-
-
-def _psf(document: Document) -> None:
-    """The lens's point spread and the gaps between pixels."""
-    for camera in document.get("camera", []):
-        lens = camera.get("lens") or {}
-        lens.pop("psf", None)
-        if "fill_factor" in lens:
-            lens["fill_factor"] = 1.0
-
-
-def _defocus(document: Document) -> None:
-    """Depth of field."""
-    for camera in document.get("camera", []):
-        lens = camera.get("lens") or {}
-        for key in ("f_number", "focus_distance_mm", "focal_mm", "positions"):
-            lens.pop(key, None)
-
-
-def _vignetting(document: Document) -> None:
-    """Fall-off towards the corners."""
-    for camera in document.get("camera", []):
-        (camera.get("lens") or {}).pop("vignetting", None)
-
-
-def _distortion(document: Document) -> None:
-    """The lens's distortion, as far as it stands in the scene (not in a calibration file)."""
-    for camera in document.get("camera", []):
-        camera["distortion"] = []
-
-
-def _motion(document: Document) -> None:
-    """Motion while the shutter is open."""
-    for camera in document.get("camera", []):
-        camera.pop("shutter", None)
-
-
-def _shadows(document: Document) -> None:
-    """What surfaces hide of lamps and surroundings."""
-    for lamp in document.get("light", []):
-        for key in ("shadows", "occlusion"):
-            if key in lamp:
-                lamp[key] = False
-
-
-def _light(document: Document) -> None:
-    """Uneven light, shadows included: every paint has its albedo's grey."""
-    if document.get("light"):
-        document["light"] = []
-        for sensor in _sensors(document):
-            sensor["exposure"] = "auto"  # radiance is albedo now
-
-
-SOURCES: Mapping[str, Callable[[Document], None]] = {
-    "noise": _noise,
-    "quantisation": _quantisation,
-    "psf": _psf,
-    "defocus": _defocus,
-    "vignetting": _vignetting,
-    "distortion": _distortion,
-    "motion": _motion,
-    "shadows": _shadows,
-    "light": _light,
-}
-"""What takes an effect out of a document, by the effect's name."""
+def _tables(document: Document, path: str) -> list[Document]:
+    """The tables at a path; a list on the way stands for every item of it."""
+    here: list[Any] = [document]
+    for key in filter(None, path.split(".")):
+        found = [table[key] for table in here if table.get(key)]
+        here = [one for some in found for one in (some if isinstance(some, list) else [some])]
+    return here
 
 
 def active_sources(document: Mapping[str, Any]) -> tuple[str, ...]:
@@ -147,5 +100,20 @@ def check_sources(names: Iterable[str], option: str) -> None:
 def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     result = copy.deepcopy(dict(document))
     for name in names:
-        SOURCES[name](result)
+        if name == "noise" and not _counts_electrons(result):
+            continue
+        if name == "light" and not result.get("light"):
+            continue
+        for path, changes in SOURCES[name].items():
+            for table in _tables(result, path):
+                table |= {key: value for key, value in changes.items() if key in table}
+                for key in [key for key, value in table.items() if value is _GONE]:
+                    del table[key]
     return result
+
+
+def _counts_electrons(document: Document) -> bool:
+    """Whether any sensor has noise; without, its seed and black level say nothing of it."""
+    counted = ("preset", "full_well_e", "gain_DN_per_e")
+    sensors = [*_tables(document, _SENSOR), *_tables(document, _OWN_SENSOR)]
+    return any(sensor.get(key) is not None for sensor in sensors for key in counted)

@@ -17,7 +17,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.optics.light.lights import PANORAMA_SUFFIXES, EnvironmentLight, read_panorama
 from gpusim.pipeline.build.cameras import build_lights
 from gpusim.pipeline.checks.resources import check_files
-from gpusim.scene.schema import light as light_tables
+from gpusim.scene.description import lights as light_tables
 
 FIELD = """schema = 1
 name = "given"

@@ -10,7 +10,7 @@ import pytest
 
 from gpusim.errors import SceneError
 from gpusim.scene import Scene, load_scene, parse_value
-from gpusim.scene.faults.line_numbers import key_lines
+from gpusim.scene.faults.key_paths import key_lines
 
 HEAD = 'schema = 1\nname = "x"\n'
 DEEP = ".".join(["a"] * 50_000)

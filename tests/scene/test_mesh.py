@@ -16,7 +16,7 @@ from gpusim.pipeline.build.meshing import build_mesh, mesh_summary
 from gpusim.pipeline.build.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
-from gpusim.scene.cost.counts import element_counts, mesh_words
+from gpusim.scene.cost import element_counts, mesh_words
 from tests.support.gmsh_meshes import Gmsh, write_two_boxes
 
 SCENE: dict[str, Any] = {

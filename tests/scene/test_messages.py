@@ -12,10 +12,8 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.mesh import box
-from gpusim.scene import Scene, load_scene
-from gpusim.scene.faults.expectations import expected
-from gpusim.scene.schema import SceneTable
-from gpusim.scene.schema.described import _tables
+from gpusim.scene import Scene, json_schema, load_scene
+from gpusim.scene.faults.schema_places import expected
 
 
 @pytest.fixture(scope="module")
@@ -87,18 +85,18 @@ def test_names_that_are_not_clear_stay_indices(crane: Scene) -> None:
 
 
 def test_every_key_has_words_for_what_it_wants() -> None:
-    tables = [one for one in _tables().values() if not one.__name__.startswith("_")]
+    schema = json_schema()
     words = {
-        (table.__name__, key): expected(table, info.alias or key)
-        for table in tables
-        for key, info in table.model_fields.items()
+        (name, key): expected(value)
+        for name, table in {**schema["$defs"], "SceneTable": schema}.items()
+        for key, value in table["properties"].items()
     }
     assert len(words) > 200 and all(words.values())
     assert not [text for text in words.values() if re.search(r"None|\$|inf|e\+18|dict", text)]
-    assert words["CameraTable", "rotation_matrix"] == "a list of 3 lists of 3 numbers"
-    assert words["SupportTable", "fix"] == 'a list of some of "x", "y", "z"'
-    assert words["SpeckleTable", "coverage"] == "a number > 0 and < 1"
-    assert expected(SceneTable, "schema") == "1"
+    assert words["Camera", "rotation_matrix"] == "a list of 3 lists of 3 numbers"
+    assert words["Support", "fix"] == 'a list of some of "x", "y", "z"'
+    assert words["Speckle", "coverage"] == "a number > 0 and < 1"
+    assert words["SceneTable", "schema"] == "1"
 
 
 def test_a_model_takes_one_material() -> None:

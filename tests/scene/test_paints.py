@@ -13,7 +13,7 @@ import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.scene import Scene
-from gpusim.scene.cost.cost import compiled_for, describe
+from gpusim.scene.cost import compiled_for, describe
 
 HEAD = """
 schema = 1

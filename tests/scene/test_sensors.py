@@ -13,7 +13,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.export.images import read_image
 from gpusim.pipeline.build.cameras import build_camera, build_lens, build_sensor, build_shutter
 from gpusim.plan.plan import make_plan
-from gpusim.scene.schema.sensor import CameraSensorTable, SensorTable
+from gpusim.scene.description.sensor import CameraSensor, Sensor
 
 HEAD = """schema = 1
 name = "sensors"
@@ -112,7 +112,7 @@ def test_plan_says_which_sensor(tmp_path: Path) -> None:
 
 
 def test_keys_of_both_tables_agree() -> None:
-    common, own = set(SensorTable.model_fields), set(CameraSensorTable.model_fields)
+    common, own = (set(table.model_json_schema()["properties"]) for table in (Sensor, CameraSensor))
     assert common - own == {"format", "seed", "series"} and not own - common
 
 

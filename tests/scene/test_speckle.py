@@ -30,10 +30,11 @@ def scene(checkout: Path, **changes: Any) -> gs.Scene:
 def test_values_arrive_in_si_and_the_body_is_painted(checkout: Path) -> None:
     loaded = scene(checkout)
     paint = loaded.bodies[0].paints[0]
-    assert paint == model.Speckle(
-        "spray", paint.where, 0.8, None, 0.0009, 0.45, 0.000125, "lognormal", 0.2, "random", 17,
-        0.06,
-    )  # fmt: skip
+    assert isinstance(paint, model.Speckle)
+    assert (paint.diameter, paint.softness) == (0.0009, 0.000125)
+    assert (paint.albedo, paint.dot, paint.coverage, paint.seed) == (0.8, 0.06, 0.45, 17)
+    assert (paint.size_law, paint.spread, paint.arrangement) == ("lognormal", 0.2, "random")
+    assert paint.up is None and paint.wrap is None
     surface = build_body(loaded.bodies[0]).surface
     assert surface.paints["spray"] == gs.paint.Speckle(
         0.0009, 0.45, 0.000125, "lognormal", 0.2, "random", 17, 0.06, 0.8

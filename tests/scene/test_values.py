@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,10 +14,10 @@ from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.statics import METHODS
 from gpusim.mesh.builders import grids
 from gpusim.scene import Scene, json_schema, load_scene, parse_value
-from gpusim.scene.cost.cost import element_counts
+from gpusim.scene.cost import element_counts
 from gpusim.scene.description import model
-from gpusim.scene.faults.line_numbers import key_lines
-from gpusim.scene.schema.mesh import SETS
+from gpusim.scene.description.mesh import SETS
+from gpusim.scene.faults.key_paths import key_lines
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +28,11 @@ def crane(checkout: Path) -> Scene:
 def test_the_crane_in_si(crane: Scene) -> None:
     body = crane.bodies[0]
     assert body.material == model.Isotropic("steel", 210e9, 0.3, 7850.0, 0.0)
-    assert body.mesh == model.CraneMesh(
-        0.562, 0.070, 0.597, 0.006, 0.004, 0.040, 0.108, 0.003, 2, 6
-    )
+    mesh = body.mesh
+    assert isinstance(mesh, model.CraneMesh)
+    assert (mesh.height, mesh.foot, mesh.length, mesh.width) == (0.562, 0.070, 0.597, 0.040)
+    assert (mesh.column_thickness, mesh.beam_thickness) == (0.006, 0.004)
+    assert (mesh.load_length, mesh.element, mesh.through, mesh.across) == (0.108, 0.003, 2, 6)
     load = body.loads[0]
     assert isinstance(load, model.Force)
     assert load.force == (0.0, 0.0, -13.0)
@@ -105,9 +106,10 @@ def test_replace(crane: Scene) -> None:
     assert changed == crane.replace("camera.0.focal_mm", 35.0)
     assert crane.replace("solver.tolerance", 1e-9).solver.tolerance == 1e-9
     weight = crane.bodies[0].loads[0]
-    assert isinstance(weight, model.Force)
     heavy = crane.replace("body.crane.load.weight.force_N", (1.0, 2.0, 3.0)).bodies[0].loads[0]
-    assert heavy == replace(weight, force=(1.0, 2.0, 3.0))
+    assert isinstance(weight, model.Force) and isinstance(heavy, model.Force)
+    assert heavy == weight.model_copy(update={"force_N": (1.0, 2.0, 3.0)})
+    assert heavy.force == (1.0, 2.0, 3.0)
     assert crane.replace("body.crane.load.weight.force_N.1", 192.0) != crane
     with pytest.raises(SceneError, match=r"solver.tolerance: out of range .*got -1"):
         crane.replace("solver.tolerance", -1)
@@ -176,7 +178,9 @@ def test_other_paints_lights_and_loads() -> None:
         }
     )
     body = scene.bodies[0]
-    assert body.mesh == model.BoxMesh((0.01, 0.02, 0.03), (1, 2, 3), (0.0, 0.0, 0.0))
+    assert isinstance(body.mesh, model.BoxMesh)
+    assert (body.mesh.size, body.mesh.divisions) == ((0.01, 0.02, 0.03), (1, 2, 3))
+    assert body.mesh.origin == (0.0, 0.0, 0.0)
     assert body.supports[0].axes == ("x", "z")
     assert body.supports[0].displacement == (0.0, 0.0, 0.002)
     assert body.supports[0].where.tolerance == 0.0005
@@ -187,7 +191,9 @@ def test_other_paints_lights_and_loads() -> None:
     assert traction.traction == (1e6, 0.0, -2e6)
     assert isinstance(nodal, model.NodalForce)
     assert nodal.force == (0.0, 4.0, 0.0)
-    assert gravity == model.Gravity("d", (0.0, -9.81, 0.0), (0.0, 1.0))
+    assert isinstance(gravity, model.Gravity)
+    assert (gravity.name, gravity.acceleration) == ("d", (0.0, -9.81, 0.0))
+    assert gravity.amplitude == (0.0, 1.0)
     checker, grid = body.paints
     assert isinstance(checker, model.Checker)
     assert (checker.cell, checker.columns, checker.rows) == (0.007, 9, 6)
@@ -224,10 +230,10 @@ def test_tables_agree_with_the_modules_behind_them(crane: Scene) -> None:
     box_mesh = grids.box((1.0, 2.0, 3.0), (2, 3, 4))
     for name, mesh in (("crane", crane_mesh), ("box", box_mesh)):
         assert set(SETS[name]) == {*mesh.node_sets, *mesh.face_sets}
-    schema = json_schema()["$defs"]["OutputTable"]["properties"]["truth"]["items"]
+    schema = json_schema()["$defs"]["Output"]["properties"]["truth"]["items"]
     assert set(schema["enum"]) == set(LAYERS)
     defs = json_schema()["$defs"]
-    names = defs["SolverTable"]["properties"]["method"]["enum"]
+    names = defs["Solver"]["properties"]["method"]["enum"]
     assert set(names) == set(METHODS)
     formulations = defs["BodyTable"]["properties"]["formulation"]["enum"]
     known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
@@ -236,14 +242,14 @@ def test_tables_agree_with_the_modules_behind_them(crane: Scene) -> None:
     nodes, elements = element_counts(recipe)
     assert nodes == len(crane_mesh.points)
     assert elements == len(crane_mesh.cells["hex8"])
-    box = model.BoxMesh((1.0, 2.0, 3.0), (2, 3, 4), (0.0, 0.0, 0.0))
+    box = model.BoxMesh(builder="box", size_mm=[1e3, 2e3, 3e3], divisions=[2, 3, 4])
     assert element_counts(box) == (len(box_mesh.points), len(box_mesh.cells["hex8"]))
 
 
 def test_json_schema_describes_every_key() -> None:
     schema = json_schema()
     json.dumps(schema)
-    camera = schema["$defs"]["CameraTable"]
+    camera = schema["$defs"]["Camera"]
     assert camera["additionalProperties"] is False
     assert "optical axis" in camera["properties"]["target_mm"]["description"]
     assert schema["required"] == ["schema", "name"]

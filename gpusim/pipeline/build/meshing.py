@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -50,17 +51,23 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
         return read_given_field(recipe, read).mesh
     if isinstance(recipe, m.FileMesh):
         return _from_file(recipe, read)
-    # a recipe has the names of what it is made by
-    sizes: dict[str, Any] = {**vars(recipe)}
-    cells = sizes.pop("cells")
+    builder = BUILDERS[type(recipe)]
+    values = _values_for(builder, recipe)
     if isinstance(recipe, m.BoxMesh | m.BeamMesh):
-        sizes["notches"] = [mesh.Notch(**vars(notch)) for notch in recipe.notches]
+        notches = [_values_for(mesh.Notch, notch) for notch in recipe.notches]
+        values["notches"] = [mesh.Notch(**notch) for notch in notches]
     if isinstance(recipe, m.CraneMesh):
-        sizes["element_size"] = sizes.pop("element")
+        values["element_size"] = recipe.element
     elif isinstance(recipe, m.PlateMesh | m.BracketMesh):
         # midside nodes of bricks lie on the curves
-        sizes["element"] = cells if cells in ("hex20", "hex27") else "hex8"
-    return _of_cells(BUILDERS[type(recipe)](**sizes), cells)
+        values["element"] = recipe.cells if recipe.cells in ("hex20", "hex27") else "hex8"
+    return _of_cells(builder(**values), recipe.cells)
+
+
+def _values_for(function: Callable[..., Any], recipe: object) -> dict[str, Any]:
+    """What a recipe has under the names of a function's arguments."""
+    names = inspect.signature(function).parameters
+    return {name: getattr(recipe, name) for name in names if hasattr(recipe, name)}
 
 
 def read_given_field(recipe: m.FieldMesh, read: Reader = read_input) -> Field:
@@ -83,8 +90,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
 def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
-        options = {key: value for key, value in vars(recipe).items() if key != "path"}
-        return mesh.mesh_cad(file, **options)
+        return mesh.mesh_cad(**{**_values_for(mesh.mesh_cad, recipe), "path": file})
     grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:

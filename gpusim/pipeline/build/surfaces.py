@@ -17,7 +17,7 @@ from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Mesh, read_surface
 from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
-from gpusim.scene.schema.prop import SURFACE_SUFFIXES
+from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
 from gpusim.surface.paint import Paint, Plain
@@ -157,18 +157,27 @@ def build_body(body: m.Body, read: Reader = read_input) -> BodyParts:
     """
     field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMesh) else None
     grid = field.mesh if field is not None else build_mesh(body.mesh, read)
+    skin, surface = _painted_skin(f"body {body.name!r}", body.name, grid, body.paints, read)
+    return BodyParts(body, grid, skin, surface, field)
+
+
+def _painted_skin(
+    where: str, name: str, grid: Mesh, patterns: Sequence[m.Paint], read: Reader
+) -> tuple[Skin, Surface]:
+    """The skin of a mesh, and its painted surface of that ``name``; ``where`` says in errors what
+    it is of."""
     faces = mesh.boundary_faces(grid)
     skin = Skin(grid, faces)
     region = np.zeros(len(faces), np.int32)
-    for number, paint in enumerate(body.paints, start=1):
+    for number, paint in enumerate(patterns, start=1):
         try:
             painted = faces_of(grid, faces, paint.where)
         except InputError as error:
-            raise InputError(f"body {body.name!r}, paint {paint.name!r}: {error}") from None
+            raise InputError(f"{where}, paint {paint.name!r}: {error}") from None
         region[skin.numbers(painted)] = number
     rest, pieces = skin.at_vertices(grid.points), region[skin.face_of_piece]
-    found, frames = _painted(f"body {body.name!r}", body.paints, rest, skin.pieces, pieces, read)
-    return BodyParts(body, grid, skin, skin.surface(found, region, frames, body.name), field)
+    found, frames = _painted(where, patterns, rest, skin.pieces, pieces, read)
+    return skin, skin.surface(found, region, frames, name)
 
 
 def _painted(
@@ -206,16 +215,11 @@ def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
         return _faces(prop, read)
     # a box or a mesh is painted as a body is
     if isinstance(prop, m.Box):
-        low = tuple(c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
-        mesh: m.MeshRecipe = m.BoxMesh(prop.size, (1, 1, 1), (low[0], low[1], low[2]))
+        x, y, z = (c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
+        grid = mesh.box(prop.size, (1, 1, 1), (x, y, z))
     else:
-        mesh = m.FileMesh(prop.path, prop.scale, 1, None, False, False, 0)
-    try:
-        own = m.Body(prop.name, None, (), "", mesh, (), (), prop.paints)
-        return build_body(own, read).surface
-    except InputError as error:
-        text = str(error).replace(f"body {prop.name!r}", f"prop {prop.name!r}")
-        raise InputError(text) from None
+        grid = mesh.read_mesh(read(prop.path), scale=prop.scale)
+    return _painted_skin(f"prop {prop.name!r}", prop.name, grid, prop.paints, read)[1]
 
 
 def _plate(prop: m.Plate, read: Reader) -> Surface:
@@ -252,7 +256,7 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
 def posed(surface: Surface, prop: m.Prop, pose: m.Pose | None = None) -> Surface:
     """The prop's surface in a pose (None: as it stands); its paint goes with it."""
     pose = pose or prop.stand
-    if pose == m.Pose(prop.origin):
+    if pose.position == prop.origin and not any(pose.rotation):
         return surface
     points = (surface.rest - np.array(prop.origin)) @ rotation(pose.rotation).T
     return surface.moved(points + np.array(pose.position))

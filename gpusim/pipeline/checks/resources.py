@@ -16,7 +16,7 @@ from gpusim.pipeline.build.meshing import build_mesh, read_given_field, size_war
 from gpusim.plan.plan import Plan
 from gpusim.plan.state import variant_folder
 from gpusim.scene import Scene
-from gpusim.scene.cost.counts import element_counts
+from gpusim.scene.cost import element_counts
 from gpusim.scene.description import model as m
 from gpusim.surface.paint import Image
 

@@ -28,7 +28,7 @@ from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description import model as m
-from gpusim.scene.schema.mesh import CAD_SUFFIXES
+from gpusim.scene.description.mesh import CAD_SUFFIXES
 from gpusim.surface import Surface
 
 if TYPE_CHECKING:

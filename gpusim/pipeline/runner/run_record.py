@@ -38,7 +38,7 @@ from gpusim.report import (
 )
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
-from gpusim.scene.cost.cost import effects
+from gpusim.scene.cost import effects
 from gpusim.scene.description import model as m
 
 if TYPE_CHECKING:

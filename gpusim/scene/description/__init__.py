@@ -1,14 +1,20 @@
-"""What a scene holds once it is read: frozen, in SI.
+"""The scene file's tables, each once: keys as in the file, and what they are in SI.
 
 In the order in which data passes:
 
-- `loads`: What loads and holds a body, and of what material it is: SI, as in ``model``.
-- `finish`: How a painted surface shines, and its fine relief; in SI.
-- `patterns`: Bitmaps and targets of a scene, and how patterns lie on curved faces; in SI.
-- `lights`: Lights as `gpusim.scene.description.model` has them: SI, angles in rad.
-- `photo`: Lens, shutter and sensor of a scene, in m, s, px and electrons; what they are in words.
-- `mesh_recipe`: How a body's mesh is made: frozen, lengths in m.
-- `measures`: What is measured in a scene's images, and the states that are compared: SI, as in
-  ``model``.
-- `model`: What a scene holds once it is read: frozen, in SI (m, N, Pa, kg, W), names resolved.
+- `table`: What every table shares: strictness, names, numbers, directions, units.
+- `material`: ``[[material]]``: elasticity, density and thermal expansion.
+- `loads`: What holds and moves a body, and ``where``.
+- `mesh`: How a body's mesh is made, or read.
+- `ground`: What every paint says: where it is, how its ground shines, how a pattern lies on faces.
+- `targets`: Targets of photogrammetry and of lens tests.
+- `paint`: What a surface looks like.
+- `prop`: Rigid things, and where they are in each frame.
+- `lights`: Lamps, the sun and the surroundings.
+- `lens`: What a real camera does to a pinhole's image.
+- `sensor`: From radiance to grey values.
+- `camera`: From where a scene is seen.
+- `processing`: What is done with a scene, what is measured, and the states that are compared.
+- `scene_table`: ``[[body]]``, and the scene as a whole.
+- `model`: Every table's class by its name.
 """

@@ -1,86 +1,193 @@
-"""Lights as `gpusim.scene.description.model` has them: SI, angles in rad."""
+"""``[[light]]``: lamps, the sun and the surroundings.
+
+Radiant flux is ``power_W``, or ``power_lm`` taken as light of 555 nm (683 lm are 1 W).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Literal
 
-__all__ = ["Ambient", "Area", "Environment", "Light", "Point", "Spot", "Sun"]
+from pydantic import Field, model_validator
 
-Vec3 = tuple[float, float, float]
+from .table import (
+    SI,
+    Direction,
+    Length,
+    Name,
+    PositivePair,
+    Table,
+    Vec3,
+    Vector,
+    Words,
+    between,
+    fault,
+    known_suffix,
+    norm,
+    not_zero,
+    parallel,
+)
 
+__all__ = [
+    "PANORAMA_SUFFIXES",
+    "Ambient",
+    "Area",
+    "Environment",
+    "Light",
+    "LightTable",
+    "Point",
+    "Spot",
+    "Sun",
+]
 
-@dataclass(frozen=True)
-class Point:
-    """A lamp of radiant flux ``power`` (W) that shines evenly."""
-
-    name: str
-    position: Vec3
-    power: float
-    shadows: bool
-
-
-@dataclass(frozen=True)
-class Spot:
-    """A small lamp with a beam of full angle ``cone``, fading over a share ``penumbra`` of it."""
-
-    name: str
-    position: Vec3
-    target: Vec3
-    power: float
-    cone: float
-    penumbra: float
-    shadows: bool
-
-
-@dataclass(frozen=True)
-class Area:
-    """A lamp of ``size`` (m), a "rectangle" or an "ellipse"."""
-
-    name: str
-    position: Vec3
-    target: Vec3
-    size: tuple[float, float]
-    power: float
-    shape: str
-    shadows: bool
+LUMENS_PER_WATT = 683.0
+# The endings that the reader knows; said here too, because a plan loads no numerics.
+PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
+Radiance = Annotated[float, Field(ge=0)]
 
 
-@dataclass(frozen=True)
-class Sun:
-    """``irradiance`` (W/m2) along ``direction``; it looks ``diameter`` large."""
-
-    name: str
-    direction: Vec3
-    irradiance: float
-    diameter: float
-    shadows: bool
+class _Lamp(Table):
+    name: Name
+    shadows: bool = True
+    """Whether surfaces hide it."""
 
 
-@dataclass(frozen=True)
-class Ambient:
-    """One ``radiance`` (W / (m2 sr)) from everywhere; surfaces hide it if ``occlusion``."""
+class _Powered(_Lamp):
+    position_mm: Vector
+    """Its centre."""
+    position = SI[Vec3]("mm")
+    power_W: Length | None = None
+    """Radiant flux; or give power_lm."""
+    power_lm: Length | None = None
+    """Luminous flux."""
 
-    name: str
-    radiance: float
-    occlusion: bool
+    @model_validator(mode="after")
+    def _check_power(self) -> _Powered:
+        if (self.power_W is None) == (self.power_lm is None):
+            got = Words("neither" if self.power_W is None else "both")
+            raise fault(
+                "power_W", "how strong the lamp is must be said once", got, "power_W or power_lm"
+            )
+        return self
+
+    @property
+    def power(self) -> float:
+        """Radiant flux (W)."""
+        return self.power_W or (self.power_lm or 0.0) / LUMENS_PER_WATT
 
 
-@dataclass(frozen=True)
-class Environment:
-    """Radiance of the ``sky`` and of the ``ground`` (W / (m2 sr)), or a picture of it all.
+class Point(_Powered):
+    """A small lamp that shines evenly in all directions."""
 
-    ``path`` (absolute) of an equirectangular picture whose middle looks ``forward``; ``scale`` is
-    the radiance of its value 1. Surfaces hide it if ``occlusion``.
-    """
+    type: Literal["point"]
 
-    name: str
-    sky: float
-    ground: float
-    up: Vec3
-    occlusion: bool
-    path: str = ""
-    scale: float = 1.0
-    forward: Vec3 | None = None
+
+class _Aimed(_Powered):
+    target_mm: Vector
+    target = SI[Vec3]("mm")
+
+    @model_validator(mode="after")
+    def _check_aim(self) -> _Aimed:
+        if not norm(between(self.position_mm, self.target_mm)) > 0:
+            raise fault("target_mm", "is where the lamp is", self.target_mm, "another point")
+        return self
+
+
+class Spot(_Aimed):
+    """A small lamp with a beam, as of a halogen spot."""
+
+    type: Literal["spot"]
+    cone_deg: Annotated[float, Field(gt=0, lt=180)] = 60.0
+    """The full angle of the beam."""
+    cone = SI[float]("deg")
+    penumbra: Annotated[float, Field(ge=0, le=1)] = 0.2
+    """Share of the half angle over which the beam fades."""
+
+
+class Area(_Aimed):
+    """A lamp with a face, which looks at its target and radiates as a diffuse surface does."""
+
+    type: Literal["area"]
+    size_mm: PositivePair
+    """Width (level) and height."""
+    size = SI[tuple[float, float]]("mm")
+    shape: Literal["rectangle", "ellipse"] = "rectangle"
+
+
+class Sun(_Lamp):
+    """Light from infinitely far."""
+
+    type: Literal["sun"]
+    direction: Direction
+    """The way the light goes."""
+    irradiance_W_m2: Length
+    """On a face square to it."""
+    irradiance = SI[float]("W_m2")
+    diameter_deg: Annotated[float, Field(ge=0, le=10)] = 0.533
+    """How large it looks: the softness of its shadows."""
+    diameter = SI[float]("deg")
+
+    @model_validator(mode="after")
+    def _check(self) -> Sun:
+        not_zero("direction", self.direction, "one that isn't zero")
+        return self
+
+
+class Ambient(Table):
+    """What the surroundings send back, equally from every direction."""
+
+    name: Name
+    type: Literal["ambient"]
+    radiance_W_m2_sr: Length
+    """Radiance of the surroundings."""
+    radiance = SI[float]("W_m2_sr")
+    occlusion: bool = False
+    """Whether bodies and props hide it from each other (ambient occlusion)."""
+
+
+class Environment(Table):
+    """Surroundings that light all faces and are mirrored by glossy ones: bright sky (or ceiling)
+    above and ground below, or a picture of them all."""
+
+    name: Name
+    type: Literal["environment"]
+    sky_W_m2_sr: Radiance | None = None
+    """Radiance above the horizon; or give file."""
+    sky = SI[float]("W_m2_sr", without=0.0)
+    ground_W_m2_sr: Radiance | None = None
+    """Radiance below it."""
+    ground = SI[float]("W_m2_sr", without=0.0)
+    path: Annotated[Annotated[str, Field(min_length=1)] | None, Field(alias="file")] = None
+    """Equirectangular picture of radiances (.hdr, .tif of floats, .npy), relative to the
+    scene file; colours count by their luminance."""
+    scale_W_m2_sr: Length = 1.0
+    """Radiance of the value 1 in the file."""
+    scale = SI[float]("W_m2_sr")
+    up: Direction = (0.0, 0.0, 1.0)
+    """Where the file's first row looks."""
+    forward: Direction | None = None
+    """Where the file's middle column looks; without it +y, or +x where up is along y."""
+    occlusion: bool = False
+    """Whether bodies and props hide it from each other (ambient occlusion)."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Environment:
+        not_zero("up", self.up, "one that isn't zero")
+        if self.path is None:
+            for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
+                if getattr(self, key) is None:
+                    raise fault(key, "missing", Words("neither file nor both radiances"),
+                                "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
+            if self.forward is not None:
+                raise fault("forward", "without file", self.forward, "a file beside it")
+            return self
+        for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
+            if getattr(self, key) is not None:
+                raise fault(key, "beside file", getattr(self, key), "one of them")
+        known_suffix("picture", self.path, PANORAMA_SUFFIXES)
+        if self.forward is not None and parallel(self.up, self.forward):
+            raise fault("forward", "is along up, or zero", self.forward, "a vector across it")
+        return self
 
 
 Light = Point | Spot | Area | Sun | Ambient | Environment
+LightTable = Annotated[Light, Field(discriminator="type")]

@@ -1,180 +1,252 @@
-"""What loads and holds a body, and of what material it is: SI, as in ``model``."""
+"""``[[body.support]]``, ``[[body.load]]``: what holds and moves a body, and ``where``."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .table import (
+    SI,
+    Axis,
+    Direction,
+    Listed,
+    Name,
+    SignedAxis,
+    Table,
+    Vec3,
+    Vector,
+    Words,
+    each_once,
+    fault,
+    not_zero,
+)
 
 __all__ = [
     "Amplitude",
     "Centrifugal",
     "Force",
     "Gravity",
-    "Isotropic",
     "LineForce",
     "Load",
-    "Material",
+    "LoadTable",
     "NodalForce",
-    "Orthotropic",
-    "Part",
     "Pressure",
     "Support",
     "Thermal",
     "Traction",
-    "Vec3",
     "Where",
 ]
 
-Vec3 = tuple[float, float, float]
 Amplitude = tuple[float, ...]
+Factors = Annotated[Amplitude, Listed(1, 10_000)]
 
 
-@dataclass(frozen=True)
-class Isotropic:
-    """Linear elastic, isotropic: Pa, -, kg/m3, 1/K."""
+class Where(Table):
+    """All given conditions hold together; positions are those of the unloaded shape."""
 
-    name: str
-    youngs_modulus: float
-    poissons_ratio: float
-    density: float
-    expansion: float
+    set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """A named set of the mesh."""
+    x_min_mm: float | None = None
+    x_max_mm: float | None = None
+    y_min_mm: float | None = None
+    y_max_mm: float | None = None
+    z_min_mm: float | None = None
+    z_max_mm: float | None = None
+    normal: SignedAxis | None = None
+    """Faces that look this way; for nodes: the nodes of such faces."""
+    tolerance_mm: Annotated[float, Field(ge=0)] = 0.001
+    """How far outside the bounds still counts as inside."""
+    tolerance = SI[float]("mm")
+
+    @property
+    def is_everything(self) -> bool:
+        """Whether no condition is given at all."""
+        return not self.model_fields_set - {"tolerance_mm"}
+
+    @property
+    def lower(self) -> Vec3:
+        """Smallest x, y, z (m); -inf where nothing was asked."""
+        return self._bounds("min", float("-inf"))
+
+    @property
+    def upper(self) -> Vec3:
+        """Largest x, y, z (m); inf where nothing was asked."""
+        return self._bounds("max", float("inf"))
+
+    def _bounds(self, end: str, without: float) -> Vec3:
+        given = (getattr(self, f"{axis}_{end}_mm") for axis in "xyz")
+        x, y, z = (without if value is None else value / 1000.0 for value in given)
+        return x, y, z
+
+    @model_validator(mode="after")
+    def _check(self) -> Where:
+        for axis in "xyz":
+            low, high = getattr(self, f"{axis}_min_mm"), getattr(self, f"{axis}_max_mm")
+            if low is not None and high is not None and not low <= high:
+                raise fault(
+                    f"{axis}_min_mm", "empty range", Words(f"{low} to {high}"), "min <= max"
+                )
+        return self
 
 
-@dataclass(frozen=True)
-class Orthotropic:
-    """Linear elastic, orthotropic: Pa, -, kg/m3, 1/K along the material axes (rows of ``axes``).
+class _Driven(Table):
+    """What is scaled from frame to frame, by factors of its own or by those of the analysis."""
 
-    Ratios are nu12, nu23, nu31, shear moduli G12, G23, G31.
-    """
+    if TYPE_CHECKING:  # where it stands among a table's keys is for the table to say
+        amplitude_: Factors | None
 
-    name: str
-    youngs_moduli: Vec3
-    poissons_ratios: Vec3
-    shear_moduli: Vec3
-    density: float
-    expansion: Vec3
-    axes: tuple[Vec3, Vec3, Vec3]
+    _of_analysis: Amplitude = ()
 
+    @property
+    def amplitude(self) -> Amplitude:
+        """One factor per frame."""
+        return self._of_analysis if self.amplitude_ is None else self.amplitude_
 
-Material = Isotropic | Orthotropic
-
-
-@dataclass(frozen=True)
-class Where:
-    """A part of a body: conditions that hold together.
-
-    ``lower``/``upper`` (m) are infinite where nothing was asked; ``tolerance`` (m) widens them.
-    ``normal`` is "+x" … "-z".
-    """
-
-    set: str | None
-    lower: Vec3
-    upper: Vec3
-    normal: str | None
-    tolerance: float
+    def driven(self, factors: Amplitude) -> None:
+        """Enter the load factors of the analysis."""
+        self._of_analysis = factors
 
 
-@dataclass(frozen=True)
-class Part:
-    """Elements whose middle is at ``where`` are of another material than their body."""
+class Support(_Driven):
+    """Nodes that are held, or moved by a given amount."""
 
-    material: Material
+    name: Name
+    type: Literal["fixed", "symmetry"] = "fixed"
+    """"symmetry": flat faces don't move along their normal, which is x, y or z."""
     where: Where
+    fix: Annotated[tuple[Axis, ...], Listed(1, 3)] = ("x", "y", "z")
+    """The directions in which the nodes are held."""
+    displacement_mm: Vector = (0.0, 0.0, 0.0)
+    """Where they are held, relative to the unloaded shape; scaled by the load factor."""
+    displacement = SI[Vec3]("mm")
+    amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
+    """One factor per frame for displacement_mm; without it the analysis' load_factors."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The directions in which the nodes are held, in order."""
+        return tuple(axis for axis in "xyz" if axis in self.fix)
+
+    @property
+    def symmetry(self) -> bool:
+        """Whether the faces' nodes are held along the faces' normal instead."""
+        return self.type == "symmetry"
+
+    @model_validator(mode="after")
+    def _check(self) -> Support:
+        each_once("fix", "a direction twice", self.fix, "each of x, y, z at most once")
+        if self.where.is_everything:
+            raise fault(
+                "where", "selects the whole body", Words("{}"), "a set, a bound or a normal"
+            )
+        if self.amplitude_ is not None and not any(self.displacement_mm):
+            raise fault("amplitude", "of a support that doesn't move", self.amplitude_,
+                        "a displacement_mm that isn't zero")  # fmt: skip
+        if self.symmetry:
+            for key in ("fix", "displacement_mm"):
+                if getattr(self, key) != type(self).model_fields[key].default:
+                    raise fault(key, "given for a symmetry support", getattr(self, key),
+                                "none: the faces say the direction")  # fmt: skip
+            return self
+        if "fix" not in self.model_fields_set and "displacement_mm" not in self.model_fields_set:
+            raise fault(
+                "fix", "missing", Words("neither fix nor displacement_mm"), 'fix = ["x", "y", "z"]'
+            )
+        for axis, value in zip("xyz", self.displacement_mm, strict=True):
+            if value != 0 and axis not in self.fix:
+                raise fault(
+                    "displacement_mm", f"moves along {axis}, which fix leaves free", self.fix,
+                    f'fix with "{axis}" in it',
+                )  # fmt: skip
+        return self
 
 
-@dataclass(frozen=True)
-class Support:
-    """Nodes held in ``axes`` (of "xyz") at ``displacement`` (m) from the unloaded shape.
+class _Load(_Driven):
+    name: Name
+    amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
+    """One factor per frame for this load; without it the analysis' load_factors."""
 
-    With ``symmetry`` the faces' nodes are held along the faces' normal instead. ``amplitude`` has
-    one factor per frame, those of the analysis where the scene says nothing else.
-    """
 
-    name: str
+class Force(_Load):
+    """A total force, spread evenly over the area of the faces."""
+
+    type: Literal["force"]
     where: Where
-    axes: tuple[str, ...]
-    displacement: Vec3
-    symmetry: bool
-    amplitude: Amplitude
+    force_N: Vector
+    force = SI[Vec3]("N")
 
 
-@dataclass(frozen=True)
-class Force:
-    """A total force (N), spread evenly over the area of the faces."""
+class NodalForce(_Load):
+    """The same force on every node."""
 
-    name: str
+    type: Literal["nodal_force"]
     where: Where
-    force: Vec3
-    amplitude: Amplitude
+    force_N: Vector
+    force = SI[Vec3]("N")
 
 
-@dataclass(frozen=True)
-class NodalForce:
-    """The same force (N) on every node."""
+class LineForce(_Load):
+    """A total force, spread evenly over the length of a line of element edges."""
 
-    name: str
+    type: Literal["line_force"]
     where: Where
-    force: Vec3
-    amplitude: Amplitude
+    """The nodes of the line: say two bounds, or a named set."""
+    force_N: Vector
+    force = SI[Vec3]("N")
 
 
-@dataclass(frozen=True)
-class Pressure:
-    """A pressure (Pa) on faces; positive pushes into the body."""
+class Pressure(_Load):
+    """A pressure on faces; positive pushes into the body."""
 
-    name: str
+    type: Literal["pressure"]
     where: Where
-    pressure: float
-    amplitude: Amplitude
+    pressure_MPa: float
+    pressure = SI[float]("MPa")
 
 
-@dataclass(frozen=True)
-class Traction:
-    """A force per area (Pa) on faces."""
+class Traction(_Load):
+    """A force per area on faces."""
 
-    name: str
+    type: Literal["traction"]
     where: Where
-    traction: Vec3
-    amplitude: Amplitude
+    traction_MPa: Vector
+    traction = SI[Vec3]("MPa")
 
 
-@dataclass(frozen=True)
-class Gravity:
-    """The body's weight, by acceleration (m/s2)."""
+class Gravity(_Load):
+    """The body's own weight."""
 
-    name: str
-    acceleration: Vec3
-    amplitude: Amplitude
-
-
-@dataclass(frozen=True)
-class LineForce:
-    """A total force (N), spread evenly over the length of a line of element edges."""
-
-    name: str
-    where: Where
-    force: Vec3
-    amplitude: Amplitude
+    type: Literal["gravity"]
+    acceleration_m_s2: Vector = (0.0, 0.0, -9.80665)
+    acceleration = SI[Vec3]("m_s2")
 
 
-@dataclass(frozen=True)
-class Centrifugal:
-    """Steady rotation (rad/s) about an axis through a point (m)."""
+class Centrifugal(_Load):
+    """Steady rotation about an axis: the body is pulled outward."""
 
-    name: str
-    axis_point: Vec3
-    axis: Vec3
-    omega: float
-    amplitude: Amplitude
+    type: Literal["centrifugal"]
+    axis_point_mm: Vector = (0.0, 0.0, 0.0)
+    """A point on the axis."""
+    axis_point = SI[Vec3]("mm")
+    axis: Direction = (0.0, 0.0, 1.0)
+    speed_rpm: float
+    """Turns per minute; the amplitude scales the force, not the speed."""
+    omega = SI[float]("rpm", "speed_rpm")
+
+    @model_validator(mode="after")
+    def _check(self) -> Centrifugal:
+        not_zero("axis", self.axis)
+        return self
 
 
-@dataclass(frozen=True)
-class Thermal:
-    """A temperature change (K) of the whole body."""
+class Thermal(_Load):
+    """A temperature change of the whole body; the material's expansion_per_K says what it does."""
 
-    name: str
-    temperature_change: float
-    amplitude: Amplitude
+    type: Literal["thermal"]
+    temperature_change_K: float
+    temperature_change = SI[float]("K")
 
 
 Load = Force | NodalForce | LineForce | Pressure | Traction | Gravity | Centrifugal | Thermal
-"""``amplitude`` has one factor per frame: the load's own, or the analysis' load factors."""
+LoadTable = Annotated[Load, Field(discriminator="type")]

@@ -2,15 +2,8 @@
 
 In the order in which data passes:
 
-- `limits`: How large and how deeply nested a scene may be; asked before anything else is done
-  with it.
-- `key_path`: Dotted key paths: ``camera.0.focal_mm``, or by the item's name
-  ``camera.front.focal_mm``.
-- `line_numbers`: Where a key path was written: the line of a TOML text.
-- `schema_places`: Where in the file a pydantic location is, and what the schema says about that
-  place.
-- `expectations`: What the schema wants at a place, in words: "a number > 0", "a list of 3
-  numbers".
+- `key_paths`: Dotted key paths, and the lines of a TOML text that they were written in.
+- `schema_places`: What the schema says: of a place in the file, and of the file as a whole.
 - `faults`: From pydantic's errors to faults: key path with index, what, got, expected, nearest
   key.
 - `cross_references`: Checks between tables of a scene: unique names, references that exist,

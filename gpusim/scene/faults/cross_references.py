@@ -10,36 +10,44 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.errors import Fault
-from gpusim.scene.schema.base import Words, norm
-from gpusim.scene.schema.mesh import NOTCHABLE, SETS
+from gpusim.scene.description.mesh import NOTCHABLE, SETS
+from gpusim.scene.description.table import Words, norm
 
 from .faults import value_text
-from .key_path import dotted, listed, nearest
-from .line_numbers import Keys
+from .key_paths import Keys, dotted, listed, nearest
 
 __all__ = ["check_document"]
 
 Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
+Item = tuple[int, Mapping[str, Any]]
 _BITS = 31  # of a truth layer
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
+_NEEDS = {
+    "gravity": ("density_kg_m3", "gravity on a material without density"),
+    "centrifugal": ("density_kg_m3", "rotation of a material without density"),
+    "thermal": ("expansion_per_K", "heat on a material without thermal expansion"),
+}
 
 
 def check_document(document: Mapping[str, Any]) -> Found:
     """Faults between tables, each with the keys it is about."""
-    found: Found = []
-    _unique_names(document, found)
-    _references(document, found)
-    _physics(document, found)
-    _fields(document, found)
-    _poses(document, found)
-    _layers(document, found)
-    _deflection_is_seen(document, found)
-    _shutters(document, found)
-    return found
+    checks = _Checks(document)
+    checks.unique_names()
+    checks.references_of_bodies()
+    checks.references_of_measures()
+    checks.loads()
+    checks.what_is_there()
+    checks.fields()
+    checks.poses()
+    checks.calibration()
+    checks.truth_layers()
+    checks.deflection_is_seen()
+    checks.shutters()
+    return checks.found
 
 
-def _items(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Mapping[str, Any]]]:
+def _items(table: Mapping[str, Any], key: str) -> Iterator[Item]:
     items = table.get(key)
     if isinstance(items, list):
         for index, item in enumerate(items):
@@ -47,130 +55,34 @@ def _items(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Mapping[st
                 yield index, item
 
 
-def _add(
-    found: Found, keys: Keys, problem: str, got: Any, expected: str, *, hint: str = ""
-) -> None:
-    found.append((keys, Fault(dotted(keys), problem, value_text(got), expected, hint)))
+def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any] | None:
+    found = table.get(key, {})
+    return found if isinstance(found, Mapping) else None
 
 
-def _unique_names(document: Mapping[str, Any], found: Found) -> None:
-    def unique(prefix: Keys, table: Mapping[str, Any], key: str, seen: dict[str, Keys]) -> None:
-        for index, item in _items(table, key):
-            name, keys = item.get("name"), (*prefix, key, index, "name")
-            if not isinstance(name, str):
-                continue
-            first = seen.setdefault(name.casefold(), keys)  # names become file names
-            if first != keys:
-                _add(found, keys, "name used twice", name, f"another than {dotted(first)}")
-
-    for key in ("material", "camera", "light", "measure", "variant"):
-        unique((), document, key, {})
-    things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
-    paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
-    for key in ("body", "prop"):
-        unique((), document, key, things)
-        for index, item in _items(document, key):
-            unique((key, index), item, "paint", paints)
-    for index, body in _items(document, "body"):
-        for key in ("support", "load"):
-            unique(("body", index), body, key, {})
-
-
-def _references(document: Mapping[str, Any], found: Found) -> None:
-    def refer(keys: Keys, value: Any, names: Names, what: str) -> None:
-        if not isinstance(value, str) or value in names:
-            return
-        near = nearest(value, list(names)) if len(found) < _HINTS else ""
-        expected = f"one of {listed(names)}" if names else f"a {what}, but there is none"
-        hint = f"did you mean {near}?" if near else ""
-        _add(found, keys, f"no such {what}", value, expected, hint=hint)
-
-    keys: Keys
-    materials = _names(document, "material")
-    for index, body in _items(document, "body"):
-        if materials is not None:
-            refer(("body", index, "material"), body.get("material"), materials, "material")
-            for place, part in _items(body, "part"):
-                keys = ("body", index, "part", place, "material")
-                refer(keys, part.get("material"), materials, "material")
-        mesh = body.get("mesh")
-        builder = str(mesh.get("builder")) if isinstance(mesh, Mapping) else ""
-        notches = len(list(_items(body, "notch")))
-        sets = SETS.get(builder)
-        if sets is not None and notches:
-            sets = (*sets, *(f"notch_{number}" for number in range(1, notches + 1)))
-        for key in ("support", "load", "paint"):
-            for place, entry in _items(body, key):
-                where = entry.get("where")
-                if sets is not None and isinstance(where, Mapping):
-                    keys = ("body", index, key, place, "where", "set")
-                    refer(keys, where.get("set"), dict.fromkeys(sets), "set of the mesh")
-    cameras = _names(document, "camera")
-    moving = _marker_names(document, "body")
-    fixed = _marker_names(document, "prop")
-    variants = _names(document, "variant")
-    lines = {
-        m["name"]: None
-        for _, m in _items(document, "measure")
-        if m.get("type") == "deflection" and isinstance(m.get("name"), str)
-    }
-    for index, measure in _items(document, "measure"):
-        if cameras is not None:
-            refer(("measure", index, "camera"), measure.get("camera"), cameras, "camera")
-        refer(("measure", index, "of"), measure.get("of"), lines, "measure of a deflection")
-        if variants is not None:
-            keys = ("measure", index, "reference")
-            refer(keys, measure.get("reference"), variants, "variant")
-        if measure.get("type") == "stereo" and "calibration" not in document:
-            _add(found, ("measure", index), "needs images of a target", Words("no [calibration]"),
-                 "[calibration] of a checker or charuco")  # fmt: skip
-        lists = (
-            ("cameras", cameras, "camera"),
-            ("groups", moving, "markers paint on a body"),
-            ("static", fixed, "markers paint on a prop"),
-        )
-        for key, names, what in lists:
-            values = measure.get(key)
-            for place, value in enumerate(values if isinstance(values, list) else ()):
-                if names is not None:
-                    refer(("measure", index, key, place), value, names, what)
-
-
-def _names(document: Mapping[str, Any], key: str) -> Names | None:
+def _names(items: list[Item]) -> Names | None:
     """Names of the items; None if one has none, because a reference may mean that one."""
-    names = [item.get("name") for _, item in _items(document, key)]
+    names = [item.get("name") for _, item in items]
     texts = [name for name in names if isinstance(name, str)]
     return dict.fromkeys(texts) if len(texts) == len(names) else None
 
 
-def _marker_names(document: Mapping[str, Any], key: str) -> Names | None:
+def _names_of_type(items: list[Item], kind: str) -> Names:
+    """Names of the items of one type, as far as they have one."""
+    return {
+        item["name"]: None
+        for _, item in items
+        if item.get("type") == kind and isinstance(item.get("name"), str)
+    }
+
+
+def _marker_names(things: list[Item]) -> Names | None:
     """Names of the markers paints; None if a paint lacks its name or type."""
-    names: Names = {}
-    for _, item in _items(document, key):
-        for _, paint in _items(item, "paint"):
-            name, kind = paint.get("name"), paint.get("type")
-            if not isinstance(name, str) or not isinstance(kind, str):
-                return None
-            if kind == "markers":
-                names[name] = None
-    return names
-
-
-def _deflection_is_seen(document: Mapping[str, Any], found: Found) -> None:
-    """One camera can't measure along its own axis."""
-    views = {}
-    for _, camera in _items(document, "camera"):
-        ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
-        if ends[0] and ends[1]:
-            views[str(camera.get("name"))] = [b - a for a, b in zip(*ends, strict=True)]
-    for index, measure in _items(document, "measure"):
-        view, direction = views.get(str(measure.get("camera"))), measure.get("direction")
-        if view is None or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):
-            continue
-        along = abs(view["xyz".index(direction[1])])
-        if along > 0.7 * norm(view):
-            _add(found, ("measure", index, "direction"), "is along the camera's view", direction,
-                 "a direction that its image shows")  # fmt: skip
+    paints = [paint for _, item in things for paint in _items(item, "paint")]
+    texts = [(paint.get("name"), paint.get("type")) for _, paint in paints]
+    if not all(isinstance(text, str) for pair in texts for text in pair):
+        return None
+    return _names_of_type(paints, "markers")
 
 
 def _numbers(value: Any) -> list[float] | None:
@@ -181,159 +93,221 @@ def _numbers(value: Any) -> list[float] | None:
     return [float(v) for v in value] if good else None
 
 
-def _amplitudes(
-    document: Mapping[str, Any], body: Mapping[str, Any], keys: Keys, found: Found
-) -> None:
-    """One factor per frame."""
-    analysis = document.get("analysis", {})
-    factors = analysis.get("load_factors", [0, 1]) if isinstance(analysis, Mapping) else None
-    for place, entry in _items(body, str(keys[-1])):
-        amplitude = entry.get("amplitude")
-        if not isinstance(amplitude, list) or not isinstance(factors, list):
-            continue
-        if len(amplitude) != len(factors):
-            expected = f"{len(factors)}, as many as analysis.load_factors"
-            _add(found, (*keys, place, "amplitude"), "not one factor per frame",
-                 Words(f"{len(amplitude)} factors"), expected)  # fmt: skip
+class _Checks:
+    """A document, its lists of tables, and the faults that were found in it."""
 
-
-_NEEDS = {
-    "gravity": ("density_kg_m3", "gravity on a material without density"),
-    "centrifugal": ("density_kg_m3", "rotation of a material without density"),
-    "thermal": ("expansion_per_K", "heat on a material without thermal expansion"),
-}
-
-
-def _parts(body: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return [part for _, part in _items(body, "part")]
-
-
-def _fields(document: Mapping[str, Any], found: Found) -> None:
-    """Displacements are given for every body, or for none."""
-    analysis = document.get("analysis", {})
-    kind = analysis.get("type", "static") if isinstance(analysis, Mapping) else None
-    for index, body in _items(document, "body"):
-        if kind == "field" and "field" not in body:
-            _add(found, ("body", index, "field"), "missing", Words('analysis.type = "field"'),
-                 "a field for every body, or type \"static\"")  # fmt: skip
-        elif kind == "static" and "field" in body:
-            _add(found, ("analysis", "type"), "of a scene whose displacements are given", kind,
-                 f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
-
-
-def _poses(document: Mapping[str, Any], found: Found) -> None:
-    """One pose per frame; a calibration's board, cameras and props exist."""
-    analysis = document.get("analysis", {})
-    frames = None
-    if isinstance(analysis, Mapping):
-        key = "times" if analysis.get("type") == "field" else "load_factors"
-        frames = analysis.get(key, [0, 1])
-    for index, prop in _items(document, "prop"):
-        poses = prop.get("poses")
-        if isinstance(poses, list) and isinstance(frames, list) and len(poses) != len(frames):
-            got, wanted = (
-                Words(f"{len(poses)} poses"),
-                f"{len(frames)}, as many as frames in [analysis]",
-            )
-            _add(found, ("prop", index, "poses"), "not one pose per frame", got, wanted)
-    calibration = document.get("calibration")
-    if not isinstance(calibration, Mapping):
-        return
-    plates = {
-        item["name"]: None
-        for _, item in _items(document, "prop")
-        if item.get("type") == "plate" and isinstance(item.get("name"), str)
-    }
-    known = {"board": plates, "cameras": _names(document, "camera"),
-             "show": _names(document, "prop")}  # fmt: skip
-    for key, names in known.items():
-        value = calibration.get(key)
-        for place, name in enumerate(value if isinstance(value, list) else [value]):
-            keys: Keys = ("calibration", key)
-            keys = (*keys, place) if isinstance(value, list) else keys
-            if isinstance(name, str) and names is not None and name not in names:
-                what = {"board": "prop of type plate", "cameras": "camera", "show": "prop"}[key]
-                _add(found, keys, f"no such {what}", name,
-                     f"one of {listed(names)}" if names else f"a {what}")  # fmt: skip
-    if not list(_items(document, "camera")):
-        _add(
-            found, ("calibration",), "needs a camera", Words("no camera"), "at least one [[camera]]"
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        self.document, self.found = document, Found()
+        self.analysis = _table(document, "analysis")
+        lists = ("material", "body", "prop", "camera", "measure", "variant")
+        self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
+            list(_items(document, key)) for key in lists
         )
 
+    def add(self, keys: Keys, problem: str, got: Any, expected: str, hint: str = "") -> None:
+        self.found.append((keys, Fault(dotted(keys), problem, value_text(got), expected, hint)))
 
-def _layers(document: Mapping[str, Any], found: Found) -> None:
-    output = document.get("output")
-    layers = output.get("truth") if isinstance(output, Mapping) else None
-    cameras = len(list(_items(document, "camera")))
-    if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
-        problem = 'layer "cameras" has a bit per camera'
-        _add(found, ("output", "truth"), problem, Words(f"{cameras} cameras"), f"at most {_BITS}")
+    def refer(self, keys: Keys, value: Any, names: Names | None, what: str) -> None:
+        """A reference to one of ``names``, which may be unknown (None)."""
+        if names is None or not isinstance(value, str) or value in names:
+            return
+        near = nearest(value, list(names)) if len(self.found) < _HINTS else ""
+        expected = f"one of {listed(names)}" if names else f"a {what}, but there is none"
+        hint = f"did you mean {near}?" if near else ""
+        self.add(keys, f"no such {what}", value, expected, hint)
 
+    def unique_names(self) -> None:
+        def unique(prefix: Keys, table: Mapping[str, Any], key: str, seen: dict[str, Keys]) -> None:
+            for index, item in _items(table, key):
+                name, keys = item.get("name"), (*prefix, key, index, "name")
+                if not isinstance(name, str):
+                    continue
+                first = seen.setdefault(name.casefold(), keys)  # names become file names
+                if first != keys:
+                    self.add(keys, "name used twice", name, f"another than {dotted(first)}")
 
-def _physics(document: Mapping[str, Any], found: Found) -> None:
-    material = {str(m.get("name")): m for _, m in _items(document, "material")}
-    for index, body in _items(document, "body"):
-        mesh = body.get("mesh")
-        builder = mesh.get("builder") if isinstance(mesh, Mapping) else None
-        if body.get("notch") and isinstance(builder, str) and builder not in NOTCHABLE:
-            _add(found, ("body", index, "notch"), "in a mesh that can't have one", builder,
-                 "builder " + " or ".join(NOTCHABLE))  # fmt: skip
-        loads = list(_items(body, "load"))
-        if loads and not body.get("support"):
-            _add(found, ("body", index, "support"), "loaded but not held", Words("no support"),
-                 "at least one [[body.support]]")  # fmt: skip
-        for place, load in loads:
-            names = [str(entry.get("material")) for entry in (body, *_parts(body))]
-            key, problem = _NEEDS.get(str(load.get("type")), ("", ""))
-            known = key and all(name in material for name in names)
-            if known and all(material[name].get(key, 0) in (0, [0, 0, 0]) for name in names):
-                _add(found, ("body", index, "load", place), problem, names[0],
-                     f"{key} {'!= 0' if key.startswith('expansion') else '> 0'}")  # fmt: skip
-        for kind in ("load", "support"):
-            _amplitudes(document, body, ("body", index, kind), found)
-    if document.get("body", []) == [] and document.get("prop", []) == []:
-        _add(
-            found,
-            ("body",),
-            "nothing is there",
-            Words("no body and no prop"),
-            "at least one [[body]]",
+        for key in ("material", "camera", "light", "measure", "variant"):
+            unique((), self.document, key, {})
+        things: dict[str, Keys] = {}  # bodies and props are both things in the picture,
+        paints: dict[str, Keys] = {}  # and measurements know paints by their name alone
+        for key, items in (("body", self.bodies), ("prop", self.props)):
+            unique((), self.document, key, things)
+            for index, item in items:
+                unique((key, index), item, "paint", paints)
+        for index, body in self.bodies:
+            for key in ("support", "load"):
+                unique(("body", index), body, key, {})
+
+    def references_of_bodies(self) -> None:
+        materials = _names(self.materials)
+        for index, body in self.bodies:
+            at: Keys = ("body", index)
+            self.refer((*at, "material"), body.get("material"), materials, "material")
+            for place, part in _items(body, "part"):
+                keys = (*at, "part", place, "material")
+                self.refer(keys, part.get("material"), materials, "material")
+            mesh = body.get("mesh")
+            sets = SETS.get(str(mesh.get("builder")) if isinstance(mesh, Mapping) else "")
+            if sets is None:
+                continue
+            notches = len(list(_items(body, "notch")))
+            names = dict.fromkeys([*sets, *(f"notch_{n}" for n in range(1, notches + 1))])
+            for key in ("support", "load", "paint"):
+                for place, entry in _items(body, key):
+                    where = entry.get("where")
+                    if isinstance(where, Mapping):
+                        keys = (*at, key, place, "where", "set")
+                        self.refer(keys, where.get("set"), names, "set of the mesh")
+
+    def references_of_measures(self) -> None:
+        cameras, variants = _names(self.cameras), _names(self.variants)
+        lines = _names_of_type(self.measures, "deflection")
+        lists = (
+            ("cameras", cameras, "camera"),
+            ("groups", _marker_names(self.bodies), "markers paint on a body"),
+            ("static", _marker_names(self.props), "markers paint on a prop"),
         )
-    analysis = document.get("analysis", {})
-    for key, what in (("load_factors", "load factors"), ("times", "times")):
-        factors = analysis.get(key) if isinstance(analysis, Mapping) else None
-        if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
-            _add(found, ("analysis", key), "nothing to compare", Words("one frame"),
-                 f"two {what} or more, the first one the reference")  # fmt: skip
-    if (
-        isinstance(document.get("measure"), list)
-        and document["measure"]
-        and (document.get("camera", []) == [])
-    ):
-        _add(
-            found,
-            ("camera",),
-            "needs images to measure in",
-            Words("no camera"),
-            "at least one [[camera]]",
+        for index, measure in self.measures:
+            at: Keys = ("measure", index)
+            self.refer((*at, "camera"), measure.get("camera"), cameras, "camera")
+            self.refer((*at, "of"), measure.get("of"), lines, "measure of a deflection")
+            self.refer((*at, "reference"), measure.get("reference"), variants, "variant")
+            if measure.get("type") == "stereo" and "calibration" not in self.document:
+                self.add(at, "needs images of a target", Words("no [calibration]"),
+                         "[calibration] of a checker or charuco")  # fmt: skip
+            for key, names, what in lists:
+                values = measure.get(key)
+                for place, value in enumerate(values if isinstance(values, list) else ()):
+                    self.refer((*at, key, place), value, names, what)
+
+    def loads(self) -> None:
+        """Held where they pull, on materials that feel them, with one factor per frame."""
+        material = {str(m.get("name")): m for _, m in self.materials}
+        factors = None if self.analysis is None else self.analysis.get("load_factors", [0, 1])
+        for index, body in self.bodies:
+            at: Keys = ("body", index)
+            mesh = body.get("mesh")
+            builder = mesh.get("builder") if isinstance(mesh, Mapping) else None
+            if body.get("notch") and isinstance(builder, str) and builder not in NOTCHABLE:
+                self.add((*at, "notch"), "in a mesh that can't have one", builder,
+                         "builder " + " or ".join(NOTCHABLE))  # fmt: skip
+            loads = list(_items(body, "load"))
+            if loads and not body.get("support"):
+                self.add((*at, "support"), "loaded but not held", Words("no support"),
+                         "at least one [[body.support]]")  # fmt: skip
+            parts = [part for _, part in _items(body, "part")]
+            names = [str(entry.get("material")) for entry in (body, *parts)]
+            for place, load in loads:
+                key, problem = _NEEDS.get(str(load.get("type")), ("", ""))
+                known = key and all(name in material for name in names)
+                if known and all(material[name].get(key, 0) in (0, [0, 0, 0]) for name in names):
+                    wanted = f"{key} {'!= 0' if key.startswith('expansion') else '> 0'}"
+                    self.add((*at, "load", place), problem, names[0], wanted)
+            for kind in ("load", "support"):
+                for place, entry in _items(body, kind):
+                    self._one_per_frame(
+                        (*at, kind, place, "amplitude"), entry.get("amplitude"), factors,
+                        "factor", "analysis.load_factors",
+                    )  # fmt: skip
+
+    def _one_per_frame(self, keys: Keys, values: Any, frames: Any, what: str, of: str) -> None:
+        if isinstance(values, list) and isinstance(frames, list) and len(values) != len(frames):
+            self.add(keys, f"not one {what} per frame", Words(f"{len(values)} {what}s"),
+                     f"{len(frames)}, as many as {of}")  # fmt: skip
+
+    def what_is_there(self) -> None:
+        """Something to see, and to measure and compare, if it is to be measured."""
+        document = self.document
+        if document.get("body", []) == [] and document.get("prop", []) == []:
+            got, wanted = Words("no body and no prop"), "at least one [[body]]"
+            self.add(("body",), "nothing is there", got, wanted)
+        for key, what in (("load_factors", "load factors"), ("times", "times")):
+            factors = (self.analysis or {}).get(key)
+            if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
+                self.add(("analysis", key), "nothing to compare", Words("one frame"),
+                         f"two {what} or more, the first one the reference")  # fmt: skip
+        measures = document.get("measure")
+        if isinstance(measures, list) and measures and document.get("camera", []) == []:
+            got, wanted = Words("no camera"), "at least one [[camera]]"
+            self.add(("camera",), "needs images to measure in", got, wanted)
+
+    def fields(self) -> None:
+        """Displacements are given for every body, or for none."""
+        kind = None if self.analysis is None else self.analysis.get("type", "static")
+        for index, body in self.bodies:
+            if kind == "field" and "field" not in body:
+                self.add(("body", index, "field"), "missing", Words('analysis.type = "field"'),
+                         "a field for every body, or type \"static\"")  # fmt: skip
+            elif kind == "static" and "field" in body:
+                self.add(("analysis", "type"), "of a scene whose displacements are given", kind,
+                         f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
+
+    def poses(self) -> None:
+        frames = None
+        if self.analysis is not None:
+            key = "times" if self.analysis.get("type") == "field" else "load_factors"
+            frames = self.analysis.get(key, [0, 1])
+        for index, prop in self.props:
+            keys = ("prop", index, "poses")
+            self._one_per_frame(keys, prop.get("poses"), frames, "pose", "frames in [analysis]")
+
+    def calibration(self) -> None:
+        """Board, cameras and props exist."""
+        calibration = self.document.get("calibration")
+        if not isinstance(calibration, Mapping):
+            return
+        known = (
+            ("board", _names_of_type(self.props, "plate"), "prop of type plate"),
+            ("cameras", _names(self.cameras), "camera"),
+            ("show", _names(self.props), "prop"),
         )
+        for key, names, what in known:
+            value = calibration.get(key)
+            for place, name in enumerate(value if isinstance(value, list) else [value]):
+                at: Keys = ("calibration", key)
+                at = (*at, place) if isinstance(value, list) else at
+                if isinstance(name, str) and names is not None and name not in names:
+                    wanted = f"one of {listed(names)}" if names else f"a {what}"
+                    self.add(at, f"no such {what}", name, wanted)
+        if not self.cameras:
+            got, wanted = Words("no camera"), "at least one [[camera]]"
+            self.add(("calibration",), "needs a camera", got, wanted)
 
+    def truth_layers(self) -> None:
+        output, cameras = self.document.get("output"), len(self.cameras)
+        layers = output.get("truth") if isinstance(output, Mapping) else None
+        if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
+            got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
+            self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
 
-def _shutters(document: Mapping[str, Any], found: Found) -> None:
-    """What moves while a shutter is open depends on how fast frames follow each other."""
-    analysis = document.get("analysis", {})
-    rate = analysis.get("frame_rate_Hz") if isinstance(analysis, Mapping) else None
-    for index, camera in _items(document, "camera"):
-        shutter = camera.get("shutter")
-        if not isinstance(shutter, Mapping):
-            continue
-        if rate is None:
-            problem, wanted = "without a time between frames", "analysis.frame_rate_Hz beside it"
-            _add(found, ("camera", index, "shutter"), problem, Words("a shutter"), wanted)
-            continue
-        exposure = shutter.get("exposure_ms", 0)
-        if isinstance(exposure, int | float) and isinstance(rate, int | float) and rate > 0:
-            most = 1000.0 / rate
-            if not exposure <= most * (1 + 1e-9):
-                _add(found, ("camera", index, "shutter", "exposure_ms"), "longer than a frame",
-                     exposure, f"at most {most:g}")  # fmt: skip
+    def deflection_is_seen(self) -> None:
+        """One camera can't measure along its own axis."""
+        views = {}
+        for _, camera in self.cameras:
+            ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
+            if ends[0] and ends[1]:
+                views[str(camera.get("name"))] = [b - a for a, b in zip(*ends, strict=True)]
+        for index, measure in self.measures:
+            view, direction = views.get(str(measure.get("camera"))), measure.get("direction")
+            if view is None or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):
+                continue
+            if abs(view["xyz".index(direction[1])]) > 0.7 * norm(view):
+                self.add(("measure", index, "direction"), "is along the camera's view", direction,
+                         "a direction that its image shows")  # fmt: skip
+
+    def shutters(self) -> None:
+        """What moves while a shutter is open depends on how fast frames follow each other."""
+        rate = (self.analysis or {}).get("frame_rate_Hz")
+        for index, camera in self.cameras:
+            shutter, at = camera.get("shutter"), ("camera", index, "shutter")
+            if not isinstance(shutter, Mapping):
+                continue
+            if rate is None:
+                got, wanted = Words("a shutter"), "analysis.frame_rate_Hz beside it"
+                self.add(at, "without a time between frames", got, wanted)
+                continue
+            exposure = shutter.get("exposure_ms", 0)
+            if isinstance(exposure, int | float) and isinstance(rate, int | float) and rate > 0:
+                if not exposure <= 1000.0 / rate * (1 + 1e-9):
+                    wanted = f"at most {1000.0 / rate:g}"
+                    self.add((*at, "exposure_ms"), "longer than a frame", exposure, wanted)

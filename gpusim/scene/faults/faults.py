@@ -7,16 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError
 from gpusim.printable import printable
-from gpusim.scene.schema.base import Words
+from gpusim.scene.description.table import Words
 
-from .expectations import expected
-from .key_path import dotted, nearest
-from .line_numbers import Keys, Origins, origin_of
-from .schema_places import Place, locate
+from .key_paths import Keys, Origins, dotted, nearest, origin_of
+from .schema_places import Place, expected, locate
 
 __all__ = ["MOST", "faults_of", "unread", "value_text", "with_origin"]
 
@@ -50,9 +48,7 @@ def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fa
     return replace(fault, problem=f"{fault.problem} ({origin})")
 
 
-def faults_of(
-    error: ValidationError, root: type[BaseModel], origins: Origins
-) -> tuple[list[Fault], int]:
+def faults_of(error: ValidationError, origins: Origins) -> tuple[list[Fault], int]:
     """The faults of a failed validation, in the order of the schema, and how many more there are
     where they are very many.
 
@@ -65,7 +61,7 @@ def faults_of(
     entries = error.errors(include_url=False)
     for entry in entries[:MOST]:
         kind, context = entry["type"], entry.get("ctx", {})
-        place = locate(root, entry["loc"])
+        place = locate(entry["loc"])
         keys = place.keys
         if len(place.choice):
             if keys in choices:  # told once, not for each of the types that it may have
@@ -143,7 +139,7 @@ def _wanted(place: Place, described: bool = True) -> str:
     last = place.keys[-1] if place.keys else 0
     if isinstance(last, int):
         return ""
-    text = expected(place.table, last)
+    text = expected(place.value)
     about = place.description.replace("`", "")
     if not (described and text and about):
         return text
@@ -167,7 +163,7 @@ def value_text(value: Any) -> str:
         text = "a table" if value else "{}"
     elif isinstance(value, int) and abs(value) >= 10**40:
         text = f"a number of about {value.bit_length() * 0.30103:,.0f} digits"
-    elif isinstance(value, list):
+    elif isinstance(value, list | tuple):
         text = f"[{', '.join(map(value_text, value[:20]))}{', ...' if len(value) > 20 else ''}]"
     else:
         text = str(value)

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from pathlib import PurePath
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Direction, Name, Table, Vector, Words, fault, norm, parallel
 from .mesh import MESH_SUFFIXES
-from .paint import MarkersTable, PaintTable
+from .paint import Markers, Paint, PaintTable
+from .table import (
+    SI,
+    Direction,
+    FileUnit,
+    Listed,
+    Name,
+    Names,
+    SeveralNames,
+    Table,
+    Vec3,
+    Vector,
+    Words,
+    across,
+    cross,
+    each_once,
+    fault,
+    known_suffix,
+    parallel,
+    unit,
+)
 
-__all__ = ["SURFACE_SUFFIXES", "CalibrationTable", "PoseTable", "PropTable"]
+__all__ = ["SURFACE_SUFFIXES", "Box", "Calibration", "Plate", "Pose", "Prop", "PropTable", "Shape"]
 
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
@@ -19,53 +37,70 @@ SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
 PropLength = Annotated[float, Field(gt=0, le=1e10)]
 
 
-class PoseTable(Table):
+class Pose(Table):
     """Where a prop is: turned about its own point, which then lies at ``position_mm``."""
 
     position_mm: Vector
     """Of the prop's centre (of a mesh prop: of the point that its file's origin is)."""
-    rotation_deg: Vector = [0.0, 0.0, 0.0]
+    position = SI[Vec3]("mm")
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the world's x, then y, then z axis, from how the prop is described."""
+    rotation = SI[Vec3]("deg")
+
+
+Poses = Annotated[tuple[Pose, ...], Listed(1, 10_000)]
 
 
 class _Prop(Table):
+    # it is built as described; `stand` is how it then stands, `origin` the point of poses (m)
     name: Name
-    poses: Annotated[list[PoseTable], Field(min_length=1, max_length=10_000)] | None = None
+    poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
+    poses = SI[tuple[Pose, ...]]("", "poses_", without=())
 
 
-class PlateTable(_Prop):
+class Plate(_Prop):
     """A rigid rectangular plate: a wall, a target. Only its front is seen."""
 
     type: Literal["plate"] = "plate"
     """Needn't be said."""
     center_mm: Vector
+    center = SI[Vec3]("mm")
+    origin = SI[Vec3]("mm", "center_mm")
     normal: Direction
     """Out of its front."""
-    up: Direction = [0.0, 0.0, 1.0]
-    size_mm: Annotated[list[PropLength], Field(min_length=2, max_length=2)]
+    up: Direction = (0.0, 0.0, 1.0)
+    size_mm: Annotated[tuple[PropLength, PropLength], Listed()]
     """Width (across ``up``) and height, at most 1e10 mm: beyond, rounding moves what is on it."""
-    paint: Annotated[list[PaintTable], Field(min_length=1, max_length=1)]
+    size = SI[tuple[float, float]]("mm")
+    paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1, 1)]
     """One paint: a plate has one face."""
 
+    @property
+    def paint(self) -> Paint:
+        """The one paint."""
+        return self.paints[0]
+
+    @property
+    def stand(self) -> Pose:
+        """The pose in which it stands."""
+        return Pose.model_construct(position_mm=self.center_mm)
+
     @model_validator(mode="after")
-    def _check(self) -> PlateTable:
+    def _check(self) -> Plate:
         if parallel(self.normal, self.up):
             raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
-        paint = self.paint[0]
+        paint = self.paint
         if not paint.where.is_everything:
             raise fault("paint.0.where", "a plate has one face", Words("a selection"), "no where")
-        if isinstance(paint, MarkersTable):
+        if isinstance(paint, Markers):
             self._check_markers(paint)
         return self
 
-    def _check_markers(self, paint: MarkersTable) -> None:
-        n = [value / norm(self.normal) for value in self.normal]
-        along = sum(a * b for a, b in zip(self.up, n, strict=True))
-        up = [a - along * b for a, b in zip(self.up, n, strict=True)]
-        up = [value / norm(up) for value in up]
-        right = [up[1] * n[2] - up[2] * n[1], up[2] * n[0] - up[0] * n[2],
-                 up[0] * n[1] - up[1] * n[0]]  # fmt: skip
+    def _check_markers(self, paint: Markers) -> None:
+        n = unit(self.normal)
+        up = unit(across(self.up, n))
+        right = cross(up, n)
         for index, centre in enumerate(paint.centres_mm()):
             arm = [a - b for a, b in zip(centre, self.center_mm, strict=True)]
             x, y, z = (
@@ -80,45 +115,61 @@ class PlateTable(_Prop):
 
 
 class _Shaped(_Prop):
-    rotation_deg: Vector = [0.0, 0.0, 0.0]
+    rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the world's x, then y, then z axis, through the prop's own point; ``poses`` replace
     it."""
-    paint: Annotated[list[PaintTable], Field(min_length=1)]
+    rotation = SI[Vec3]("deg")
+    paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1)]
     """A face belongs to the last entry that matches it; positions are those before any rotation."""
 
 
-class BoxPropTable(_Shaped):
+class Box(_Shaped):
     """A rigid block: a machine's frame, a base. Its sides are the sets "x_min" … "z_max"."""
 
     type: Literal["box"]
     center_mm: Vector
-    size_mm: Annotated[list[PropLength], Field(min_length=3, max_length=3)]
+    center = SI[Vec3]("mm")
+    origin = SI[Vec3]("mm", "center_mm")
+    size_mm: Annotated[tuple[PropLength, PropLength, PropLength], Listed()]
     """Along x, y, z, before rotation, at most 1e10 mm."""
+    size = SI[Vec3]("mm")
+
+    @property
+    def stand(self) -> Pose:
+        """The pose in which it stands."""
+        return Pose.model_construct(position_mm=self.center_mm, rotation_deg=self.rotation_deg)
 
 
-class MeshPropTable(_Shaped):
+class Shape(_Shaped):
     """A rigid thing of any shape: a mesh or a file of faces (.stl .ply .obj .off .glb .gltf)."""
 
     type: Literal["mesh"]
-    file: Annotated[str, Field(min_length=1)]
+    path: Annotated[str, Field(min_length=1, alias="file")]
     """Relative to the scene file. Faces are wound counter-clockwise seen from outside."""
-    unit: Literal["m", "cm", "mm", "um", "in"] = "mm"
+    unit: FileUnit = "mm"
     """Of the file's coordinates."""
-    position_mm: Vector = [0.0, 0.0, 0.0]
+    scale = SI[float]("a file's unit", "unit")
+    position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin is."""
+    origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
+    position = SI[Vec3]("mm")
 
     @model_validator(mode="after")
-    def _check(self) -> MeshPropTable:
-        known = SURFACE_SUFFIXES + MESH_SUFFIXES
-        if PurePath(self.file).suffix.lower() not in known:
-            raise fault("file", "unknown kind of file", self.file, "one of " + ", ".join(known))
+    def _check(self) -> Shape:
+        known_suffix("file", self.path, SURFACE_SUFFIXES + MESH_SUFFIXES)
         return self
 
+    @property
+    def stand(self) -> Pose:
+        """The pose in which it stands."""
+        return Pose.model_construct(position_mm=self.position_mm, rotation_deg=self.rotation_deg)
 
-PropTable = Annotated[PlateTable | BoxPropTable | MeshPropTable, Field(discriminator="type")]
+
+Prop = Plate | Box | Shape
+PropTable = Annotated[Prop, Field(discriminator="type")]
 
 
-class CalibrationTable(Table):
+class Calibration(Table):
     """Images of a target for calibration, beside the frames: ``images/<camera>/calib-0000.png``.
 
     They show the target in each pose, without bodies and other props, in the scene's light.
@@ -126,19 +177,27 @@ class CalibrationTable(Table):
 
     board: Name
     """A [[prop]] of type "plate"; the other frames don't show it."""
-    cameras: Annotated[list[Name], Field(min_length=1)] | None = None
+    cameras_: Annotated[SeveralNames | None, Field(alias="cameras")] = None
     """Without it all."""
-    show: list[Name] = []
+    show: Names = ()
     """Props that these images show too, such as a wall."""
-    pose: Annotated[list[PoseTable], Field(min_length=1, max_length=10_000)]
+    poses: Annotated[tuple[Pose, ...], Field(alias="pose"), Listed(1, 10_000)]
     """One image per camera each."""
+    _all_cameras: tuple[str, ...] = ()
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """By name."""
+        return self.cameras_ or self._all_cameras
+
+    def photographed(self, by: tuple[str, ...]) -> None:
+        """Enter the cameras of the scene."""
+        self._all_cameras = by
 
     @model_validator(mode="after")
-    def _check(self) -> CalibrationTable:
-        for key in ("cameras", "show"):
-            names = getattr(self, key) or []
-            if len(set(names)) != len(names):
-                raise fault(key, "a name twice", names, "each once")
+    def _check(self) -> Calibration:
+        for key, names in (("cameras", self.cameras), ("show", self.show)):
+            each_once(key, "a name twice", names)
         if self.board in self.show:
             raise fault("show", "names the board, which is shown", self.show, "other props")
         return self

@@ -1,4 +1,4 @@
-"""``[[camera]]``, ``[[light]]``: from where a scene is seen, and how it is lit."""
+"""``[[camera]]``: from where a scene is seen."""
 
 from __future__ import annotations
 
@@ -6,28 +6,34 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .base import (
+from .lens import Lens, Shutter
+from .sensor import CameraSensor, Sensor
+from .table import (
+    SI,
     Direction,
     Length,
+    Listed,
     Name,
+    Numbers,
     Pair,
     PositivePair,
     Table,
+    Vec3,
     Vector,
     Words,
+    between,
     fault,
     norm,
     parallel,
 )
-from .lens import LensTable, ShutterTable
-from .sensor import CameraSensorTable
 
-__all__ = ["CameraTable"]
+__all__ = ["Camera"]
 
 PIXEL_SQUARE = 1e-3
+Side = Annotated[int, Field(ge=1, le=65535)]
 
 
-class CameraTable(Table):
+class Camera(Table):
     """A camera: as a photographer describes it, by its calibration, or from a calibration file.
 
     The lens is ``sensor_mm`` and ``focal_mm``, or ``fx_px`` … ``cy_px``, or ``calibration``; the
@@ -39,9 +45,8 @@ class CameraTable(Table):
     """Width and height of the sensor."""
     pixel_um: Length | None = None
     """Side of its pixels, in place of ``sensor_mm``."""
-    resolution_px: Annotated[
-        list[Annotated[int, Field(ge=1, le=65535)]], Field(min_length=2, max_length=2)
-    ]
+    resolution_px: Annotated[tuple[Side, Side], Listed()]
+    resolution = SI[tuple[int, int]]("px")
     focal_mm: Length | None = None
     fx_px: Length | None = None
     """Focal length in columns; the pixel in column i and row j is centred at (i, j)."""
@@ -53,39 +58,82 @@ class CameraTable(Table):
     """Row of the principal point."""
     skew_px: float = 0.0
     """Entry (1, 2) of the camera matrix."""
-    distortion: list[float] = []
+    distortion: Numbers = ()
     """OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]]; tau in rad."""
-    calibration: str | None = None
+    calibration_: Annotated[str | None, Field(alias="calibration")] = None
     """File of OpenCV, Kalibr, MatchID (.caldat), VIC (.xml) or DICe (.xml)."""
+    calibration = SI[str]("", "calibration_", without="")
     calibration_camera: str | Annotated[int, Field(ge=0)] = 0
     """Which camera of the file: its name, or its number from 0 on."""
     calibration_unit_mm: Length | None = None
     """Length of the file's unit; by default 1, and 1000 for Kalibr."""
+    calibration_unit = SI[float]("mm", without=0.0)
     position_mm: Vector | None = None
     """The centre of projection."""
+    position = SI[Vec3 | None]("mm")
     target_mm: Vector | None = None
     """A point on the optical axis."""
-    up: Direction = [0.0, 0.0, 1.0]
+    target = SI[Vec3 | None]("mm")
+    up: Direction = (0.0, 0.0, 1.0)
     """Roughly up in the image."""
     rotation_vector: Vector | None = None
     """Rotation R of X_camera = R X + T as a Rodrigues vector, rad."""
-    rotation_matrix: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
+    rotation_matrix: Annotated[tuple[Vector, Vector, Vector], Listed()] | None = None
     """The same as three rows; camera axes are x right, y down, z forward."""
     translation_mm: Vector | None = None
     """T of X_camera = R X + T."""
-    principal_point_offset_mm: Pair = [0.0, 0.0]
+    translation = SI[Vec3 | None]("mm")
+    principal_point_offset_mm: Pair = (0.0, 0.0)
     """Where the optical axis meets the sensor: right and down from the image's centre."""
+    principal_point_offset = SI[tuple[float, float]]("mm")
     square_pixels: bool = True
     """Set to false to say that pixels of unequal sides are meant."""
-    lens: LensTable | None = None
+    lens: Lens | None = None
     """Without it a pinhole."""
-    shutter: ShutterTable | None = None
+    shutter: Shutter | None = None
     """Without it an instant."""
-    sensor: CameraSensorTable | None = None
+    own_sensor: Annotated[CameraSensor | None, Field(alias="sensor")] = None
     """What differs from [sensor] in this camera."""
+    _electronics: Sensor | None = None
+
+    @property
+    def sensor(self) -> tuple[float, float]:
+        """Width and height (m); 0 where nobody said them."""
+        width, height = self.size_mm() or (0.0, 0.0)
+        return width / 1000.0, height / 1000.0
+
+    @property
+    def focal(self) -> float:
+        """Focal length (m); 0 where nobody said it."""
+        focal, size = self.focal_mm or 0.0, self.size_mm()
+        if self.fx_px is not None and size is not None:
+            focal = self.fx_px * size[0] / self.resolution_px[0]
+        return focal / 1000.0
+
+    @property
+    def intrinsics(self) -> tuple[float, ...]:
+        """fx, fy, cx, cy and skew (px), or nothing; they come before `focal`."""
+        given = self.fx_px, self.fy_px, self.cx_px, self.cy_px, self.skew_px
+        return () if self.fx_px is None else tuple(value or 0.0 for value in given)
+
+    @property
+    def rotation(self) -> tuple[float, ...]:
+        """A Rodrigues vector, nine numbers row by row, or nothing."""
+        if self.rotation_matrix is not None:
+            return tuple(value for row in self.rotation_matrix for value in row)
+        return self.rotation_vector or ()
+
+    @property
+    def electronics(self) -> Sensor | None:
+        """Its sensor, where it isn't the scene's."""
+        return self._electronics
+
+    def equip(self, sensor: Sensor) -> None:
+        """Enter what its own table makes of the scene's sensor."""
+        self._electronics = sensor
 
     @model_validator(mode="after")
-    def _check(self) -> CameraTable:
+    def _check(self) -> Camera:
         self._check_lens()
         self._check_pose()
         self._check_blur()
@@ -102,7 +150,7 @@ class CameraTable(Table):
         named = None if self.lens is None else self.lens.focal_mm
         if focus is not None and focal is None and named is None:
             # a calibration file says fx in pixels
-            if self.calibration is None or pitch is None:
+            if self.calibration_ is None or pitch is None:
                 raise fault("lens.focus_distance_mm", "needs the width of the aperture", focus,
                             "lens.focal_mm as it stands on the lens, or pixel_um")  # fmt: skip
         focal = focal if named is None else named
@@ -114,16 +162,17 @@ class CameraTable(Table):
                 "lens.psf", "needs lengths on the sensor", Words("airy"), "sensor_mm or pixel_um"
             )
 
-    def size_mm(self) -> list[float] | None:
+    def size_mm(self) -> tuple[float, float] | None:
         """Width and height of the sensor, if they are known."""
         if self.pixel_um is None:
             return self.sensor_mm
-        return [count * self.pixel_um / 1000.0 for count in self.resolution_px]
+        columns, rows = (count * self.pixel_um / 1000.0 for count in self.resolution_px)
+        return columns, rows
 
     def _check_lens(self) -> None:
         inner = {key: getattr(self, key) for key in ("fx_px", "fy_px", "cx_px", "cy_px")}
         given = [key for key, value in inner.items() if value is not None]
-        ways = [self.calibration is not None, bool(given), self.focal_mm is not None]
+        ways = [self.calibration_ is not None, bool(given), self.focal_mm is not None]
         if sum(ways) != 1:
             expected = "focal_mm with sensor_mm, or fx_px, fy_px, cx_px, cy_px, or calibration"
             raise fault(
@@ -142,7 +191,7 @@ class CameraTable(Table):
                         self.principal_point_offset_mm, "cx_px and cy_px")  # fmt: skip
         if not given and self.skew_px != 0.0:
             raise fault("skew_px", "goes with fx_px … cy_px only", self.skew_px, "no skew_px")
-        if self.calibration is not None and self.distortion:
+        if self.calibration_ is not None and self.distortion:
             raise fault("distortion", "stands in the calibration file", self.distortion, "nothing")
         if len(self.distortion) not in (0, 4, 5, 8, 12, 14):
             got = Words(f"{len(self.distortion)} numbers")
@@ -179,11 +228,11 @@ class CameraTable(Table):
                 raise fault(
                     key, "missing: the pose is incomplete", Words(""), "position_mm and target_mm"
                 )
-            view = [b - a for a, b in zip(self.position_mm, self.target_mm, strict=True)]
+            view = between(self.position_mm, self.target_mm)
             if not norm(view) > 0:
                 raise fault("target_mm", "is where the camera is", self.target_mm, "another point")
             if parallel(view, self.up):
                 raise fault("up", "is along the view, or zero", self.up, "a vector across it")
-        elif self.calibration is None:
+        elif self.calibration_ is None:
             raise fault("position_mm", "the camera's pose is missing", Words("nothing"),
                         "position_mm and target_mm, or a rotation and translation_mm")  # fmt: skip

@@ -6,46 +6,51 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Length, Table, Words, fault
+from .table import SI, Length, Listed, Numbers, Table, Words, fault
 
-__all__ = ["LensTable", "ShutterTable"]
+__all__ = ["Lens", "Psf", "Shutter", "Vignetting"]
 
-Rows = Annotated[list[list[float]], Field(min_length=1, max_length=401)]
+Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 
 
-class GaussianTable(Table):
+class Gaussian(Table):
     """A round Gaussian point spread."""
 
     type: Literal["gaussian"]
     sigma_px: Annotated[float, Field(gt=0, le=30)]
     """Standard deviation."""
+    size = SI[float]("px", "sigma_px")
 
 
-class AiryTable(Table):
+class Airy(Table):
     """Diffraction at a round aperture."""
 
     type: Literal["airy"]
     f_number: Annotated[float, Field(gt=0, le=256)]
+    size = SI[float]("", "f_number")
     wavelength_nm: Annotated[float, Field(gt=0, le=20_000)] = 550.0
+    wavelength = SI[float]("nm")
 
 
-class DiscTable(Table):
+class Disc(Table):
     """An even disc, as of a lens that is out of focus everywhere alike."""
 
     type: Literal["disc"]
     radius_px: Annotated[float, Field(gt=0, le=30)]
+    size = SI[float]("px", "radius_px")
 
 
-class MeasuredTable(Table):
+class Measured(Table):
     """A measured point spread."""
 
     type: Literal["measured"]
     kernel: Rows
     """Rows of one odd length, an odd number of them; scaled to sum 1, centred on the middle."""
     samples_per_px: Annotated[float, Field(gt=0, le=64)] = 1.0
+    size = SI[float]("", "samples_per_px")
 
     @model_validator(mode="after")
-    def _check(self) -> MeasuredTable:
+    def _check(self) -> Measured:
         width = len(self.kernel[0])
         if len(self.kernel) % 2 == 0 or width % 2 == 0 or any(len(r) != width for r in self.kernel):
             sizes = f"{len(self.kernel)} rows of {sorted({len(r) for r in self.kernel})}"
@@ -57,23 +62,22 @@ class MeasuredTable(Table):
         return self
 
 
-PsfTable = Annotated[
-    GaussianTable | AiryTable | DiscTable | MeasuredTable, Field(discriminator="type")
-]
+Psf = Gaussian | Airy | Disc | Measured
+PsfTable = Annotated[Psf, Field(discriminator="type")]
 
 
-class VignettingTable(Table):
+class Vignetting(Table):
     """Fall-off towards the corners: the product of what is given."""
 
     cos4: bool = True
     """The natural law, cos^4 of the angle to the axis."""
-    polynomial: list[float] = []
+    polynomial: Numbers = ()
     """(a1, a2, …) of 1 + a1 r^2 + a2 r^4 + …, r = 1 at half the image's diagonal."""
     map: Rows | None = None
     """Measured gains from corner to corner, rows of one length."""
 
     @model_validator(mode="after")
-    def _check(self) -> VignettingTable:
+    def _check(self) -> Vignetting:
         rows = self.map
         if rows is None:
             return self
@@ -85,7 +89,7 @@ class VignettingTable(Table):
         return self
 
 
-class LensTable(Table):
+class Lens(Table):
     """A real lens; what isn't given isn't rendered."""
 
     psf: PsfTable | None = None
@@ -97,17 +101,19 @@ class LensTable(Table):
     focal_mm: Length | None = None
     """Focal length as it stands on the lens, for the width of the aperture; without it it follows
     from the image distance. A camera with ``fx_px`` or ``calibration`` needs it, or the pixel."""
+    focal = SI[float | None]("mm")
     focus_distance_mm: Length | None = None
     """Along the optical axis, from the camera's position."""
+    focus_distance = SI[float | None]("mm")
     blades: Annotated[int, Field(ge=0, le=24)] = 0
     """Of the iris; 0 for a round one."""
     positions: Annotated[int, Field(ge=1, le=4096)] | None = None
     """Points of the aperture that are rendered; without it as many, up to 256, as
     ``render.error`` needs."""
-    vignetting: VignettingTable | None = None
+    vignetting: Vignetting | None = None
 
     @model_validator(mode="after")
-    def _check(self) -> LensTable:
+    def _check(self) -> Lens:
         if (self.f_number is None) != (self.focus_distance_mm is None):
             key = "focus_distance_mm" if self.focus_distance_mm is None else "f_number"
             raise fault(key, "missing", Words(""), "f_number and focus_distance_mm, or neither")
@@ -119,14 +125,39 @@ class LensTable(Table):
             raise fault("blades", "no polygon", self.blades, "0 (round), or 3 to 24")
         return self
 
+    def words(self) -> list[str]:
+        """What it does."""
+        done = []
+        if self.psf is not None:
+            unit = {"gaussian": " px", "disc": " px"}.get(self.psf.type, "")
+            done.append(f"{self.psf.type} point spread {self.psf.size:g}{unit}")
+        if self.fill_factor != 1.0:
+            done.append(f"fill factor {self.fill_factor:g}")
+        if self.f_number is not None:
+            done.append(f"depth of field f/{self.f_number:g}")
+        if self.vignetting is not None:
+            done.append("vignetting")
+        return done
 
-class ShutterTable(Table):
+
+class Shutter(Table):
     """Exposure in time, around the instant of each frame; needs ``analysis.frame_rate_Hz``."""
 
     exposure_ms: Annotated[float, Field(ge=0)] = 0.0
     """What moves during it is blurred; dark current gathers during it."""
+    exposure = SI[float]("ms")
     line_time_us: float = 0.0
     """Rolling shutter: from the read-out of a row to that of the next. 0: all rows at once."""
+    line_time = SI[float]("us")
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
     """Moments that the exposure is averaged over; without it as many, up to 256, as the motion
     needs to show no steps."""
+
+    def words(self) -> list[str]:
+        """What it does."""
+        done = []
+        if self.exposure:
+            done.append(f"exposed for {1e3 * self.exposure:g} ms")
+        if self.line_time:
+            done.append(f"rolling shutter {1e6 * self.line_time:g} us a row")
+        return done

@@ -1,4 +1,4 @@
-"""``[body.mesh]`` and ``[[body.notch]]``: builders that make a body's elements, and mesh files."""
+"""``[body.mesh]``, ``[[body.notch]]``, ``[body.field]``: how a body's mesh is made, or read."""
 
 from __future__ import annotations
 
@@ -7,21 +7,38 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .base import Axis, Length, SignedAxis, Table, Vector, Words, fault
+from .table import (
+    SI,
+    Axis,
+    FileUnit,
+    Length,
+    Listed,
+    SignedAxis,
+    Table,
+    Vec3,
+    Vector,
+    Words,
+    fault,
+    in_si,
+    known_suffix,
+)
 
 __all__ = [
     "CAD_SUFFIXES",
+    "FIELD_SUFFIXES",
     "MESH_SUFFIXES",
     "NOTCHABLE",
     "SETS",
-    "BeamTable",
-    "BoxTable",
-    "BracketTable",
-    "CraneTable",
-    "FileTable",
+    "BeamMesh",
+    "BoxMesh",
+    "BracketMesh",
+    "CraneMesh",
+    "FieldMesh",
+    "FileMesh",
+    "MeshRecipe",
     "MeshTable",
-    "NotchTable",
-    "PlateTable",
+    "NotchRecipe",
+    "PlateMesh",
 ]
 
 _SIDES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -44,21 +61,26 @@ MESH_SUFFIXES = (
     ".dat",
 )  # fmt: skip
 
+FIELD_SUFFIXES = (".vtu", ".pvd", ".series", ".e", ".ex2", ".exo", ".exodus", ".frd", ".npz")
+
 Count = Annotated[int, Field(ge=1, le=10_000)]
-Divisions = Annotated[list[Count], Field(min_length=3, max_length=3)]
+Divisions = Annotated[tuple[Count, Count, Count], Listed()]
 Cells = Literal["hex8", "hex20", "hex27", "tet4", "tet10", "wedge6", "wedge15"]
 
 
-class NotchTable(Table):
+class NotchRecipe(Table):
     """A slot cut into a box or a beam; elements get finer towards it. Its faces are the set
     "notch_1" (2, … in the order of the file)."""
 
     position_mm: float
     """Of its middle, along ``axis``."""
+    position = SI[float]("mm")
     width_mm: Length
     """Along ``axis``."""
+    width = SI[float]("mm")
     depth_mm: Length
     """Into the body, from ``side``."""
+    depth = SI[float]("mm")
     axis: Axis = "x"
     side: SignedAxis = "-y"
     """The side that it is cut into; along the third axis it goes right through."""
@@ -66,7 +88,7 @@ class NotchTable(Table):
     """Elements over its width."""
 
     @model_validator(mode="after")
-    def _check(self) -> NotchTable:
+    def _check(self) -> NotchRecipe:
         if self.side[1] == self.axis:
             raise fault("side", "is along the notch's axis", self.side, "a side across the axis")
         return self
@@ -77,27 +99,45 @@ class _Builder(Table):
     """Type of the elements: bricks are cut into tetrahedra or wedges, midside nodes are added."""
 
 
-class BoxTable(_Builder):
+class _Notchable(_Builder):
+    _notches: tuple[NotchRecipe, ...] = ()
+
+    @property
+    def notches(self) -> tuple[NotchRecipe, ...]:
+        """Those of the body that the mesh is of."""
+        return self._notches
+
+    def notched(self, notches: tuple[NotchRecipe, ...]) -> None:
+        """Enter the slots: the file has them beside the mesh."""
+        self._notches = notches
+
+
+class BoxMesh(_Notchable):
     """A block along the axes. Its sides are the sets "x_min" … "z_max"."""
 
     builder: Literal["box"]
-    size_mm: Annotated[list[Length], Field(min_length=3, max_length=3)]
+    size_mm: Annotated[tuple[Length, Length, Length], Listed()]
+    size = SI[Vec3]("mm")
     divisions: Divisions
     """Elements along x, y, z (away from notches)."""
-    origin_mm: Vector = [0.0, 0.0, 0.0]
+    origin_mm: Vector = (0.0, 0.0, 0.0)
     """The corner with the smallest x, y, z."""
+    origin = SI[Vec3]("mm")
 
 
-class BeamTable(_Builder):
+class BeamMesh(_Notchable):
     """A bar whose axis is the x axis, from x = 0. Its sides are the sets "x_min" … "z_max"."""
 
     builder: Literal["beam"]
     length_mm: Length
     """Along x."""
+    length = SI[float]("mm")
     width_mm: Length
     """Along y, from -width/2 to width/2."""
+    width = SI[float]("mm")
     height_mm: Length
     """Along z, from -height/2 to height/2."""
+    height = SI[float]("mm")
     end_width_mm: Length | None = None
     """At the far end, if it tapers."""
     end_height_mm: Length | None = None
@@ -105,8 +145,18 @@ class BeamTable(_Builder):
     divisions: Divisions
     """Elements along x, y, z (away from notches)."""
 
+    @property
+    def end_width(self) -> float:
+        """At the far end."""
+        return self.width if self.end_width_mm is None else self.end_width_mm / 1000.0
 
-class CraneTable(_Builder):
+    @property
+    def end_height(self) -> float:
+        """At the far end."""
+        return self.height if self.end_height_mm is None else self.end_height_mm / 1000.0
+
+
+class CraneMesh(_Builder):
     """A column with a beam welded on top, of flat bars.
 
     The column's outer face is x = 0 and its clamped foot ends at z = 0; the beam reaches along +x
@@ -117,25 +167,33 @@ class CraneTable(_Builder):
     builder: Literal["crane"]
     height_mm: Length = 562.0
     """Of the column above its foot."""
+    height = SI[float]("mm")
     foot_mm: Length = 70.0
     """Length of the clamped foot below z = 0."""
+    foot = SI[float]("mm")
     length_mm: Length = 597.0
     """Of the beam, from the column's outer face."""
+    length = SI[float]("mm")
     column_thickness_mm: Length = 6.0
+    column_thickness = SI[float]("mm")
     beam_thickness_mm: Length = 4.0
+    beam_thickness = SI[float]("mm")
     width_mm: Length = 40.0
     """Of both members, along y."""
+    width = SI[float]("mm")
     load_length_mm: Length = 108.0
     """An element edge lies this far from the beam's free end."""
+    load_length = SI[float]("mm")
     element_mm: Length = 3.0
     """About the length of an element along the members."""
+    element = SI[float]("mm")
     through: Count = 2
     """Elements through the thickness of each member."""
     across: Count = 6
     """Elements across the width."""
 
     @model_validator(mode="after")
-    def _check(self) -> CraneTable:
+    def _check(self) -> CraneMesh:
         if not self.column_thickness_mm + self.load_length_mm < self.length_mm:
             raise fault(
                 "length_mm", "the beam is too short", self.length_mm,
@@ -146,6 +204,7 @@ class CraneTable(_Builder):
 
 class _Holed(_Builder):
     hole_diameter_mm: Length
+    hole_diameter = SI[float]("mm")
     around: Annotated[int, Field(ge=8, le=10_000, multiple_of=4)] = 32
     """Elements around a hole."""
     radial: Count = 8
@@ -154,7 +213,7 @@ class _Holed(_Builder):
     """Elements through the thickness."""
 
 
-class PlateTable(_Holed):
+class PlateMesh(_Holed):
     """A plate with a round hole at the origin, length along x, width along y, thickness from z = 0.
 
     Sets "hole" and "x_min" … "z_max". Midside nodes of hex20 and hex27 lie on the circle.
@@ -162,11 +221,14 @@ class PlateTable(_Holed):
 
     builder: Literal["plate_with_hole"]
     length_mm: Length
+    length = SI[float]("mm")
     width_mm: Length
+    width = SI[float]("mm")
     thickness_mm: Length
+    thickness = SI[float]("mm")
 
     @model_validator(mode="after")
-    def _check(self) -> PlateTable:
+    def _check(self) -> PlateMesh:
         room = 0.98 * min(self.length_mm, self.width_mm)
         if not self.hole_diameter_mm < room:
             raise fault(
@@ -175,7 +237,7 @@ class PlateTable(_Holed):
         return self
 
 
-class BracketTable(_Holed):
+class BracketMesh(_Holed):
     """An L-bracket of bent plate with a hole in each leg, half a width from the leg's end.
 
     The base lies on z = 0 and reaches along +x, the wall stands on x = 0 and reaches along +z.
@@ -184,20 +246,26 @@ class BracketTable(_Holed):
 
     builder: Literal["bracket"]
     base_length_mm: Length = 60.0
+    base_length = SI[float]("mm")
     wall_height_mm: Length = 80.0
+    wall_height = SI[float]("mm")
     width_mm: Length = 40.0
     """Along y, from -width/2 to width/2."""
+    width = SI[float]("mm")
     thickness_mm: Length = 5.0
+    thickness = SI[float]("mm")
     fillet_radius_mm: Length = 6.0
     """Inner radius of the bend."""
+    fillet_radius = SI[float]("mm")
     hole_diameter_mm: Length = 12.0
+    hole_diameter = SI[float]("mm")
     radial: Count = 5
     """Elements from a hole to the square around it."""
     bend: Count = 6
     """Elements along the bend."""
 
     @model_validator(mode="after")
-    def _check(self) -> BracketTable:
+    def _check(self) -> BracketMesh:
         least = self.width_mm + self.fillet_radius_mm + self.thickness_mm
         for key in ("base_length_mm", "wall_height_mm"):
             value = getattr(self, key)
@@ -211,7 +279,7 @@ class BracketTable(_Holed):
         return self
 
 
-class FileTable(Table):
+class FileMesh(Table):
     """A mesh from a file, or a CAD file to be meshed (needs gmsh).
 
     Groups of the file are sets: Gmsh's physical groups, sets of Abaqus and Exodus, MED's groups;
@@ -220,15 +288,16 @@ class FileTable(Table):
 
     builder: Literal["file"] = "file"
     """Needn't be said: a mesh with ``file`` is from a file."""
-    file: Annotated[str, Field(min_length=1)]
+    path: Annotated[str, Field(min_length=1, alias="file")]
     """Relative to the scene file. A mesh: .msh, .inp, .vtu, .vtk, .e, .exo, .med, .bdf; CAD: .step,
     .brep, .stl."""
-    unit: Literal["m", "cm", "mm", "um", "in"] = "mm"
+    unit: FileUnit = "mm"
     """Of the file's coordinates; those of a STEP file are always millimetres."""
     order: Annotated[int, Field(ge=1, le=2)] = 1
     """2: elements with midside nodes (straight edges, but for a CAD file's curved faces)."""
     size_mm: Length | None = None
     """Greatest element of a CAD file."""
+    size = SI[float | None]("mm")
     hexahedra: bool = False
     """Bricks only, for a CAD file."""
     hex_dominant: bool = False
@@ -237,18 +306,22 @@ class FileTable(Table):
     """Elements around a full circle, for a CAD file; 0 leaves it to ``size_mm``."""
     time_limit_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 600.0
     """After which a CAD file that isn't meshed yet is given up."""
+    time_limit = SI[float]("s")
 
     @property
     def is_cad(self) -> bool:
         """Whether the file has to be meshed."""
-        return PurePath(self.file).suffix.lower() in CAD_SUFFIXES
+        return PurePath(self.path).suffix.lower() in CAD_SUFFIXES
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file."""
+        step = PurePath(self.path).suffix.lower() in (".step", ".stp")
+        return float(in_si("mm" if step else self.unit, "a file's unit"))
 
     @model_validator(mode="after")
-    def _check(self) -> FileTable:
-        suffix = PurePath(self.file).suffix.lower()
-        if suffix not in CAD_SUFFIXES + MESH_SUFFIXES:
-            expected = "one of " + ", ".join(MESH_SUFFIXES + CAD_SUFFIXES)
-            raise fault("file", "unknown kind of mesh file", self.file, expected)
+    def _check(self) -> FileMesh:
+        suffix = known_suffix("mesh file", self.path, MESH_SUFFIXES + CAD_SUFFIXES)
         if self.is_cad and self.size_mm is None:
             raise fault("size_mm", "missing for a CAD file", Words(""), "the greatest element size")
         if suffix in (".step", ".stp") and self.unit != "mm":
@@ -259,11 +332,41 @@ class FileTable(Table):
             raise fault("hex_dominant", "beside hexahedra", True, "one of them")
         for key in () if self.is_cad else ("size_mm", "hexahedra", "hex_dominant", "curvature"):
             if getattr(self, key) not in (None, False, 0):
-                raise fault(key, "is for CAD files", self.file, "a .step, .brep or .stl file")
+                raise fault(key, "is for CAD files", self.path, "a .step, .brep or .stl file")
         return self
 
 
 MeshTable = Annotated[
-    BoxTable | BeamTable | CraneTable | PlateTable | BracketTable | FileTable,
+    BoxMesh | BeamMesh | CraneMesh | PlateMesh | BracketMesh | FileMesh,
     Field(discriminator="builder"),
 ]
+
+
+class FieldMesh(Table):
+    """Mesh and nodal displacements of a result file; nothing is solved.
+
+    Frames between its times are interpolated linearly; a file whose first time is above 0 is taken
+    to start undeformed at time 0.
+    """
+
+    path: Annotated[str, Field(min_length=1, alias="file")]
+    """Relative to the scene file: .vtu (one state, time 1), .pvd or .vtu.series (one .vtu per
+    time), .e/.exo (Exodus), .frd (CalculiX, text), .npz."""
+    unit: FileUnit = "mm"
+    """Of coordinates and displacements in the file."""
+    scale = SI[float]("a file's unit", "unit")
+    variable: Annotated[
+        Annotated[str, Field(min_length=1, max_length=200)] | None, Field(alias="displacement")
+    ] = None
+    """Name of the nodal variable; where it is one per axis, what the three names begin with.
+    Without it one with a usual name: displacement, disp, U, DISP."""
+    magnify: Annotated[Length, Field(alias="scale")] = 1.0
+    """Factor on the displacements, to show them larger than they are."""
+
+    @model_validator(mode="after")
+    def _check(self) -> FieldMesh:
+        known_suffix("result file", self.path, FIELD_SUFFIXES)
+        return self
+
+
+MeshRecipe = BoxMesh | BeamMesh | CraneMesh | PlateMesh | BracketMesh | FileMesh | FieldMesh

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
 
-from .base import Table, fault
+from .table import Listed, Seed, Table, fault
 
-__all__ = ["CameraSensorTable", "SensorTable", "merged"]
+__all__ = ["CameraSensor", "Sensor", "merged"]
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
@@ -29,12 +29,16 @@ Exposure = Annotated[
 ]
 Preset = Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"]
 Mosaic = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
-Response = Annotated[list[Annotated[float, Field(ge=0)]], Field(min_length=3, max_length=3)]
-NOISE = ("gain_DN_per_e", "full_well_e", "read_noise_e", "dark_current_e_per_s", "dsnu_e",
-         "prnu_percent", "black_level_DN")  # fmt: skip
+Share = Annotated[float, Field(ge=0)]
+Response = Annotated[tuple[Share, Share, Share], Listed()]
+_NOISE = {
+    "gain_DN_per_e": "gain", "full_well_e": "full_well", "read_noise_e": "read_noise",
+    "dark_current_e_per_s": "dark_current", "dsnu_e": "dsnu", "prnu_percent": "prnu",
+    "black_level_DN": "black_level",
+}  # fmt: skip
 
 
-class SensorTable(Table):
+class Sensor(Table):
     """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
 
     Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
@@ -43,10 +47,10 @@ class SensorTable(Table):
 
     bits: Bits = 8
     """More than 8 are stored as 16-bit numbers, not scaled up."""
-    exposure: Exposure = "auto"
+    exposure_: Annotated[Exposure, Field(alias="exposure")] = "auto"
     """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
     format: Literal["png", "tiff"] = "png"
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Seed = 0
     """Of the noise; every camera and frame has its own, independent of the others."""
     series: Annotated[int, Field(ge=0, lt=100_000)] = 0
     """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
@@ -71,11 +75,11 @@ class SensorTable(Table):
     """Grey value = full scale x (linear share)^(1 / gamma); without it linear."""
     bayer: Mosaic | None = None
     """A raw colour mosaic of the grey scene."""
-    bayer_response: Response = [1.0, 1.0, 1.0]
+    bayer_response: Response = (1.0, 1.0, 1.0)
     """Relative responses of red, green and blue pixels."""
 
     @model_validator(mode="after")
-    def _check(self) -> SensorTable:
+    def _check(self) -> Sensor:
         counted = self.preset or self.gain_DN_per_e is not None or self.full_well_e is not None
         for key in ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent"):
             if getattr(self, key) and not counted:
@@ -86,8 +90,33 @@ class SensorTable(Table):
             raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
         return self
 
+    @property
+    def exposure(self) -> float | None:
+        """Fraction of full scale per unit of radiance, None to choose it from frame 0."""
+        return None if self.exposure_ == "auto" else float(self.exposure_)
 
-class CameraSensorTable(Table):
+    @property
+    def values(self) -> dict[str, float | str | tuple[float, ...]]:
+        """By name of `gpusim.optics.sensor.sensor.Sensor`, what is given beside the preset."""
+        given = {name: getattr(self, key) for key, name in (*_NOISE.items(), ("gamma", "gamma"))}
+        given["prnu"] = None if self.prnu_percent is None else 0.01 * self.prnu_percent
+        if self.bayer is not None:
+            given |= {"bayer": self.bayer, "bayer_response": self.bayer_response}
+        return {name: value for name, value in given.items() if value is not None}
+
+    @property
+    def noisy(self) -> bool:
+        """Whether electrons are counted."""
+        return self.preset is not None or bool({"gain", "full_well"} & self.values.keys())
+
+    def words(self) -> list[str]:
+        """What it does beside counting light."""
+        done = [self.preset or "noise by EMVA 1288"] if self.noisy else ["no noise"]
+        own = self.values
+        return [*done, *(f"{name} {own[name]}" for name in ("bayer", "gamma") if name in own)]
+
+
+class CameraSensor(Table):
     """What is another sensor in one camera: keys given here replace those of [sensor].
 
     A ``preset`` given here replaces all that [sensor] says of gain, noise and black level.
@@ -121,14 +150,14 @@ class CameraSensorTable(Table):
     """Of red, green and blue pixels."""
 
 
-def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTable:
+def merged(common: Sensor, own: CameraSensor, where: str) -> Sensor:
     """The sensor of a camera. Raises a fault under the key ``where`` if both don't go together."""
-    values = common.model_dump(exclude_none=True)
+    values = common.model_dump(by_alias=True, exclude_none=True)
     if own.preset is not None:
-        values = {key: value for key, value in values.items() if key not in NOISE}
+        values = {key: value for key, value in values.items() if key not in _NOISE}
     values |= own.model_dump(exclude_none=True)
     try:
-        return SensorTable.model_validate(values)
+        return Sensor.model_validate(values)
     except ValidationError as error:
         found = error.errors()[0].get("ctx", {})
         key = f"{where}.{found['key']}"

@@ -1,0 +1,146 @@
+"""What every paint says: where it is, how its ground shines, and how a pattern lies on faces."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from .loads import Where
+from .table import (
+    SI,
+    Albedo,
+    Direction,
+    Length,
+    Name,
+    Seed,
+    Table,
+    Vec3,
+    Vector,
+    Words,
+    fault,
+    in_si,
+    not_zero,
+    parallel,
+)
+
+__all__ = ["Bump", "Finish", "Painted", "Patterned", "Wrap"]
+
+_STEEPEST = 0.35
+
+
+class Bump(NamedTuple):
+    """A fine relief of RMS ``height`` and correlation ``length`` (m), ``stretch`` times longer
+    ``along`` a direction."""
+
+    height: float
+    length: float
+    along: Vec3 | None
+    stretch: float
+    seed: int
+
+
+class Finish(NamedTuple):
+    """Roughness, metallic share and relief."""
+
+    roughness: float
+    metallic: float
+    bump: Bump | None
+
+
+class Wrap(NamedTuple):
+    """How a pattern lies on faces that aren't plane: round an axis, or unfolded if that is None."""
+
+    axis_point: Vec3 | None
+    axis: Vec3 | None
+
+
+class Painted(Table):
+    """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
+    pictures shine with their ground, as under a varnish."""
+
+    roughness: Albedo = 1.0
+    """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
+    metallic: Albedo = 0.0
+    """1: bare metal, which mirrors with its albedo and has no colour of its own below."""
+    bump_um: Annotated[float, Field(ge=0)] = 0.0
+    """RMS height of a fine relief (orange peel, grain, scratches); 0: smooth. It turns normals and
+    moves with the material; outlines and shadows stay those of the smooth surface."""
+    bump_length_mm: Length = 0.5
+    """Over which the relief changes: its correlation is 1/e there."""
+    bump_along: Direction | None = None
+    """Direction of longer waves, as of brushing, on the unloaded shape."""
+    bump_stretch: Annotated[float, Field(ge=1, le=1e4)] = 1.0
+    """How many times longer they are in that direction."""
+    bump_seed: Seed = 0
+    name: Name
+    where: Where = Where()
+    """The faces; without it all."""
+    albedo: Albedo
+    """Of the ground, outside the pattern."""
+
+    @property
+    def finish(self) -> Finish:
+        """How the ground shines, in SI."""
+        bump = None
+        if self.bump_um > 0.0:
+            height, length = in_si(self.bump_um, "um"), in_si(self.bump_length_mm, "mm")
+            bump = Bump(height, length, self.bump_along, self.bump_stretch, self.bump_seed)
+        return Finish(self.roughness, self.metallic, bump)
+
+    @model_validator(mode="after")
+    def _check_bump(self) -> Painted:
+        slope = sqrt(2.0) * self.bump_um * 1e-3 / self.bump_length_mm
+        if not slope <= _STEEPEST:
+            expected = f"at most {_STEEPEST / sqrt(2.0) * self.bump_length_mm * 1e3:.3g}"
+            raise fault("bump_um", "too steep for a fine relief", self.bump_um, expected)
+        not_zero("bump_along", self.bump_along, "a vector not zero")
+        if (self.bump_stretch != 1.0) != (self.bump_along is not None):
+            got = Words("none") if self.bump_along is None else self.bump_along
+            raise fault("bump_along", "goes with bump_stretch", got, "both or neither")
+        return self
+
+
+class Patterned(Painted):
+    up: Direction | None = None
+    """Roughly up on the surface; without it +z, on horizontal faces +y."""
+    mapping: Literal["plane", "cylinder", "unfold"] = "plane"
+    """How the pattern lies on the faces: "plane" faces only; round a "cylinder"; or laid on any
+    faces as if they were unfolded, without smearing in holes and on sides (speckle only)."""
+    axis_point_mm: Vector | None = None
+    """A point on the axis of the cylinder."""
+    axis_point = SI[Vec3 | None]("mm")
+    axis: Direction | None = None
+    """The cylinder's axis, which is up."""
+    unfolds: ClassVar[bool] = False
+
+    @property
+    def wrap(self) -> Wrap | None:
+        """None: on plane faces only."""
+        return None if self.mapping == "plane" else Wrap(self.axis_point, self.axis)
+
+    @model_validator(mode="after")
+    def _check_mapping(self) -> Patterned:
+        round_an_axis = self.mapping == "cylinder"
+        for key in ("axis_point_mm", "axis"):
+            if (getattr(self, key) is not None) != round_an_axis:
+                got, wanted = (
+                    (Words("none"), "one") if round_an_axis else (getattr(self, key), "none")
+                )
+                raise fault(key, f"with mapping {self.mapping!r}", got, wanted)
+        not_zero("axis", self.axis)
+        if self.mapping == "unfold" and not self.unfolds:
+            raise fault("mapping", "a pattern with places", Words("unfold"), "plane or cylinder")
+        return self
+
+    @model_validator(mode="after")
+    def _check_up(self) -> Patterned:
+        if self.up is None:
+            return self
+        not_zero("up", self.up)
+        normal = self.where.normal
+        x, y, z = (float(normal is not None and axis == normal[1]) for axis in "xyz")
+        if normal is not None and parallel(self.up, (x, y, z)):
+            raise fault("up", f"stands along the normal {normal}", self.up, "a vector across it")
+        return self

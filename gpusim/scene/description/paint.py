@@ -1,0 +1,254 @@
+"""``[[body.paint]]`` and ``[[prop.paint]]``: what a surface looks like.
+
+Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns lie in the plane of the faces
+they fall on (or as ``mapping`` says), with ``up`` (projected into that plane) pointing up, as seen
+from outside. Positions are those of the unloaded shape; the pattern moves with the material.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import exp, log1p, pi, sqrt
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from .ground import Painted, Patterned
+from .table import (
+    SI,
+    Albedo,
+    Count,
+    Length,
+    Listed,
+    Seed,
+    Table,
+    Vec3,
+    Vector,
+    Words,
+    between,
+    fault,
+    in_si,
+    norm,
+)
+from .targets import Aruco, Charuco, Circles, Lines, RingCodes, Star, Target
+
+__all__ = [
+    "Checker",
+    "Dots",
+    "Marker",
+    "Markers",
+    "Paint",
+    "PaintTable",
+    "Pattern",
+    "Picture",
+    "Plain",
+    "Speckle",
+]
+
+
+class Plain(Painted):
+    """One even colour."""
+
+    type: Literal["plain"]
+
+
+class Line(Table):
+    """Positions at equal distances on a straight line, both ends included."""
+
+    start_mm: Vector
+    end_mm: Vector
+    count: Annotated[int, Field(ge=2, le=100_000)]
+
+
+class Marker(NamedTuple):
+    """One marker: its own name and its centre (m) on the unloaded shape."""
+
+    name: str
+    position: Vec3
+
+
+class Markers(Patterned):
+    """Square markers of 2x2 black and white fields, dark at the lower left and upper right."""
+
+    type: Literal["markers"]
+    size_mm: Length
+    """The side of the whole marker."""
+    size = SI[float]("mm")
+    positions_mm: Annotated[tuple[Vector, ...], Listed(1)] | None = None
+    """Their centres; or give line."""
+    line: Line | None = None
+    dark: Albedo = 0.04
+    light: Albedo = 0.9
+
+    @model_validator(mode="after")
+    def _check(self) -> Markers:
+        if (self.positions_mm is None) == (self.line is None):
+            got = Words("neither" if self.line is None else "both")
+            raise fault(
+                "positions_mm",
+                "where the markers are must be said once",
+                got,
+                "positions_mm or line",
+            )
+        if self.line is not None:
+            step = between(self.line.start_mm, self.line.end_mm)
+            if not norm(step) >= (self.line.count - 1) * self.size_mm:
+                got = Words(f"{self.line.count} of {self.size_mm:g} mm on {norm(step):g} mm")
+                wanted = f"a line of at least {self.line.count - 1} sizes"
+                raise fault("line", "the markers overlap", got, wanted)
+        return self
+
+    def centres_mm(self) -> tuple[Vec3, ...]:
+        """Every centre, lines resolved."""
+        if self.positions_mm is not None:
+            return self.positions_mm
+        assert self.line is not None  # _check made sure
+        ends, last = (self.line.start_mm, self.line.end_mm), self.line.count - 1
+        # (a (last - i) + b i) / last hits both ends exactly
+        x, y, z = (
+            [(a * (last - i) + b * i) / last for i in range(last + 1)]
+            for a, b in zip(*ends, strict=True)
+        )
+        return tuple(zip(x, y, z, strict=True))
+
+    @cached_property
+    def markers(self) -> tuple[Marker, ...]:
+        """Each with its own name, numbered from 1 on."""
+        centres = self.centres_mm()
+        digits = max(2, len(str(len(centres))))
+        return tuple(
+            Marker(f"{self.name}-{number:0{digits}d}", in_si(centre, "mm"))
+            for number, centre in enumerate(centres, start=1)
+        )
+
+
+class Checker(Patterned):
+    """A chessboard; the field at its lower left corner is dark."""
+
+    type: Literal["checker"]
+    cell_mm: Length
+    cell = SI[float]("mm")
+    columns: Count
+    rows: Count
+    origin_mm: Vector
+    """The lower left corner of the board, seen from outside."""
+    origin = SI[Vec3]("mm")
+    dark: Albedo = 0.04
+    light: Albedo = 0.9
+
+
+class Dots(Patterned):
+    """A regular grid of round dots."""
+
+    type: Literal["dots"]
+    diameter_mm: Length
+    diameter = SI[float]("mm")
+    pitch_mm: Length
+    pitch = SI[float]("mm")
+    columns: Count
+    rows: Count
+    origin_mm: Vector
+    """The centre of the dot at the lower left, seen from outside."""
+    origin = SI[Vec3]("mm")
+    dot: Albedo = 0.04
+
+    @model_validator(mode="after")
+    def _check(self) -> Dots:
+        if not self.diameter_mm <= self.pitch_mm:
+            raise fault("pitch_mm", "the dots overlap", self.pitch_mm, f">= {self.diameter_mm}")
+        return self
+
+
+class Speckle(Patterned):
+    """Round speckles at random places, sprayed or printed, as image correlation needs them.
+
+    About 3 to 6 px wide in the image, half of the area covered, and edges at least half a pixel
+    soft is what correlates well.
+    """
+
+    unfolds: ClassVar[bool] = True
+    type: Literal["speckle"]
+    diameter_mm: Length
+    """The mean diameter."""
+    diameter = SI[float]("mm")
+    coverage: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    """The painted share of the area."""
+    softness_mm: Annotated[float, Field(ge=0)] = 0.0
+    """The standard deviation of the edges' profile; 0 is a hard edge."""
+    softness = SI[float]("mm")
+    size_law: Literal["fixed", "uniform", "lognormal"] = "fixed"
+    """How the diameters are distributed."""
+    spread: Annotated[float, Field(ge=0)] = 0.0
+    """Standard deviation of the diameters over their mean."""
+    arrangement: Literal["random", "grid"] = "random"
+    """Sprayed speckles overlap; those on a grid are moved at random as far as none touches."""
+    seed: Seed = 0
+    """Another seed, another pattern."""
+    dot: Albedo = 0.05
+    """Of the speckles."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Speckle:
+        if not self.softness_mm <= self.diameter_mm / 2:
+            raise fault(
+                "softness_mm", "more than half the diameter", self.softness_mm,
+                f"at most {self.diameter_mm / 2:g}",
+            )  # fmt: skip
+        most = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}[self.size_law]
+        if not self.spread <= most:
+            wanted = f"0 to {most:g} with size_law {self.size_law!r}"
+            raise fault("spread", "too much", self.spread, wanted)
+        if self.arrangement == "grid":
+            deviation = log1p(self.spread**2)
+            largest = {
+                "fixed": 1.0,
+                "uniform": 1.0 + sqrt(3.0) * self.spread,
+                "lognormal": exp(3.0 * sqrt(deviation) - 0.5 * deviation),
+            }[self.size_law]
+            # discs of a hexagonal grid touch at a share of pi / sqrt(12)
+            full = pi / sqrt(12.0) * (1.0 + self.spread**2) / largest**2
+            if not self.coverage <= full:
+                raise fault(
+                    "coverage", "the largest speckles would touch", self.coverage,
+                    f"at most {full:.3g} on a grid",
+                )  # fmt: skip
+        return self
+
+
+class Picture(Patterned):
+    """A picture: its grey values are albedo, its pixels squares on the surface."""
+
+    type: Literal["image"]
+    path: Annotated[str, Field(min_length=1, alias="file")]
+    """PNG or TIFF, 8 or 16 bit; relative to the scene file."""
+    texel_mm: Length
+    """Side of a pixel of the picture on the surface."""
+    texel = SI[float]("mm")
+    origin_mm: Vector
+    """The lower left corner of the picture, seen from outside."""
+    origin = SI[Vec3]("mm")
+    dark: Albedo = 0.0
+    """Of the value 0."""
+    light: Albedo = 1.0
+    """Of the largest value."""
+    gamma: Literal["linear", "srgb"] = "linear"
+    """How the file's values are coded."""
+
+
+Pattern = Markers | Checker | Dots | Speckle | Picture | Target
+Paint = Plain | Pattern
+PaintTable = Annotated[
+    Plain
+    | Markers
+    | Checker
+    | Dots
+    | Speckle
+    | Picture
+    | Circles
+    | Star
+    | Aruco
+    | RingCodes
+    | Charuco
+    | Lines,
+    Field(discriminator="type"),
+]

@@ -1,0 +1,161 @@
+"""``[[body]]``, and the scene as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from .camera import Camera
+from .lights import LightTable
+from .loads import Amplitude, Load, LoadTable, Support, Where
+from .material import Material, MaterialTable
+from .mesh import BeamMesh, BoxMesh, FieldMesh, MeshRecipe, MeshTable, NotchRecipe
+from .paint import Paint, PaintTable
+from .processing import Analysis, MeasureTable, Output, Render, Solver, Variant
+from .prop import Calibration, PropTable
+from .sensor import Sensor, merged
+from .table import Listed, Name, Table, Words, fault
+
+__all__ = ["Body", "Part", "SceneTable"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Elements whose middle is at ``where`` are of another material than their body."""
+
+    material: Material
+    where: Where
+
+
+@dataclass(frozen=True)
+class Body:
+    """A deformable body, names resolved.
+
+    A face belongs to the last paint whose ``where`` matches it, an element to the last part; where
+    no part does it is of ``material``. A body whose displacements are given (its ``mesh`` is a
+    `FieldMesh`) has no material, supports or loads.
+    """
+
+    name: str
+    material: Material | None
+    parts: tuple[Part, ...]
+    formulation: str
+    mesh: MeshRecipe
+    supports: tuple[Support, ...]
+    loads: tuple[Load, ...]
+    paints: tuple[Paint, ...]
+
+
+class PartTable(Table):
+    """Elements of a body that are of another material."""
+
+    material: Name
+    """The name of a [[material]]."""
+    where: Where
+    """The elements whose middle is there; ``set`` is a named set of elements."""
+
+    @model_validator(mode="after")
+    def _check(self) -> PartTable:
+        if self.where.normal is not None:
+            raise fault("where.normal", "of elements, which look nowhere", self.where.normal,
+                        "a set of elements or bounds")  # fmt: skip
+        if self.where.is_everything:
+            raise fault("where", "selects the whole body", Words("{}"), "a set or a bound")
+        return self
+
+
+class BodyTable(Table):
+    """A deformable body: a mesh of a material to be solved, or a field that is given."""
+
+    name: Name
+    material: Name | None = None
+    """The name of a [[material]]."""
+    field: FieldMesh | None = None
+    """Mesh and displacements from a result file of another program, in place of material, mesh,
+    supports and loads; ``analysis.type`` is "field" then."""
+    part: Annotated[tuple[PartTable, ...], Listed()] = ()
+    """Elements of other materials; an element belongs to the last entry that matches it."""
+    formulation: Literal["incompatible", "full", "bbar", "reduced", "exact"] = "incompatible"
+    """Of 8-node bricks "incompatible" (bends without locking), "full", or "bbar" (for rubber-like
+    bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
+    type that doesn't have it takes its own default."""
+    mesh: MeshTable | None = None
+    notch: Annotated[tuple[NotchRecipe, ...], Listed()] = ()
+    """Slots in a box or a beam."""
+    support: Annotated[tuple[Support, ...], Listed()] = ()
+    load: Annotated[tuple[LoadTable, ...], Listed()] = ()
+    paint: Annotated[tuple[PaintTable, ...], Listed(1)]
+    """A face belongs to the last entry that matches it."""
+
+    @model_validator(mode="after")
+    def _check(self) -> BodyTable:
+        if self.field is None:
+            for key, what in (("material", "the name of a [[material]]"), ("mesh", "a mesh")):
+                if getattr(self, key) is None:
+                    raise fault(
+                        key, "missing", Words(f"neither {key} nor field"), f"{what}, or a field"
+                    )
+            return self
+        for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
+            if getattr(self, key) not in (None, (), type(self).model_fields[key].default):
+                raise fault(key, "beside field, which gives mesh and displacements",
+                            Words("both"), "one of them")  # fmt: skip
+        return self
+
+    def resolved(self, materials: Mapping[str, Material], factors: Amplitude) -> Body:
+        """The body with its materials, its notches, and the load ``factors`` of the frames for
+        what has no amplitude of its own."""
+        mesh = self.mesh if self.field is None else self.field
+        assert mesh is not None  # _check made sure
+        if isinstance(mesh, BoxMesh | BeamMesh):
+            mesh.notched(self.notch)
+        for driven in (*self.support, *self.load):
+            driven.driven(factors)
+        return Body(
+            name=self.name,
+            material=None if self.material is None else materials[self.material],
+            parts=tuple(Part(materials[part.material], part.where) for part in self.part),
+            formulation=self.formulation,
+            mesh=mesh,
+            supports=self.support,
+            loads=self.load,
+            paints=self.paint,
+        )
+
+
+class SceneTable(Table):
+    """A gpusim scene: structure, loads, cameras, lights, and what to measure."""
+
+    schema_: Annotated[Literal[1], Field(alias="schema")]
+    """Version of the scene format."""
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    description: str = ""
+    material: Annotated[tuple[MaterialTable, ...], Listed()] = ()
+    body: Annotated[tuple[BodyTable, ...], Listed()] = ()
+    prop: Annotated[tuple[PropTable, ...], Listed()] = ()
+    analysis: Analysis = Analysis()
+    solver: Solver = Solver()
+    camera: Annotated[tuple[Camera, ...], Listed()] = ()
+    light: Annotated[tuple[LightTable, ...], Listed()] = ()
+    """Without any, images show the albedo."""
+    calibration: Calibration | None = None
+    """Images of a calibration target, beside the frames."""
+    render: Render = Render()
+    sensor: Sensor = Sensor()
+    measure: Annotated[tuple[MeasureTable, ...], Listed()] = ()
+    variant: Annotated[tuple[Variant, ...], Listed()] = ()
+    """States that are made in one run and compared."""
+    output: Output = Output()
+
+    @model_validator(mode="after")
+    def _complete(self) -> SceneTable:
+        """What tables take from others where they don't say it themselves."""
+        for index, camera in enumerate(self.camera):
+            if camera.own_sensor is not None:
+                camera.equip(merged(self.sensor, camera.own_sensor, f"camera.{index}.sensor"))
+        if self.calibration is not None:
+            self.calibration.photographed(tuple(camera.name for camera in self.camera))
+        return self

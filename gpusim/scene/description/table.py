@@ -1,0 +1,297 @@
+"""What every table of a scene file shares: strictness, names, numbers, directions, and SI.
+
+Keys carry their unit (``size_mm``, ``force_N``), so a value is a bare number. Nothing is coerced:
+``"3"`` is not a number, ``1`` is not a boolean; only an integer stands for a float. Lists of the
+file are tuples here: a scene that was read doesn't change.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import sys
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import cache
+from itertools import pairwise
+from pathlib import PurePath
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar, overload
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+__all__ = [
+    "SI",
+    "Albedo",
+    "Axis",
+    "Count",
+    "Direction",
+    "FileUnit",
+    "Length",
+    "Listed",
+    "Name",
+    "Names",
+    "Numbers",
+    "Pair",
+    "PositivePair",
+    "Seed",
+    "SeveralNames",
+    "SignedAxis",
+    "Table",
+    "Vec3",
+    "Vector",
+    "Words",
+    "across",
+    "between",
+    "cross",
+    "descriptions",
+    "each_once",
+    "fault",
+    "in_si",
+    "known_suffix",
+    "norm",
+    "not_zero",
+    "parallel",
+    "unit",
+]
+
+_SMALLEST, _LARGEST = 1e-30, 1e30
+_LARGEST_COUNT = 2**63 - 1
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}  # per unit of a file
+# A millimetre becomes a metre by division by 1000, which rounds once; times 0.001 rounds twice.
+_TO_SI: dict[str, Callable[[Any], float]] = {
+    "mm": lambda value: value / 1000.0,
+    "um": lambda value: value / 1e6,
+    "nm": lambda value: value / 1e9,
+    "ms": lambda value: value / 1e3,
+    "us": lambda value: value / 1e6,
+    "MPa": lambda value: value * 1e6,
+    "GPa": lambda value: value * 1e9,
+    "rpm": lambda value: value * math.tau / 60.0,
+    "percent": lambda value: value / 100.0,
+    "deg": math.radians,
+    "a file's unit": lambda unit: _METRES[unit],
+}
+
+T = TypeVar("T")
+Vec3 = tuple[float, float, float]
+
+
+class Listed:
+    """Marks a tuple that is a list in the file, with the ``least`` and ``most`` items it may have;
+    a tuple of a fixed length says that itself."""
+
+    def __init__(self, least: int | None = None, most: int | None = None) -> None:
+        self.least, self.most = least, most
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        item, *rest = source.__args__
+        fixed = None if rest == [...] else len(source.__args__)
+        listed = core_schema.list_schema(
+            handler.generate_schema(item),
+            min_length=fixed or self.least,
+            max_length=fixed or self.most,
+        )
+        return core_schema.no_info_after_validator_function(
+            tuple,
+            listed,
+            serialization=core_schema.wrap_serializer_function_ser_schema(
+                lambda value, serialize: serialize(list(value)), schema=listed
+            ),
+        )
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
+Names = Annotated[tuple[Name, ...], Listed()]
+SeveralNames = Annotated[tuple[Name, ...], Listed(1)]
+Length = Annotated[float, Field(gt=0)]
+Albedo = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=1, le=100_000)]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+Numbers = Annotated[tuple[float, ...], Listed()]
+Vector = Annotated[Vec3, Listed()]
+Direction = Vector
+Pair = Annotated[tuple[float, float], Listed()]
+PositivePair = Annotated[tuple[Length, Length], Listed()]
+Axis = Literal["x", "y", "z"]
+SignedAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+FileUnit = Literal["m", "cm", "mm", "um", "in"]
+
+
+def in_si(value: Any, unit: str) -> Any:
+    """A number, or a tuple of numbers or of tuples, of ``unit`` in SI; None stays None."""
+    if value is None or unit not in _TO_SI:
+        return value
+    if isinstance(value, tuple):
+        return tuple(in_si(item, unit) for item in value)
+    return _TO_SI[unit](value)
+
+
+class SI(Generic[T]):
+    """A key's value in SI, named by the key without its unit: ``size = SI[Vec3]("mm")`` is that of
+    ``size_mm``. Another ``key`` is said, and what there is ``without`` a value of it."""
+
+    def __init__(self, unit: str, key: str = "", without: Any = None) -> None:
+        self.unit, self.key, self.without = unit, key, without
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.key = self.key or f"{name}_{self.unit}"
+
+    @overload
+    def __get__(self, table: None, owner: type) -> Self: ...
+
+    @overload
+    def __get__(self, table: object, owner: type) -> T: ...
+
+    def __get__(self, table: object | None, owner: type) -> Any:
+        if table is None:
+            return self
+        value = getattr(table, self.key)
+        return self.without if value is None else in_si(value, self.unit)
+
+
+def descriptions(table: type[BaseModel]) -> dict[str, str]:
+    """The text below each field in the source, by the field's name; base classes included.
+
+    Read when somebody asks for it. pydantic would read it whenever the classes are made
+    (``use_attribute_docstrings``): a third of the time that a scene's classes take, in every
+    command.
+    """
+    found: dict[str, str] = {}
+    for owner in reversed(table.__mro__):
+        if issubclass(owner, BaseModel) and owner is not BaseModel:
+            found |= _field_texts(owner.__module__).get(owner.__name__, {})
+    return found
+
+
+@cache
+def _field_texts(module: str) -> dict[str, dict[str, str]]:
+    """The same of every class of a module, by its name."""
+    classes = ast.parse(inspect.getsource(sys.modules[module])).body
+    return {
+        one.name: {
+            field.target.id: inspect.cleandoc(text.value.value)
+            for field, text in pairwise(one.body)
+            if isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+            and isinstance(text.value.value, str)
+        }
+        for one in classes
+        if isinstance(one, ast.ClassDef)
+    }
+
+
+def _add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    texts = descriptions(table)
+    for name, info in table.model_fields.items():
+        if name in texts:
+            schema["properties"][info.alias or name]["description"] = texts[name]
+
+
+class Table(BaseModel):
+    """One table of the file: unknown keys, wrong types, NaN and infinity are faults.
+
+    So are numbers of a size that nothing measured has: their products leave the range of float64.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        ignored_types=(SI,),
+        json_schema_extra=_add_descriptions,
+    )
+
+    @model_validator(mode="after")
+    def _sizes(self) -> Self:
+        for name, info in type(self).model_fields.items():
+            for value in _numbers(getattr(self, name)):
+                if isinstance(value, int):
+                    if not abs(value) <= _LARGEST_COUNT:
+                        expected = f"at most {_LARGEST_COUNT}"
+                        raise fault(info.alias or name, "out of any range", value, expected)
+                elif value and not _SMALLEST <= abs(value) <= _LARGEST:
+                    expected = f"0, or a size from {_SMALLEST:g} to {_LARGEST:g}"
+                    raise fault(info.alias or name, "out of any range", value, expected)
+        return self
+
+
+class Words(str):
+    """What was got where it is no value of the file: "neither", "2 cameras"."""
+
+
+def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
+    """A fault between keys of one table; ``key`` is the one that is blamed ("" for the table)."""
+    context = {"key": key, "problem": problem, "got": got, "expected": expected}
+    return PydanticCustomError("scene_fault", "{problem}", context)
+
+
+def _numbers(value: object) -> Iterator[float]:
+    """The numbers of a value or of nested lists."""
+    if isinstance(value, float | int):
+        yield value
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _numbers(item)
+
+
+def not_zero(key: str, direction: Vec3 | None, expected: str = "a vector that isn't zero") -> None:
+    """Raise a fault for a direction, if one is given, that is none."""
+    if direction is not None and not norm(direction) > 0:
+        raise fault(key, "has no direction", direction, expected)
+
+
+def each_once(key: str, problem: str, names: Collection[str], expected: str = "each once") -> None:
+    """Raise a fault for names of which one stands there twice."""
+    if len(set(names)) != len(names):
+        raise fault(key, problem, names, expected)
+
+
+def known_suffix(kind: str, file: str, known: Collection[str]) -> str:
+    """The ending of a file; raises a fault for the key ``file`` if it isn't a ``known`` one."""
+    suffix = PurePath(file).suffix.lower()
+    if suffix not in known:
+        raise fault("file", f"unknown kind of {kind}", file, "one of " + ", ".join(known))
+    return suffix
+
+
+def norm(vector: Sequence[float]) -> float:
+    """Euclidean length."""
+    return float(sum(value * value for value in vector) ** 0.5)
+
+
+def between(a: Vec3, b: Vec3) -> Vec3:
+    """From a to b."""
+    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
+
+
+def cross(a: Vec3, b: Vec3) -> Vec3:
+    """Vector product."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def parallel(a: Vec3, b: Vec3) -> bool:
+    """Whether two vectors are parallel within 1e-6 rad; a zero vector is parallel to all."""
+    return not norm(cross(a, b)) > 1e-6 * norm(a) * norm(b)
+
+
+def unit(vector: Vec3) -> Vec3:
+    """A vector of length 1."""
+    x, y, z = (value / norm(vector) for value in vector)
+    return x, y, z
+
+
+def across(vector: Vec3, axis: Vec3) -> Vec3:
+    """The part of a vector that is perpendicular to an ``axis`` of length 1."""
+    along = sum(a * b for a, b in zip(axis, vector, strict=True))
+    x, y, z = (a - along * b for a, b in zip(vector, axis, strict=True))
+    return x, y, z

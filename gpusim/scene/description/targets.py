@@ -1,0 +1,168 @@
+"""Targets of photogrammetry and of lens tests, as ``[[body.paint]]`` and ``[[prop.paint]]``."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from .ground import Patterned
+from .table import SI, Albedo, Count, Length, Listed, Vec3, Vector, fault, in_si
+
+__all__ = ["Aruco", "Charuco", "Circles", "Lines", "RingCodes", "Star", "Target"]
+
+Places = Annotated[tuple[Vector, ...], Listed(1)]
+Codes = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Listed()]
+
+
+class Target(Patterned):
+    """A pattern that is drawn by the class of its ``kind`` in `gpusim.surface.paint`: its own keys
+    are that class's parameters, by their names without unit."""
+
+    kind = SI[str]("", "type")
+
+    @property
+    def places(self) -> tuple[Vec3, ...]:
+        """The centres, or the one lower left corner (m)."""
+        corner = getattr(self, "origin_mm", None)
+        places = getattr(self, "positions_mm", ()) if corner is None else (corner,)
+        return tuple(in_si(place, "mm") for place in places)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameters of the class that draws it, in SI."""
+        others = {"type", "positions_mm", "origin_mm", *Patterned.model_fields}
+        own = [key for key in type(self).model_fields if key not in others]
+        values = {key: getattr(self, key) for key in own}
+        lengths = [key for key in own if key.endswith("_mm")]
+        values |= {key.removesuffix("_mm"): in_si(values.pop(key), "mm") for key in lengths}
+        return {**values, "ground": self.albedo}
+
+
+def _one_each(key: str, values: tuple[int, ...], places: tuple[Vec3, ...]) -> None:
+    if len(values) != len(places):
+        expected = f"{len(places)}, as many as positions_mm"
+        raise fault(key, "not one per position", len(values), expected)
+
+
+class _Centred(Target):
+    positions_mm: Places
+    """Their centres."""
+    dark: Albedo = 0.05
+    light: Albedo = 0.9
+
+
+class Circles(_Centred):
+    """Concentric circles: the largest is dark, then light and dark alternate."""
+
+    type: Literal["circles"]
+    diameters_mm: Annotated[tuple[Length, ...], Listed(1)]
+    """From the largest to the smallest."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Circles:
+        sizes = self.diameters_mm
+        if any(not a > b for a, b in pairwise(sizes)):
+            raise fault("diameters_mm", "don't fall", sizes, "the largest first")
+        return self
+
+
+class Star(_Centred):
+    """Siemens stars: dark spokes as wide as the light gaps between them."""
+
+    type: Literal["star"]
+    diameter_mm: Length
+    spokes: Annotated[int, Field(ge=2, le=1000)] = 36
+
+
+class Aruco(_Centred):
+    """ArUco or AprilTag markers; the ground around them has to be light."""
+
+    type: Literal["aruco"]
+    size_mm: Length
+    """Side of the dark square."""
+    ids: Codes
+    """One number per position."""
+    dictionary: str = "4X4_50"
+    """OpenCV's name without DICT_: 4X4_50, 6X6_250, APRILTAG_36h11, ..."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Aruco:
+        _one_each("ids", self.ids, self.positions_mm)
+        return self
+
+
+class RingCodes(Target):
+    """Coded targets of photogrammetry: a disc, and around it a ring of light and dark bits."""
+
+    type: Literal["ring_codes"]
+    positions_mm: Places
+    """Their centres."""
+    codes: Codes
+    """One number per position; bit k fills the k-th sector, counter-clockwise from the surface's
+    horizontal."""
+    diameter_mm: Length
+    """Of the disc; the ring reaches from twice to three times as far."""
+    bits: Annotated[int, Field(ge=3, le=20)] = 12
+    """Sectors of the ring."""
+    dot: Albedo = 0.9
+    """Of the disc and of bits that are set; the ground (``albedo``) is darker, or lighter."""
+
+    @model_validator(mode="after")
+    def _check(self) -> RingCodes:
+        _one_each("codes", self.codes, self.positions_mm)
+        if not max(self.codes) < 1 << self.bits:
+            raise fault("codes", f"more than {self.bits} bits", max(self.codes),
+                        f"at most {(1 << self.bits) - 1}")  # fmt: skip
+        return self
+
+
+class Charuco(Target):
+    """OpenCV's ChArUco board: a chessboard with a marker in every light square."""
+
+    type: Literal["charuco"]
+    square_mm: Length
+    marker_mm: Length
+    """Side of the markers, less than that of the squares."""
+    columns: Count
+    rows: Count
+    origin_mm: Vector
+    """The lower left corner of the board, seen from outside."""
+    dictionary: str = "4X4_50"
+    dark: Albedo = 0.05
+    light: Albedo = 0.9
+
+    @model_validator(mode="after")
+    def _check(self) -> Charuco:
+        if not self.marker_mm < self.square_mm:
+            raise fault("marker_mm", "no margin", self.marker_mm, f"less than {self.square_mm:g}")
+        return self
+
+
+class Lines(Target):
+    """Lines at equal distances, along the surface's horizontal, its up direction, or both."""
+
+    type: Literal["lines"]
+    pitch_mm: Length
+    width_mm: Length
+    along: Literal["both", "across", "up"] = "both"
+    columns: Count
+    rows: Count
+    """Pitches of the grid."""
+    origin_mm: Vector
+    """The crossing at the lower left, seen from outside."""
+    line: Albedo = 0.05
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameters of the class that draws it, in SI."""
+        values = super().values
+        along = {"both": "both", "across": "s", "up": "t"}[self.along]
+        return {"albedo": values.pop("line"), **values, "along": along}
+
+    @model_validator(mode="after")
+    def _check(self) -> Lines:
+        if not self.width_mm < self.pitch_mm:
+            raise fault("width_mm", "no gaps", self.width_mm, f"less than {self.pitch_mm:g}")
+        return self
