@@ -185,7 +185,8 @@ def test_a_scene_of_every_kind_on_both_backends(device: Device) -> None:
     # half of the resolution
     K = np.diag([0.5, 0.5, 1.0]) @ full.K
     K[:2, 2] -= 0.25
-    camera = gs.Camera(full.width // 2, full.height // 2, K, full.distortion, full.camera_from_world)
+    size = full.width // 2, full.height // 2
+    camera = gs.Camera(*size, K, full.distortion, full.camera_from_world)
     image = np.random.default_rng(0).uniform(0.0, 1.0, (5, 9))
     for more in ([], [gs.EnvironmentLight(0.8, 0.2)], [gs.EnvironmentLight(image=image)]):
         both = [
