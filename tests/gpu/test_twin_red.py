@@ -45,6 +45,6 @@ def test_one_wrong_value_is_seen(
         return compare(what, values, want, *rest, **options)
 
     monkeypatch.setattr(module, "compare", damaged)
-    with pytest.raises(TwinMismatch, match="values? off|finite"):
+    with pytest.raises(TwinMismatch, match=r"values? off|finite"):
         twin_checks()[stage](device)
     assert len(seen) == 1, "the first comparison should have failed"
