@@ -5,13 +5,14 @@
 set -eu
 checkout=$(cd "$(dirname "$0")/.." && pwd)
 copy=$checkout/build/test
-rm -rf "$copy"
 mkdir -p "$copy"
+# what pytest has compiled stays: it belongs to files of one size and time
+find "$copy" -type f ! -name '*.pyc' -delete
 cd "$checkout"
 for entry in *; do
     case $entry in
     gpusim | shaders | build | dist | out) ;;
-    *) cp -R "$entry" "$copy" ;;
+    *) cp -Rp "$entry" "$copy" ;;
     esac
 done
 if [ -z "${GPUSIM_REFS:-}" ] && [ -d ../shared/refs ]; then

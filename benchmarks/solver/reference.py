@@ -114,10 +114,11 @@ class _Blocks:
                 chosen = cells[of_cell == number].astype(np.int64)
                 if len(chosen) == 0:
                     continue
-                points = as_arithmetic(mesh.points[chosen], dtype)
+                first_alike, alike = _shapes(mesh.points[chosen])
+                points = as_arithmetic(mesh.points[chosen[first_alike]], dtype)
                 values = element_matrices(
                     kind, points, as_arithmetic(stiffness, dtype), rules[kind], dtype
-                )
+                )[alike]
                 split = values.reshape(-1, width, 3, width, 3).transpose(0, 1, 3, 2, 4)
                 blocks.append(split.reshape(-1, 3, 3))
                 keys.append((chosen[:, :, None] * self.count + chosen[:, None, :]).ravel())
@@ -131,6 +132,18 @@ class _Blocks:
         result = zeros(u.shape, self.dtype)
         np.add.at(result, self.row, np.matmul(self.block, u[self.column]))
         return result
+
+
+def _shapes(points: Float) -> tuple[Long, Long]:
+    """Elements (M,k,3) that are a shift apart, to the last bit: the first of each, and of each
+    element which it is. Differences are sums of two float64, which hold them exactly."""
+    first = -points[:, :1]
+    total = points + first
+    part = total - points
+    lost = (points - (total - part)) + (first - part)
+    words = np.concatenate([total, lost], axis=2).reshape(len(points), -1) + 0.0
+    _, one, of_each = np.unique(words, axis=0, return_index=True, return_inverse=True)
+    return one, of_each.ravel()
 
 
 def zeros(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Array:

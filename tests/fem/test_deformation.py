@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -179,12 +181,17 @@ def test_what_float64_could_only_tell_is_right(
     assert not solve(model, method="direct", backend="numpy").converged
 
 
+@cache
+def soft_root_reference() -> Float:
+    return reference_solution(contrast(1e8, "soft root"), {"hex8": "incompatible"}).u
+
+
 @pytest.mark.parametrize("backend", ["numpy", "gpu"])
 def test_conjugate_gradients_go_on_by_deformation(
     backend: str, device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = contrast(1e8, "soft root")
-    wanted = reference_solution(model, {"hex8": "incompatible"}).u
+    wanted = soft_root_reference()
     own = device if backend == "gpu" else None
     solution = solve(model, own, method="multigrid", backend=backend, tolerance=1e-7)
     assert solution.converged and solution.error_estimate <= 1e-7
@@ -217,8 +224,7 @@ def test_a_turned_support_carries_what_acts(monkeypatch: pytest.MonkeyPatch) -> 
     assert by_rows[0].max() > 1e-8 and by_rows[1] > 100.0 * left
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
-def test_a_support_moved_far_along_a_beam_is_right(tolerance: float) -> None:
+def test_a_support_moved_far_along_a_beam_is_right() -> None:
     """The beam's underside follows, and is free to slide: what is prescribed is far larger than
     what strains, in the same elements as what is solved for."""
     mesh = box((1000.0, 1.0, 0.7), (100, 1, 1))
@@ -229,7 +235,7 @@ def test_a_support_moved_far_along_a_beam_is_right(tolerance: float) -> None:
     forces = np.zeros((1, *mesh.points.shape))
     model = Model(mesh, [Isotropic(1.0, 0.3)], fixed, forces, prescribed=given)
     wanted = reference_solution(model, {"hex8": "incompatible"}).u
-    for method in ("direct", "multigrid"):
+    for method, tolerance in itertools.product(("direct", "multigrid"), (1e-4, 1e-6, 1e-8)):
         solution = solve(model, method=method, backend="numpy", tolerance=tolerance)
         error = np.abs(solution.u - wanted).max() / np.abs(wanted).max()
         assert error <= tolerance or not solution.converged

@@ -24,7 +24,8 @@ from gpusim.parallel.machine import limited
 
 Float = npt.NDArray[np.float64]
 
-LATTICE = box((1.0, 0.9, 0.8), (22, 20, 18))
+# enough unknowns for copies of the process
+LATTICE = box((1.0, 0.9, 0.8), (16, 14, 13))
 
 
 def loaded(mesh: Mesh, cases: tuple[int, ...], nu: float = 0.3) -> Model:

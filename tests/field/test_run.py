@@ -5,8 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -15,8 +13,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipk, ellipkinc
+from typer.testing import CliRunner, Result
 
 import gpusim as gs
+from gpusim.cli import app
 from gpusim.errors import SceneError
 from gpusim.export.images import read_image
 from gpusim.plan.plan import make_plan
@@ -62,9 +62,8 @@ def test_a_field_is_rendered_from_python(checkout: Path) -> None:
     assert rows[0] > rows[1] + 5 > rows[2] + 10  # it bends upwards in the image
 
 
-def run_cli(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "gpusim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+def run_cli(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, [str(one) for one in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +71,7 @@ def done(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("field") / "strip"
     sets = [text for value in SMALL for text in ("--set", value)]
     result = run_cli("run", checkout / "examples" / "strip.toml", "-o", out, "--quiet", *sets)
-    assert result.returncode == 0, result.stderr
+    assert result.exit_code == 0, result.stderr
     return out
 
 
@@ -121,7 +120,7 @@ def test_a_changed_file_is_rendered_again(checkout: Path, tmp_path: Path) -> Non
 def test_times_outside_of_the_file_leave_no_folder(checkout: Path, tmp_path: Path) -> None:
     scene = checkout / "examples" / "strip.toml"
     result = run_cli("run", scene, "-o", tmp_path / "no", "--set", "analysis.times=[0.0, 1.5]")
-    assert result.returncode == 2 and "got 1.5; expected 0 to 1" in result.stderr
+    assert result.exit_code == 2 and "got 1.5; expected 0 to 1" in result.stderr
     assert not (tmp_path / "no").exists()
 
 

@@ -26,10 +26,9 @@ def test_every_stage_is_listed() -> None:
     assert set(twin_checks()) == set(stages()) >= OWN_COMPARISON
 
 
-@pytest.mark.parametrize("damage", ["value", "nan"])
 @pytest.mark.parametrize("stage", sorted(set(twin_checks()) - OWN_COMPARISON))
 def test_one_wrong_value_is_seen(
-    device: Device, monkeypatch: pytest.MonkeyPatch, stage: str, damage: str
+    device: Device, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
     module = sys.modules[twin_checks()[stage].__module__]
     seen = []
@@ -38,11 +37,14 @@ def test_one_wrong_value_is_seen(
         values = np.array(got, np.float64)
         middle = values.size // 2
         wrong = values.reshape(-1)[middle] + 1.0 + 0.01 * np.abs(values).max()
-        values.reshape(-1)[middle] = np.nan if damage == "nan" else wrong
         seen.append(what)
+        values.reshape(-1)[middle] = np.nan
+        with pytest.raises(TwinMismatch, match="finite"):
+            compare(what, values, want, *rest, **options)
+        values.reshape(-1)[middle] = wrong
         return compare(what, values, want, *rest, **options)
 
     monkeypatch.setattr(module, "compare", damaged)
-    with pytest.raises(TwinMismatch, match="finite" if damage == "nan" else "values? off|finite"):
+    with pytest.raises(TwinMismatch, match=r"values? off|finite"):
         twin_checks()[stage](device)
     assert len(seen) == 1, "the first comparison should have failed"

@@ -52,10 +52,14 @@ PATCH = gs.paint.Checker(0.047, columns=9, rows=7, origin=(0.113, 0.057), ground
 DOTS = gs.paint.Dots(0.021, 0.043, origin=(0.017, 0.009))
 
 
+ROWS = slice(8, 56)
+"""Of the board's picture, that rays are sent through: its upper end and both sides."""
+
+
 @pytest.fixture(scope="module")
 def references() -> dict[str, Array]:
     return {
-        name: reference(camera(), [board(paint)[1]], BACKGROUND)
+        name: reference(camera(), [board(paint)[1]], BACKGROUND, (ROWS.start, ROWS.stop))
         for name, paint in (("checker", CHECKER), ("patch", PATCH), ("dots", DOTS))
     }
 
@@ -73,9 +77,9 @@ def test_board_against_sampling(
 ) -> None:
     surface, _ = board(paint)
     image = gs.render([surface], camera(), background=BACKGROUND, device=device, backend=backend)
-    found = difference(image.radiance, references[name])
+    found = difference(image.radiance[ROWS], references[name])
     print(f"{name} {backend}: {found}")
-    assert found.blocks == 8
+    assert found.blocks == 4
     assert found.rms < 3e-4
     assert found.worst < 6e-3
     assert found.shift_rms < 5e-4
@@ -90,7 +94,7 @@ def test_the_comparison_sees_a_small_shift(device: Device, references: dict[str,
         [surface.moved(surface.points + 0.01 * pixel * plate.s_axis)], camera(),
         background=BACKGROUND, device=device,
     )  # fmt: skip
-    found = difference(frame.radiance, references["checker"])
+    found = difference(frame.radiance[ROWS], references["checker"])
     assert found.rms > 3e-4 and found.shift_rms > 5e-3 and abs(found.bias[0]) > 5e-3
 
 
@@ -202,11 +206,15 @@ def bar_scene() -> tuple[list[gs.Surface], list[Plate]]:
     return surfaces, plates
 
 
+@pytest.fixture(scope="module")
+def bars_by_rays() -> Array:
+    return reference(camera(127, 71), bar_scene()[1])
+
+
 @pytest.mark.parametrize("backend", ["gpu", "numpy"])
-def test_silhouettes_of_overlapping_bars(device: Device, backend: str) -> None:
-    surfaces, plates = bar_scene()
-    view = camera(127, 71)
-    want = reference(view, plates)
+def test_silhouettes_of_overlapping_bars(device: Device, bars_by_rays: Array, backend: str) -> None:
+    surfaces, _ = bar_scene()
+    view, want = camera(127, 71), bars_by_rays
     got = gs.render(surfaces, view, device=device, backend=backend).radiance
     error = got - want
     print(f"bars {backend}: rms {np.sqrt(np.mean(error**2)):.2e} worst {np.abs(error).max():.2e}")

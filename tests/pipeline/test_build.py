@@ -74,7 +74,7 @@ def two_bodies(scene: gs.Scene) -> gs.Scene:
     second |= {"name": "second", "paint": [{"name": "dull", "type": "plain", "albedo": 0.2}]}
     second["mesh"] |= {"origin_mm": [0.0, 0.0, -40.0], "divisions": [6, 2, 2]}
     document["body"].append(second)
-    document["camera"][0]["resolution_px"] = [250, 100]
+    document["camera"][0]["resolution_px"] = [150, 60]
     document["output"] = {"truth": ["element", "displacement"], "vtu": True}
     del document["measure"]
     return Scene.from_document(document)
@@ -89,7 +89,7 @@ def test_truth_holds_the_nodes_of_every_body(scene: gs.Scene, tmp_path: Path) ->
         element, seen = frame["element"][:], frame["displacement"][:]
     assert len(points) == len(u) == 9 * (13 + 7) and cells.max() == len(points) - 1
     assert set(np.unique(element[element >= 0])) & set(range(48, 72))  # the second body's cells
-    for row, column in np.argwhere(element >= 0)[::97]:
+    for row, column in np.argwhere(element >= 0)[::37]:
         nodal = u[cells[element[row, column]]]
         assert (nodal.min(axis=0) - 1e-8 <= seen[row, column]).all()
         assert (seen[row, column] <= nodal.max(axis=0) + 1e-8).all()

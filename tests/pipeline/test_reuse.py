@@ -24,7 +24,7 @@ WALL = {"name": "wall", "center_mm": [0.0, 300.0, 0.0], "normal": [0.0, -1.0, 0.
 
 
 def camera(name: str, x: float) -> dict[str, Any]:
-    return {"name": name, "sensor_mm": [6.0, 4.0], "resolution_px": [90, 60], "focal_mm": 12.0,
+    return {"name": name, "sensor_mm": [6.0, 4.0], "resolution_px": [72, 48], "focal_mm": 12.0,
             "position_mm": [x, -500.0, 10.0], "target_mm": [x, 0.0, 0.0]}  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
@@ -49,6 +50,7 @@ class Views:
     truth: np.ndarray  # (H, W, 3) position in the world
 
 
+@cache
 def views(device: Device, radius: float) -> Views:
     """A printed sheet bent to a radius (infinite: flat)."""
     s, z = np.meshgrid(np.linspace(-0.16, 0.16, 161), np.linspace(-0.12, 0.12, 41))

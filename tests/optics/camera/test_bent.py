@@ -49,10 +49,10 @@ def test_bent_images_equal_the_mean_of_exact_rays(
     device: Device, coefficients: list[float], paint: Any
 ) -> None:
     camera, plate, surface = board(coefficients, paint)
-    want = reference(camera, [plate], 0.3, (0, 16))
+    want = reference(camera, [plate], 0.3, (0, 12))
     for backend in ("gpu", "numpy"):
         image = gs.render([surface], camera, background=0.3, device=device, backend=backend)
-        d = difference(image.radiance[:16], want, 16)
+        d = difference(image.radiance[:12], want, 12)
         print(
             f"{type(paint).__name__} {backend}: rms {d.rms:.1e}, worst {d.worst:.1e}, shift rms "
             f"{d.shift_rms:.1e} px, bias {d.bias[0]:+.1e} {d.bias[1]:+.1e} px"

@@ -103,7 +103,7 @@ def test_pictures_are_those_of_pixels_cut_finer(
 ) -> None:
     """Of faces of other paints side by side: edges are everywhere, and all of them exact, also
     where tens of triangles on both sides of an outline lie over a pixel."""
-    shown, parts = surface(name), 7
+    shown, parts = surface(name), 4
     paints = {f"paint {k}": gs.paint.Plain(0.1 + 0.15 * k) for k in range(6)}
     region = np.random.default_rng(2).integers(0, 6, len(shown.faces)).astype(np.int32)
     shown = gs.Surface(shown.points, shown.faces, paints, region=region)

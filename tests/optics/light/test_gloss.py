@@ -181,11 +181,21 @@ def test_prints_on_metal_stay_matte(device: Device) -> None:
 
 
 def test_a_scene_of_every_kind_on_both_backends(device: Device) -> None:
-    surfaces, camera, lights = shadow_scene()
+    surfaces, full, lights = shadow_scene()
+    # half of the resolution
+    K = np.diag([0.5, 0.5, 1.0]) @ full.K
+    K[:2, 2] -= 0.25
+    size = full.width // 2, full.height // 2
+    camera = gs.Camera(*size, K, full.distortion, full.camera_from_world)
     image = np.random.default_rng(0).uniform(0.0, 1.0, (5, 9))
-    for more in ([], [gs.EnvironmentLight(0.8, 0.2)], [gs.EnvironmentLight(image=image)]):
+    point = lights[2]
+    for lit_by in (
+        lights,
+        [point, gs.EnvironmentLight(0.8, 0.2)],
+        [point, gs.EnvironmentLight(image=image)],
+    ):
         both = [
-            gs.render(surfaces, camera, [*lights, *more], device=device, backend=backend).radiance
+            gs.render(surfaces, camera, lit_by, device=device, backend=backend).radiance
             for backend in ("gpu", "numpy")
         ]
         # float32, and now and then a sample of 512 that falls to the other side of an edge

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,11 @@ def picture(paint: Paint, device: Device | None = None, lit: bool = True) -> Arr
     backend = "numpy" if device is None else "gpu"
     frame = gs.render([surface], CAMERA, LIGHTS if lit else None, device=device, backend=backend)
     return frame.radiance.astype(np.float64)
+
+
+@cache
+def plain(albedo: float, lit: bool = True, **finish: float) -> Array:
+    return picture(gs.paint.Plain(albedo, **finish), lit=lit)
 
 
 def circles(**finish: float) -> Paint:
@@ -70,8 +76,9 @@ BARE: dict[Callable[..., Paint], Paint] = {
 def test_targets_are_matte_prints_on_steel(make: Callable[..., Paint], device: Device) -> None:
     """Each pixel: the matte pattern, less its bare ground in matte, plus that ground in steel."""
     bare = picture(BARE[make], lit=False)
-    matte, steel = picture(gs.paint.Plain(GROUND)), picture(gs.paint.Plain(GROUND, **STEEL))
-    want = picture(make()) + bare * (steel - matte)
+    matte, steel = plain(GROUND), plain(GROUND, **STEEL)
+    on_matte = picture(make())
+    want = on_matte + bare * (steel - matte)
     assert np.abs(steel - matte).max() > 0.05  # so that a wrong share shows
     partly = (bare > 0.02) & (bare < 0.98)
     assert partly.sum() > 60 and (bare < 1e-6).sum() > 40
@@ -79,7 +86,7 @@ def test_targets_are_matte_prints_on_steel(make: Callable[..., Paint], device: D
     np.testing.assert_allclose(got, want, atol=3e-6)
     # the device's float32 has its own 5e-4 in the tips of spokes, in matte and in steel alike
     on_device = picture(make(**STEEL), device) - picture(make(), device)
-    np.testing.assert_allclose(on_device, got - picture(make()), atol=3e-5)
+    np.testing.assert_allclose(on_device, got - on_matte, atol=3e-5)
 
 
 def speckle(**finish: float) -> Paint:
@@ -97,12 +104,12 @@ def test_speckle_and_pictures_lie_under_the_gloss(
     make: Callable[..., Paint], finish: dict[str, float], device: Device
 ) -> None:
     """Radiance is linear in the albedo: that of black, plus albedo times what white has more."""
-    black, white = (picture(gs.paint.Plain(albedo, **finish)) for albedo in (0.0, 1.0))
+    black, white = (plain(albedo, **finish) for albedo in (0.0, 1.0))
     albedo = picture(make(), lit=False)
     want = black + albedo * (white - black)
     assert black.max() > 0.01 and np.ptp(albedo) > 0.4
     got = picture(make(**finish))
-    seen = picture(gs.paint.Plain(1.0), lit=False) > 0.999  # not the plate's own edges
+    seen = plain(1.0, lit=False) > 0.999  # not the plate's own edges
     np.testing.assert_allclose(got[seen], want[seen], atol=3e-6)
     np.testing.assert_allclose(picture(make(**finish), device), got, atol=4e-4)
     assert np.abs(got - picture(make())).max() > 0.02

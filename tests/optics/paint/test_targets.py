@@ -87,10 +87,10 @@ def test_targets_against_sampling(
     view = camera(97, 61)
     board = plate(value)
     surface = gs.Surface(board.corners(), QUAD, paint=paint)
-    want = reference(view, [board], 0.3)
+    want = reference(view, [board], 0.3, (15, 45))
     twin = gs.render([surface], view, background=0.3, backend="numpy").radiance
     got = gs.render([surface], view, background=0.3, device=device).radiance
-    found = difference(got, want, block=30)
+    found = difference(got[15:45], want, block=30)
     print(f"{type(paint).__name__}: {found}; twin {np.abs(got - twin).max():.1e}")
     assert found.rms < 6e-4 and found.worst < 1e-2
     assert np.abs(got - twin).max() < 1e-4  # sums of up to six float32 shares

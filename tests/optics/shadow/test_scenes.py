@@ -83,7 +83,14 @@ def on_surface(camera: gs.Camera, pixel: int, corners: Array, random: np.random.
     rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
     place = np.array([pixel % camera.width, pixel // camera.width]) + random.random((400, 2)) - 0.5
     ray = place @ rays[:, :2].T + rays[:, 2]
-    a, b, c = (corners[:, k] for k in range(3))
+    # only triangles behind the pixel's own part of the picture, or that reach behind the camera
+    at = corners @ np.linalg.inv(rays).T
+    before = (at[:, :, 2] > 0.0).all(axis=1)
+    seen_at = at[:, :, :2] / np.where(before[:, None, None], at[:, :, 2:], 1.0)
+    low, high = seen_at.min(axis=1), seen_at.max(axis=1)
+    around = (low <= place.max(axis=0)) & (high >= place.min(axis=0))
+    some = np.flatnonzero(~before | around.all(axis=1))
+    a, b, c = (corners[some, k] for k in range(3))
     sides = np.stack([ray @ np.cross(p, q).T for p, q in ((a, b), (b, c), (c, a))])
     hit = (sides >= 0.0).all(axis=0) | (sides <= 0.0).all(axis=0)
     normal = np.cross(b - a, c - a)
@@ -91,7 +98,7 @@ def on_surface(camera: gs.Camera, pixel: int, corners: Array, random: np.random.
     depth = np.where(hit & (fall != 0.0), height / np.where(fall != 0.0, fall, 1.0), np.inf)
     first = depth.argmin(axis=1)
     near = depth[np.arange(len(ray)), first]
-    return np.column_stack([near[:, None] * ray, first])[np.isfinite(near)]
+    return np.column_stack([near[:, None] * ray, some[first]])[np.isfinite(near)]
 
 
 def test_a_bumpy_open_sheet_in_grazing_light(device: Device) -> None:

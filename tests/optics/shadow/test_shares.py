@@ -135,7 +135,7 @@ def test_contact_shadows_begin_at_the_contact(device: Device) -> None:
     floor = gs.Surface(np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), QUAD,
                        paint=gs.paint.Plain(0.5))  # fmt: skip
     box = block((0.0, 0.0, 0.1), (0.1, 0.2, 0.1), 0.5)
-    camera = gs.Camera.from_lens((20, 15), 45, (112, 84), (0.3, -0.2, 1.2), (-0.065, 0.0, 0.0))
+    camera = gs.Camera.from_lens((20, 15), 45, (80, 60), (0.3, -0.2, 1.2), (-0.065, 0.0, 0.0))
     lamp = gs.AreaLight((-1.5, 0.0, 1.0), (0, 0, 0), (0.05, 0.05), 10.0)
     for backend in ("gpu", "numpy"):
         frame = gs.render([floor, box], camera, [lamp], device=device, backend=backend)

@@ -247,7 +247,7 @@ def test_random_shapes_against_rays() -> None:
     """Nothing is before any triangle that is turned to a lamp, where that is said."""
     rng = np.random.default_rng(11)
     clear = {False: 0, True: 0}
-    for _ in range(600):
+    for _ in range(300):
         surface = crumpled(rng)
         at = tuple(rng.uniform([-1.5, -1.6, -1.5], [1.5, -0.5, 1.5]).tolist())
         light: Light = gs.PointLight(at, 50.0)
@@ -265,27 +265,28 @@ def test_random_shapes_against_rays() -> None:
         turned = np.sum(normal * (lamp.centre - middle), axis=1) > 0.0
         seen = middle[turned] if closed else middle
         assert (brute_share(lamp, seen[::3], triangles, 3) == 1.0).all()
-    assert min(clear.values()) >= 15 and sum(clear.values()) < 400
+    assert min(clear.values()) >= 8 and sum(clear.values()) < 200
 
 
 def test_pictures_are_those_of_all_the_shadows(
     device: Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def shown(surface: gs.Surface) -> Array:
-        frame = gs.render([surface], CAMERA, lights, device=device)
+        frame = gs.render([surface], small, lights, device=device)
         result = frame.radiance.astype(np.float64)
         frame.release()
         return result
 
+    small = gs.Camera.from_lens((36.0, 24.0), 45.0, (120, 80), tuple(EYE), (0.0, 0.0, 0.0))
     lights = [LAMP, gs.SunLight((0.3, 1.0, -0.2), 5.0, 0.02)]
     plain = [gs.PointLight(LAMP.position, LAMP.power, shadows=False)]
     plain.append(gs.SunLight((0.3, 1.0, -0.2), 5.0, 0.02, shadows=False))
     sheet = wavy()
-    twin = gs.render([sheet], CAMERA, plain, backend="numpy").radiance
+    twin = gs.render([sheet], small, plain, backend="numpy").radiance
     assert np.abs(shown(sheet) - twin).max() < 2e-5 * twin.max()
     # a sheet that hides some of itself isn't taken for one that doesn't
     steep, lights = wavy(0.08, 25.0), [gs.PointLight((-1.5, -0.3, 0.3), 50.0)]
-    twin = gs.render([steep], CAMERA, lights, backend="numpy").radiance
+    twin = gs.render([steep], small, lights, backend="numpy").radiance
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) < 3e-3 * twin.max()
     monkeypatch.setattr(single_layer, "_single_layer", lambda *_: True)
     assert np.sqrt(np.mean((shown(steep) - twin) ** 2)) > 3e-2 * twin.max()
