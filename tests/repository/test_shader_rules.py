@@ -32,7 +32,14 @@ def shader_texts() -> dict[str, str]:
     return found
 
 
-def test_every_stage_has_a_module_of_its_name_and_a_registered_twin_check() -> None:
+def twin_of(name: str) -> Path:
+    """The module of a shader's NumPy form: of the same stem, or the one that its head names."""
+    text = (shader_folder() / f"{name}.wgsl").read_text(encoding="utf-8")
+    said = re.search(r"^// .*\bgpusim/(\S+\.py)", text, re.MULTILINE)
+    return PACKAGE / (said.group(1) if said else f"{name}.py")
+
+
+def test_every_stage_has_a_module_and_a_registered_twin_check() -> None:
     texts = shader_texts()
     imported = {name for text in texts.values() for name in IMPORT.findall(text)}
     checked = {name.split(".")[0] for name in twin_checks()}

@@ -1,4 +1,5 @@
 // Single values into an image: out[places[i]] = values[i].
+// The NumPy form is gpusim/optics/frame.py.
 struct Params {
     count: u32,
 }

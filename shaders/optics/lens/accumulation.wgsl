@@ -1,4 +1,5 @@
 // Weighted sums of images, and gains per pixel: out += weight * image, over rows of a larger image.
+// The NumPy form is gpusim/optics/lens/convolution.py.
 override scale_only: u32;  // 1: what is there is multiplied by the gain map instead
 
 struct Params {

@@ -1,4 +1,5 @@
 // Which triangle each pixel's centre sees. Writes the triangle's number + 1; 0 is background.
+// The NumPy form is gpusim/optics/visibility_buffer.py.
 #import lib/raster/screen
 
 struct Params {

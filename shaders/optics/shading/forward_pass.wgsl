@@ -5,6 +5,7 @@
 // Where triangles are small, that and the pixels beside them that are shaded in vain cost more than
 // the picture: which one each pixel sees is found first (id_buffer.wgsl), then every pixel reads its
 // own one's record.
+// The NumPy form is gpusim/optics/shading/shading_pass.py.
 #import lib/paint/bitmap
 #import lib/paint/checker_lines
 #import lib/paint/feature_grid

@@ -1,6 +1,6 @@
 // Of each triangle of the view its plane and how far normals for shading lean from its own, from its record
 // (lib/light/surface.wgsl). Its 1 / depth is n / d times the ray through a pixel, so that its changes in
-// the image tell n / d. The NumPy form is gpusim/optics/shading/receiver_planes.py.
+// the image tell n / d. The NumPy form is gpusim/optics/shading/scene_buffers.py.
 #import lib/numeric/index
 #import lib/raster/undistortion_table
 #import optics/shadow/plane_words

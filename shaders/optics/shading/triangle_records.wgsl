@@ -1,5 +1,5 @@
 // What the pixels of a triangle share, from its three vertices: affine functions of the offset from
-// an anchor pixel, as lib/light/surface.wgsl reads them. Described in gpusim/optics/shading/triangle_records.py.
+// an anchor pixel, as lib/light/surface.wgsl reads them. Described in gpusim/optics/shading/scene_buffers.py.
 #import lib/numeric/index
 #import lib/numeric/texel
 

@@ -26,7 +26,6 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.visibility_buffer import visibility_twin
-from gpusim.surface.surface import Surface
 from gpusim.twin_checks.scenes import block
 
 Array = npt.NDArray[np.float64]
@@ -54,17 +53,17 @@ def form_factor(corners: Array) -> float:
     """Lambert's, of a polygon (K, 3) over the horizon, as seen from the origin looking up."""
     d = corners / np.linalg.norm(corners, axis=1)[:, None]
     following = np.roll(d, -1, axis=0)
-    normal = np.cross(d, following)
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    across = np.cross(d, following)
+    normal = across / np.linalg.norm(across, axis=1)[:, None]
     angle = np.arccos(np.clip(np.sum(d * following, axis=1), -1.0, 1.0))
     return float(abs(np.sum(angle * normal[:, 2])) / (2.0 * np.pi))
 
 
-def plain(points: Array, faces: npt.NDArray[np.int64] = FACE) -> Surface:
-    return Surface(points, faces, paint=gs.paint.Plain(1.0))
+def plain(points: Array, faces: npt.NDArray[np.int64] = FACE) -> gs.Surface:
+    return gs.Surface(points, faces, paint=gs.paint.Plain(1.0))
 
 
-def white(surface: Surface) -> Surface:
+def white(surface: gs.Surface) -> gs.Surface:
     return plain(surface.points, surface.faces)
 
 
@@ -74,7 +73,7 @@ def camera(width: int = 160, position: tuple[float, float, float] = (1.6, -2.4, 
     )
 
 
-def tube(radius: float, height: float, count: int = 40) -> Surface:
+def tube(radius: float, height: float, count: int = 40) -> gs.Surface:
     """A closed upright cylinder."""
     angle = np.arange(count) * 2.0 * np.pi / count
     ring = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -91,10 +90,9 @@ def tube(radius: float, height: float, count: int = 40) -> Surface:
     return plain(points, np.concatenate(faces))
 
 
-def ball(radius: float, middle: tuple[float, float, float]) -> Surface:
+def ball(radius: float, middle: tuple[float, float, float]) -> gs.Surface:
     """Of 288 faces."""
-    angle = np.linspace(0.0, np.pi, 13)[1:-1]
-    count = 24
+    angle, count = np.linspace(0.0, np.pi, 13)[1:-1], 24
     turn = np.arange(count) * 2.0 * np.pi / count
     rings = np.stack(
         [np.outer(np.sin(angle), np.cos(turn)), np.outer(np.sin(angle), np.sin(turn)),
@@ -110,7 +108,7 @@ def ball(radius: float, middle: tuple[float, float, float]) -> Surface:
     return plain(points, np.concatenate(faces))
 
 
-def from_pixels(setup: Setup, surfaces: list[Surface]) -> tuple[Array, Array]:
+def from_pixels(setup: Setup, surfaces: list[gs.Surface]) -> tuple[Array, Array]:
     """Shares that the tables have at all pixels' centres, and that looking from there gives."""
     view = setup.view
     ids = visibility_twin(view)
@@ -252,7 +250,7 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     assert want.open_share.max() > 0.9
 
 
-def floor_errors(frame: gs.Frame, surfaces: list[Surface]) -> tuple[Array, Array]:
+def floor_errors(frame: gs.Frame, surfaces: list[gs.Surface]) -> tuple[Array, Array]:
     """Of a floor's pixels before an endless wall at x = 1 of height 1.5: shares less those of the
     closed form, and how far away the wall is."""
     view = frame.view
@@ -369,8 +367,8 @@ def test_surroundings_bring_what_their_visible_part_sends() -> None:
 def test_both_backends_agree_through_a_lens_and_with_lamps() -> None:
     box = block((0.0, 0.0, 0.15), (0.3, 0.2, 0.15), 0.5)
     surfaces = [
-        Surface(QUAD * 1.5, FACE, paint=gs.paint.Checker(0.2)), box,
-        Surface(0.2 * QUAD + [0.5, -0.5, 0.4], FACE, paint=gs.paint.Plain(0.7, 0.5)),
+        gs.Surface(QUAD * 1.5, FACE, paint=gs.paint.Checker(0.2)), box,
+        gs.Surface(0.2 * QUAD + [0.5, -0.5, 0.4], FACE, paint=gs.paint.Plain(0.7, 0.5)),
     ]  # fmt: skip
     lights: list[Light] = [
         gs.AreaLight((-0.9, -1.4, 1.9), (0.0, 0.0, 0.1), (0.4, 0.4), 8.0),
