@@ -50,10 +50,10 @@ def test_every_stage_has_a_module_and_a_registered_twin_check() -> None:
         if not ENTRY.search(text):
             if name not in imported:
                 faults.append(f"{name}.wgsl has no entry point and nobody imports it")
-        elif not (PACKAGE / f"{name}.py").is_file():
-            faults.append(f"{name}.wgsl has no gpusim/{name}.py")
+        elif not twin_of(name).is_file():
+            faults.append(f"{name}.wgsl has no gpusim/{name}.py, nor names another module")
         elif name not in checked:
-            faults.append(f"gpusim/{name}.py has no twin check that `gpusim doctor` runs")
+            faults.append(f"{name}.wgsl has no twin check that `gpusim doctor` runs")
     assert faults == []
     assert checked <= set(texts), "a check without a shader"
 
