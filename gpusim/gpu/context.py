@@ -40,9 +40,6 @@ PORTABLE_LIMITS = {
 }
 """What every WebGPU implementation promises; asking for more would hide non-portable code."""
 
-ATOMICS64 = frozenset({"shader-int64", "shader-int64-atomic-min-max"})
-"""What `Device.atomics64` takes."""
-
 
 class DeviceContext:
     """An open adapter with the limits that WebGPU promises everywhere (see `Device`)."""
@@ -64,8 +61,6 @@ class DeviceContext:
         self.real = real or ("f64" if has_f64 else "double_single")
         features = ["shader-f64"] if self.real == "f64" else []
         wanted = ["timestamp-query", "primitive-index"]
-        if ATOMICS64 <= set(self.adapter.features):
-            wanted += sorted(ATOMICS64)
         if is_processor(self.info):
             wanted.append(MAPPABLE)
         features += [extra for extra in wanted if extra in self.adapter.features]
@@ -104,11 +99,6 @@ class DeviceContext:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, real={self.real!r})"
-
-    @property
-    def atomics64(self) -> bool:
-        """Whether kernels may keep the larger of two 64-bit numbers in one step."""
-        return ATOMICS64 <= self.features
 
     @property
     def allocated(self) -> int:
