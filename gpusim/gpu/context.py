@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -39,6 +40,8 @@ PORTABLE_LIMITS = {
     "max-compute-workgroups-per-dimension": 65535,
 }
 """What every WebGPU implementation promises; asking for more would hide non-portable code."""
+
+_opening = Lock()
 
 
 class DeviceContext:
@@ -89,7 +92,8 @@ class DeviceContext:
     def another(self) -> DeviceContext:
         """One more device of the same adapter."""
         name = str(self.info.get("device") or "")
-        return DeviceContext(self.real, name, self.memory_limit, self.shaders)
+        with _opening:  # one at a time: finding adapters changes the environment for a moment
+            return DeviceContext(self.real, name, self.memory_limit, self.shaders)
 
     @property
     def name(self) -> str:
