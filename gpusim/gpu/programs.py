@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import cached_property
 from threading import Lock, local, main_thread
 from typing import Any, cast
 
@@ -20,15 +21,17 @@ from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Module, load
 from gpusim.parallel.machine import processors
 
-__all__ = ["Key", "Programs", "kernel_key"]
+__all__ = ["Key", "Programs", "program_key"]
 
 Key = tuple[Hashable, ...]
 """(name, entry, constants) of a kernel, (name, entries, constants, formats, depth) of a raster."""
 
 
-def kernel_key(name: str, entry: str, constants: dict[str, float] | None) -> Key:
-    """What a compute program is known by."""
-    return name, entry, tuple(sorted((constants or {}).items()))
+def program_key(
+    name: str, entry: Hashable, constants: dict[str, float] | None, *targets: Hashable
+) -> Key:
+    """What a program is known by; ``targets``: formats and depth of a raster."""
+    return name, entry, tuple(sorted((constants or {}).items())), *targets
 
 
 class Programs:
@@ -42,13 +45,12 @@ class Programs:
         self.asked: dict[Key, None] = {}
         self._made: dict[Hashable, Future[Any]] = {}
         self._lock = Lock()
-        self._threads: ThreadPoolExecutor | None = None
+        self._threads: list[ThreadPoolExecutor] = []
         self._own = local()  # of each thread: programs of a device on which they are primed
-        self._compiled_before = CompiledPrograms(device.name)
 
     def kernel(self, name: str, entry: str, constants: dict[str, float] | None) -> Kernel:
         """As `Device.kernel`."""
-        key = kernel_key(name, entry, constants)
+        key = program_key(name, entry, constants)
         self.asked.setdefault(key)
         found: Kernel = self._get(key)
         return found
@@ -62,7 +64,7 @@ class Programs:
         depth: str,
     ) -> Raster:
         """As `Device.raster`."""
-        key = (name, entries, tuple(sorted((constants or {}).items())), formats, depth)
+        key = program_key(name, entries, constants, formats, depth)
         self.asked.setdefault(key)
         found: Raster = self._get(key)
         return found
@@ -76,22 +78,28 @@ class Programs:
         for when it is their turn. Who asks for one that is being compiled waits for it. Faults are
         left to who asks.
         """
-        keys = [_hashable(program) for program in programs]
-        for key in (key for key in keys if key not in self._made):
-            if self._threads is None:
-                self._threads = ThreadPoolExecutor(processors(), "gpusim.compile")
-            self._threads.submit(self._compile, key)
+        keys = [key for key in map(_hashable, programs) if key not in self._made]
+        if not keys:
+            return
+        threads = ThreadPoolExecutor(processors(), "gpusim.compile")
+        for key in keys:
+            threads.submit(self._compile, key)
+        threads.shutdown(wait=False)  # once all is done they end, and their devices with them
+        self._threads.append(threads)
 
     def stop(self) -> None:
         """Begin with no further program of those to be compiled in threads."""
-        if self._threads is not None:
-            self._threads.shutdown(wait=False, cancel_futures=True)
-            self._threads = None
+        while self._threads:
+            self._threads.pop().shutdown(wait=False, cancel_futures=True)
 
     def clear(self) -> None:
         """Forget everything that was compiled."""
         with self._lock:
             self._made.clear()
+
+    @cached_property
+    def _primed_before(self) -> CompiledPrograms:
+        return CompiledPrograms(self.device.name)
 
     def _compile(self, key: Key) -> None:
         """What a thread does with a program."""
@@ -104,11 +112,11 @@ class Programs:
     def _primed(self, key: Key) -> Any:
         if is_processor(self.device.info):
             code = load(str(key[0]), self.device.real, self.device.shaders).code
-            if self._compiled_before.lacks(code, key):
+            if self._primed_before.lacks(code, key):
                 if not hasattr(self._own, "programs"):
                     self._own.programs = Programs(self.device.another())
                 prime(self._own.programs._get(key))
-                self._compiled_before.add(code, key)
+                self._primed_before.add(code, key)
         return self._compiled(*cast(Any, key))
 
     def _get(self, key: Key) -> Any:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.geometry.view import View, look
+from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,
@@ -140,12 +140,6 @@ def probe_pieces() -> tuple[Occluders, list[LightSpace], Receivers]:
     down = np.column_stack([-np.sin(turn), np.cos(turn), 0.0 * turn])
     on = np.full(400, -1)
     return _occluders(), _spaces(), Receivers(at, normal, size[0] * across, size[1] * down, on)
-
-
-def crumpled_view() -> View:
-    """Small triangles over and through each other, and beyond the borders of the image."""
-    camera = Camera(59, 39, np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]]))
-    return look([sheet(0.95, 1.3, 0.0), sheet(0.6, 0.6, 0.4)], camera, lit=False)
 
 
 def sheet(

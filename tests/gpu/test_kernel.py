@@ -367,7 +367,7 @@ def test_programs_are_compiled_for_as_long_as_there_is_need(lab: Device) -> None
     lab.programs.clear()
     with compile_during(lab, [["count", "main", []]]):
         assert lab.kernel("count") is lab.kernel("count")
-    assert lab.programs._threads is None
+    assert not lab.programs._threads
     waiting = [["count", "main", [["step", float(n)]]] for n in range(400)]
     with pytest.raises(KeyboardInterrupt), compile_during(lab, waiting):
         raise KeyboardInterrupt
@@ -382,4 +382,4 @@ def test_the_device_is_opened_before_it_is_needed() -> None:
         raise ZeroDivisionError
     with pytest.raises(ZeroDivisionError), compile_ahead([["fem/no such", "main", []]]):
         raise ZeroDivisionError
-    assert opened.programs._threads is None
+    assert not opened.programs._threads

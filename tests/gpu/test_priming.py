@@ -28,9 +28,8 @@ device = gs.Device()
 wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
 camera = gs.Camera.from_lens((36, 24), 50, (48, 32), (0, 0, 9), (0, 0, 0), up=(0, 1, 0))
 device.programs.begin(json.loads(sys.argv[1]))
-if device.programs._threads:
-    device.programs._threads.shutdown(wait=True)
-    device.programs._threads = None
+for threads in device.programs._threads:
+    threads.shutdown(wait=True)
 before = files()
 gs.render([wall], camera, [gs.SunLight((0, 0, -1), 1.0)], device=device)
 device.sync()

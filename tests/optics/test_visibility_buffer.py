@@ -11,7 +11,13 @@ from gpusim.optics.geometry.view import View, look
 from gpusim.optics.visibility_buffer import VisibilityBuffer, visibility_twin
 from gpusim.surface.surface import Surface
 from gpusim.twin_checks.images import near_an_edge
-from gpusim.twin_checks.scenes import crumpled_view
+from gpusim.twin_checks.scenes import sheet
+
+
+def crumpled_view() -> View:
+    """Small triangles over and through each other, and beyond the borders of the image."""
+    camera = Camera(59, 39, np.array([[111.0, 0.3, 28.7], [0.0, 110.0, 20.2], [0.0, 0.0, 1.0]]))
+    return look([sheet(0.95, 1.3, 0.0), sheet(0.6, 0.6, 0.4)], camera, lit=False)
 
 
 def seen(device: Device, view: View, rows: int) -> npt.NDArray[np.uint32]:

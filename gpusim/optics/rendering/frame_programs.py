@@ -5,21 +5,22 @@ A test holds this list against what frames ask for.
 
 from __future__ import annotations
 
-from gpusim.gpu.programs import Key, kernel_key
+from gpusim.gpu.programs import Key, program_key
+from gpusim.optics.rendering.frame_plan import FramePlan
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import lens_constants
 
 __all__ = ["frame_programs"]
 
 
-def frame_programs(setup: Setup, shadowed: bool, plate_border: bool) -> list[Key]:
-    """What the edge pixels of a view and, with ``shadowed``, its shadows ask for: the slowest to
-    compile, then the others in the order in which they run."""
+def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
+    """What the edge pixels of a view and its shadows ask for: the slowest to compile, then the
+    others in the order in which they run."""
     glossy, bumpy = bool(setup.shiny.any()), bool(setup.bumpy.any())
     resolve = "optics/edge_pixels/resolve"
     constants = setup.constants(setup.groups_present(), glossy, bumpy)
-    if not shadowed:
-        return [] if plate_border else [kernel_key(resolve, "main", constants)]
+    if not plan.shadowed:
+        return [] if plan.plate_border else [program_key(resolve, "main", constants)]
     both = lens_constants(setup.view.camera)
     pixels, pieces = {**both, "listed": 0.0}, {**both, "listed": 1.0}
     relit = {**setup.light_constants(glossy, bumpy), "scaled": float(not glossy)}
@@ -45,4 +46,4 @@ def frame_programs(setup: Setup, shadowed: bool, plate_border: bool) -> list[Key
         *(("optics/shading/relighting", entry, relit) for entry in ("main", "list_tiles")),
         ("optics/shading/relighting", "count_tiles", relit),
     ]
-    return [kernel_key(*program) for program in programs]
+    return [program_key(*program) for program in programs]

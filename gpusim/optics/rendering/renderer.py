@@ -129,7 +129,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
     """Some ``rows`` of a view, in bands; the host resolves its edge pixels while the device lights
     all others."""
     setup = Setup.build(view, scene.lights, scene.background, scene.surfaces, device)
-    device.programs.begin(frame_programs(setup, plan.shadowed, plan.plate_border))
+    device.programs.begin(frame_programs(setup, plan))
     lines = None
     if plan.checker_lines and setup.lighting.openness is None:
         lines = BoardLines.of(view, setup.printed)
