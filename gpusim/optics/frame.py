@@ -41,7 +41,10 @@ class Frame:
     """What a camera sees, before the sensor.
 
     ``radiance`` is (H, W) float32, linear, in W per square unit and steradian (or albedo where the
-    scene has no lights). ``device`` is None when it was made by the NumPy twin.
+    scene has no lights); (H, W, 3) of red, green and blue where something in it has a colour.
+    ``device`` is None when it was made by the NumPy twin. ``planes``: the frame itself where all is
+    grey, else a grey frame for each of red, green and blue: what lens and sensor do, they do to
+    each of them.
 
     Examples
     --------
@@ -60,6 +63,7 @@ class Frame:
         radiance: npt.NDArray[np.float32] | None = None,
     ) -> None:
         self.view, self.device, self.bands = view, device, bands
+        self.planes: tuple[Frame, ...] = (self,)
         self._radiance = radiance
         self.facts: dict[str, str] = {}
         """What lens and shutter did, in words (`gpusim.optics.photograph`)."""
@@ -67,9 +71,24 @@ class Frame:
         """Where they did less than the error asks for, and what in the scene looks wrong."""
         self._ids: npt.NDArray[np.uint32] | None = None
 
+    @staticmethod
+    def of_planes(planes: Sequence[Frame]) -> Frame:
+        """One frame of one grey plane, or of three of the same view."""
+        if len(planes) == 1:
+            return planes[0]
+        result = Frame(planes[0].view, planes[0].device)
+        result.planes = tuple(planes)
+        return result
+
     def __repr__(self) -> str:
         where = "host" if self.device is None else "device"
-        return f"Frame({self.width} x {self.height} px, camera {self.view.camera.name!r}, {where})"
+        size = f"{self.width} x {self.height} px" + (", in colour" if self.coloured else "")
+        return f"Frame({size}, camera {self.view.camera.name!r}, {where})"
+
+    @property
+    def coloured(self) -> bool:
+        """Whether it has planes of red, green and blue."""
+        return len(self.planes) > 1
 
     @property
     def width(self) -> int:
@@ -83,7 +102,9 @@ class Frame:
 
     @property
     def radiance(self) -> npt.NDArray[np.float32]:
-        """(H, W) float32 radiance; read back from the device at the first call."""
+        """(H, W) or (H, W, 3) float32 radiance; read back from the device at the first call."""
+        if self._radiance is None and self.coloured:
+            self._radiance = np.stack([plane.radiance for plane in self.planes], axis=2)
         if self._radiance is None:
             if not self.bands:
                 raise InputError("frame radiance; got a released frame; read it before release()")
@@ -96,6 +117,8 @@ class Frame:
 
     def brightest(self) -> float:
         """The largest radiance; the picture isn't kept for it."""
+        if self.coloured:
+            return max(plane.brightest() for plane in self.planes)
         if self._radiance is not None or not self.bands:
             return float(self.radiance.max())
         most = -np.inf
@@ -128,6 +151,8 @@ class Frame:
 
     def release(self) -> None:
         """Give the device memory back; radiance already read stays."""
+        for plane in self.planes if self.coloured else ():
+            plane.release()
         if self.device is not None:
             for band in self.bands:
                 self.device.pool.give(band.buffer)
