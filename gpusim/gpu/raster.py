@@ -117,3 +117,8 @@ class Raster:
     def bind(self, **values: Any) -> Bindings:
         """Bind buffers and uniform dicts by their WGSL names."""
         return self.layout.bind(values)
+
+    def bind_used(self, **values: Any) -> Bindings:
+        """The same with values of which some are left out: those that this program doesn't use."""
+        own = self.layout.bindings
+        return self.layout.bind({name: value for name, value in values.items() if name in own})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
@@ -150,12 +151,13 @@ class Recording:
         depth: Texture | None,
         vertices: int,
         size: tuple[int, int],
-        clear: float | None = 0.0,
+        clear: float | Sequence[float] | None = 0.0,
         keep_depth: bool = False,
     ) -> None:
         """Draw a triangle list into the top-left ``size`` (w, h) pixels.
 
-        The targets are set to ``clear`` (those of integers to 0) and the depth to far before; with
+        The targets are set to ``clear``, one value or one for each of the first of them (those of
+        integers to 0), and the depth to far before; with
         None both are kept, and the list adds to what an earlier draw left. ``keep_depth``: the
         depth is kept in any case. ``depth`` is None for programs without.
         """
@@ -180,7 +182,7 @@ class Recording:
         self,
         colors: tuple[Texture, ...],
         depth: Texture | None,
-        clear: float | None,
+        clear: float | Sequence[float] | None,
         keep_depth: bool,
     ) -> None:
         self._end_pass()
@@ -192,14 +194,20 @@ class Recording:
                 "depth_store_op": "store",
                 "depth_clear_value": 0.0,
             }
+        values = dict(enumerate(clear)) if isinstance(clear, Sequence) else {}
         attachments = [
             {
                 "view": texture.view,
                 "load_op": "clear" if clear is not None else "load",
                 "store_op": "store",
-                "clear_value": (0 if texture.format.endswith("int") else clear or 0.0, 0, 0, 0),
+                "clear_value": (
+                    0 if texture.format.endswith("int") else values.get(k, clear) or 0.0,
+                    0,
+                    0,
+                    0,
+                ),
             }
-            for texture in colors
+            for k, texture in enumerate(colors)
         ]
         self._pass = self._encoder.begin_render_pass(
             label=f"gpusim.{self.stage}",

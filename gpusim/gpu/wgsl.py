@@ -21,6 +21,9 @@ from gpusim.errors import InputError
 
 __all__ = ["Binding", "EntryPoint", "Module", "Struct", "load", "shader_folder", "stages"]
 
+COLOR_FILES = ("lib/light/color", "lib/raster/planes")
+"""Of which there are a ``_grey`` and an ``_rgb`` one."""
+
 _IMPORT = re.compile(r"^#import\s+([\w/]+)\s*$", re.MULTILINE)
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _STRUCT = re.compile(r"\bstruct\s+(\w+)\s*\{(.*?)\}", re.DOTALL)
@@ -130,7 +133,8 @@ def load(name: str, real: str, extra: Path | None = None) -> Module:
 
     Parameters
     ----------
-    name : stem with folder, such as ``"fem/krylov/cg"``.
+    name : stem with folder, such as ``"fem/krylov/cg"``; with ``@rgb`` behind it, what has variants
+        for grey and for coloured light (`COLOR_FILES`) is compiled for the latter.
     real : what ``#import lib/numeric/real`` stands for: ``"f64"`` or ``"double_single"``.
     extra : a folder that is searched before gpusim's own.
 
@@ -140,13 +144,17 @@ def load(name: str, real: str, extra: Path | None = None) -> Module:
         No such file, an import that doesn't exist, or a construct that reflection doesn't cover.
     """
     folders = (shader_folder(),) if extra is None else (extra, shader_folder())
-    text = _expand(name, real, set(), f"shader {name}", folders)
+    stem, _, color = name.partition("@")
+    variants = {"lib/numeric/real": real, **dict.fromkeys(COLOR_FILES, color or "grey")}
+    text = _expand(stem, variants, set(), f"shader {name}", folders)
     return _reflect(name, text)
 
 
-def _expand(name: str, real: str, seen: set[str], where: str, folders: tuple[Path, ...]) -> str:
-    if name == "lib/numeric/real":
-        name = f"lib/numeric/real_{real}"
+def _expand(
+    name: str, variants: dict[str, str], seen: set[str], where: str, folders: tuple[Path, ...]
+) -> str:
+    if name in variants:
+        name = f"{name}_{variants[name]}"
     if name in seen:
         return ""
     seen.add(name)
@@ -158,7 +166,7 @@ def _expand(name: str, real: str, seen: set[str], where: str, folders: tuple[Pat
     source = path.read_text(encoding="utf-8")
 
     def imported(match: re.Match[str]) -> str:
-        return _expand(match.group(1), real, seen, f"import in {name}", folders)
+        return _expand(match.group(1), variants, seen, f"import in {name}", folders)
 
     return _IMPORT.sub(imported, source)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,17 +20,25 @@ __all__ = ["Band", "Frame", "scatter", "scatter_twin", "write_pixels"]
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """Rows ``row0 … row0 + rows - 1`` of a frame in a device buffer, ``stride`` float32 a row."""
+    """Rows ``row0 … row0 + rows - 1`` of a frame in device buffers, ``stride`` float32 a row: one
+    buffer for each of the frame's planes."""
 
     row0: int
     rows: int
     stride: int
-    buffer: Buffer
+    planes: tuple[Buffer, ...]
 
     @staticmethod
-    def of(device: Device, row0: int, rows: int, stride: int) -> Band:
-        """With a buffer from the device's pool."""
-        return Band(row0, rows, stride, device.pool.take(4 * rows * stride, f"radiance[{row0}]"))
+    def of(device: Device, row0: int, rows: int, stride: int, planes: int = 1) -> Band:
+        """With buffers from the device's pool."""
+        size, label = 4 * rows * stride, f"radiance[{row0}]"
+        return Band(row0, rows, stride, tuple(device.pool.take(size, label) for _ in range(planes)))
+
+    @property
+    def buffer(self) -> Buffer:
+        """That of the only plane."""
+        (result,) = self.planes
+        return result
 
     def seen(self) -> AbstractContextManager[npt.NDArray[np.float32]]:
         """(rows, stride) float32, to be used only inside a ``with`` block."""
@@ -70,6 +78,14 @@ class Frame:
         self.warnings: tuple[str, ...] = ()
         """Where they did less than the error asks for, and what in the scene looks wrong."""
         self._ids: npt.NDArray[np.uint32] | None = None
+
+    @staticmethod
+    def of_bands(view: View, device: Device, bands: Sequence[Band]) -> Frame:
+        """With all planes of ``bands``."""
+        return Frame.of_planes([
+            Frame(view, device, tuple(replace(band, planes=(band.planes[k],)) for band in bands))
+            for k in range(len(bands[0].planes))
+        ])  # fmt: skip
 
     @staticmethod
     def of_planes(planes: Sequence[Frame]) -> Frame:
@@ -186,12 +202,14 @@ def write_pixels(
     pixel: npt.NDArray[np.int64],
     value: npt.NDArray[np.float32],
 ) -> None:
-    """Write ``value`` (n,) to the pixels of linear indices ``pixel`` (n,) in an image's bands."""
+    """Write ``value`` (planes, n) to the pixels of linear indices ``pixel`` (n,) in an image's
+    bands."""
     row, column = np.divmod(pixel, width)
     for band in bands:
         own = np.flatnonzero((row >= band.row0) & (row < band.row0 + band.rows))
         places = (row[own] - band.row0) * band.stride + column[own]
-        scatter(device, places, value[own], band.buffer)
+        for plane, values in zip(band.planes, value, strict=True):
+            scatter(device, places, values[own], plane)
 
 
 def scatter_twin(

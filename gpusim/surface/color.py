@@ -70,11 +70,13 @@ def _decoded(value: float) -> float:
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
-def is_colored(value: Color) -> bool:
-    """Whether it isn't grey."""
-    return isinstance(value, tuple)
+def is_colored(value: object) -> bool:
+    """Whether a `Color`, a paint or a light isn't grey. What has no ``colored`` is grey."""
+    return isinstance(value, tuple) or bool(getattr(value, "colored", False))
 
 
-def in_band(value: Color, band: int) -> float:
-    """The value in one of `BANDS`."""
-    return value[band] if isinstance(value, tuple) else value
+def in_band(value: Any, band: int) -> Any:
+    """What a `Color`, a paint or a light is in one of `BANDS`; itself if it is grey."""
+    if isinstance(value, tuple):
+        return value[band]
+    return value.in_band(band) if is_colored(value) else value

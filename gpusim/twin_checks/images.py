@@ -89,12 +89,14 @@ def _tile_probe() -> Setup:
 
 
 def _drawn(shading: ShadingPass | RelightingPass, setup: Setup) -> npt.NDArray[np.float32]:
-    """Radiance (H, W) of a view in one band."""
+    """Radiance (planes, H, W) of a view in one band."""
     camera = setup.view.camera
-    band = Band.of(shading.buffers.device, 0, camera.height, shading.stride)
+    band = Band.of(shading.buffers.device, 0, camera.height, shading.stride, len(setup.bands))
     shading.draw(band)
     shading.finish()
-    return band.buffer.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
+    shape = camera.height, shading.stride
+    planes = [plane.read(np.float32, shape)[:, : camera.width] for plane in band.planes]
+    return np.stack(planes)
 
 
 def _compare_relit(device: Device, setup: Setup) -> None:
@@ -103,14 +105,14 @@ def _compare_relit(device: Device, setup: Setup) -> None:
     shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
     got = _drawn(RelightingPass(shading), setup)
     want = shade_twin(setup, visibility_twin(setup.view))
-    inside = np.ones(want.size, bool)
+    inside = np.ones(want[0].size, bool)
     inside[find_edge_pixels(setup.view).pixel] = False
     # one sample of 512 may fall to the other side of an outline
     atol = 2.5 / 512 * float(want.max())
     compare(
         "optics/shading/relighting",
-        got.reshape(-1)[inside],
-        want.reshape(-1)[inside],
+        got.reshape(len(got), -1)[:, inside],
+        want.reshape(len(want), -1)[:, inside],
         "pixel",
         atol=atol,
     )
@@ -179,7 +181,7 @@ def _forward_pass(device: Device) -> None:
     camera = setup.view.camera
     want = shade_twin(setup, visibility_twin(setup.view))
     # where edges cross a pixel, hardware and twin may see different triangles at its centre
-    inside = np.ones(want.size, bool)
+    inside = np.ones(want[0].size, bool)
     inside[find_edge_pixels(setup.view).pixel] = False
     for deferred in (False, True):
         lines = None if deferred else BoardLines.of(setup.view, setup.printed)
@@ -189,8 +191,8 @@ def _forward_pass(device: Device) -> None:
         )
         compare(
             "optics/shading/forward_pass",
-            got.reshape(-1)[inside],
-            want.reshape(-1)[inside],
+            got.reshape(len(got), -1)[:, inside],
+            want.reshape(len(want), -1)[:, inside],
             "pixel",
         )
 
@@ -203,7 +205,7 @@ def _tile_light(device: Device) -> None:
     work = TileLightPass(SceneBuffers(device, setup), tiles)
     with device.recording("optics.light_tiles") as recording:
         work.record(recording)
-    got = work.texels.read().reshape(*work.shape, 4)
+    got = work.texels.read().reshape(*work.shape, len(setup.bands), 4)
     compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
 
 
@@ -221,13 +223,13 @@ def _resolve(device: Device) -> None:
     for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
         edges = find_edge_pixels(setup.view)
         camera = setup.view.camera
-        start = np.full((camera.height, camera.width), 0.25, np.float32)
-        out = device.buffer(start, "edges.radiance")
+        start = np.full((len(setup.bands), camera.height, camera.width), 0.25, np.float32)
+        out = tuple(device.buffer(plane, "edges.radiance") for plane in start)
         edge_pass = EdgePixelPass(SceneBuffers(device, setup), edges)
         edge_pass.find()
         edge_pass.host_pass()
         edge_pass.write([Band(0, camera.height, camera.width, out)])
-        got = out.read(np.float32, start.shape)
+        got = np.stack([plane.read(np.float32, start.shape[1:]) for plane in out])
         compare("optics/edge_pixels/resolve", got, edges_twin(setup, edges, start), "pixel")
 
 
@@ -279,7 +281,7 @@ def _sensor(device: Device) -> None:
     for bits in (8, 12):
         sensor = Sensor(bits, 0.9)
         buffer = device.buffer(radiance, "sensor.radiance")
-        got = _expose(device, sensor, [Band(0, 33, 64, buffer)], 57)
+        got = _expose(device, sensor, [Band(0, 33, 64, (buffer,))], 57)
         compare(
             f"optics/sensor/sensor, {bits} bit", got, sensor_twin(sensor, radiance[:, :57]), "exact"
         )

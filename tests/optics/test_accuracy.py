@@ -270,7 +270,7 @@ def test_edges_twin_agrees_on_bars(device: Device) -> None:
     assert len(edges.pixel) > 250
     twin = edges_twin(setup, edges, shade_twin(setup, visibility_twin(frame.view)))
     pixels: npt.NDArray[np.int64] = edges.pixel
-    compare("bars", frame.radiance.reshape(-1)[pixels], twin.reshape(-1)[pixels], "pixel")
+    compare("bars", frame.radiance.reshape(-1)[pixels], twin[0].reshape(-1)[pixels], "pixel")
 
 
 @pytest.mark.parametrize("covered", [0.96, 0.975, 0.99])

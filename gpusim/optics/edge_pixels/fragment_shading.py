@@ -141,9 +141,9 @@ def corners_over(
 
 
 def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Array:
-    """Radiance of the edge pixels; ``shares`` tells what is seen of lamps."""
+    """Radiance (bands, n) of the edge pixels; ``shares`` tells what is seen of lamps."""
     if not len(edges.pixel):
-        return np.zeros(0)
+        return np.zeros((len(setup.bands), 0))
     view, count = setup.view, len(edges.pixel)
     pixel, at, corners = corners_over(setup, edges)
     first = np.repeat(edges.start[:-1], edges.depth)
@@ -186,29 +186,31 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
     else:
         area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
         some = np.flatnonzero(area > 0.0)
-        albedo, printed, *places = (
+        printed, x, y, *albedos = (
             np.bincount(row, size * values, len(pixel))[some] / area[some]
-            for values in (albedo, printed, *middle.T)
+            for values in (printed, *middle.T, *albedo)
         )
-        row, size, middle = some, area[some], np.stack(places, axis=1)
+        row, size, middle, albedo = some, area[some], np.stack([x, y], axis=1), np.stack(albedos)
     x, y = (at[row] + view.camera.pixel_side * middle).T
     light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides, shares)
     seen = np.bincount(pixel[row], size, count)
-    value = np.bincount(pixel[row], size * light, count)
     opened = 1.0 - seen
-    result: Array = np.where(
-        opened > THIN, value + opened * setup.background, value / np.maximum(seen, 1.0 - THIN)
-    )
+    result = np.empty((len(setup.bands), count))
+    for k, band in enumerate(setup.bands):
+        value = np.bincount(pixel[row], size * light[k], count)
+        behind = value + opened * band.background
+        result[k] = np.where(opened > THIN, behind, value / np.maximum(seen, 1.0 - THIN))
     return result
 
 
 def _mean_albedo(
     setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
 ) -> tuple[Array, Array]:
-    """Mean albedo (n,) of polygons (n, 8, 2) in pixels ``at``, and the share that is printed."""
+    """Mean albedo (bands, n) of polygons (n, 8, 2) in pixels ``at``, and the share (n,) that is
+    printed."""
     side = setup.view.camera.pixel_side
     paint = setup.view.paint[triangle]
-    albedo = setup.table.paints["ground"][paint].astype(np.float64)
+    albedo = np.stack([band.table.paints["ground"][paint] for band in setup.bands]).astype(float)
     featured = setup.table.paints["featured"][paint]
     # all of a polygon through the cubic of its pixel
     within = side * np.concatenate([centroid[:, None], polygon], axis=1)
@@ -218,18 +220,21 @@ def _mean_albedo(
         own = triangle[rows]
         middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
         corners, w = _paint_positions(setup, own, ideal[rows, 1:])
-        albedo[rows] = mean_albedo(
-            setup.table, paint[rows], setup.of(own).cell, middle[:, 0], corners - middle, w / w0
-        )
-    for number, image in setup.bitmaps.images.items():
+        for values, band in zip(albedo, setup.bands, strict=True):
+            values[rows] = mean_albedo(
+                band.table, paint[rows], setup.of(own).cell, middle[:, 0], corners - middle, w / w0
+            )
+    for number in setup.bitmaps.images:
         rows = np.flatnonzero(paint == number)
         own = triangle[rows]
         middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
         corners, w = _paint_positions(setup, own, ideal[rows, 1:])
-        albedo[rows] = mean_over_polygons(
-            image, image.ground, setup.of(own).cell, middle[:, 0], corners - middle, w / w0
-        )
-    printed = np.zeros(len(albedo))
+        for values, band in zip(albedo, setup.bands, strict=True):
+            image = band.bitmaps.images[number]
+            values[rows] = mean_over_polygons(
+                image, image.ground, setup.of(own).cell, middle[:, 0], corners - middle, w / w0
+            )
+    printed = np.zeros(len(paint))
     rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
     if len(rows):
         own = triangle[rows]

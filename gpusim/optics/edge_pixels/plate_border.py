@@ -94,7 +94,7 @@ class PlateBorderPass:
 
     def write(self, bands: Sequence[Band]) -> None:
         """Write the pixels into ``bands``."""
-        value = self._border.value.astype(np.float32)
+        value = self._border.value[None].astype(np.float32)
         write_pixels(self._device, bands, self._width, self._border.pixel, value)
 
 

@@ -78,8 +78,11 @@ class EdgePixelPass:
         self.buffers = buffers
         order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
         self._deep, self.edges = edges.select(deep), edges.select(order)
-        self._values = np.zeros((0, 2), np.float32)
-        self._resolved = np.zeros(0, np.int64), np.zeros(0, np.float32)
+        planes = len(buffers.setup.bands)
+        # of each edge pixel the words of an `EdgePixel`
+        self._words = 2 if planes == 1 else 4
+        self._values = np.zeros((0, self._words), np.float32)
+        self._resolved = np.zeros(0, np.int64), np.zeros((planes, 0), np.float32)
 
     def find(self) -> None:
         """Find the pixels on the device, and wait for them."""
@@ -92,7 +95,7 @@ class EdgePixelPass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
-        found = device.empty(8 * count, "edges.found")
+        found = device.empty(4 * self._words * count, "edges.found")
         constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {
@@ -110,10 +113,11 @@ class EdgePixelPass:
         else:
             shared |= no_pieces(device)
             with device.recording("optics.edges") as recording:
-                kernel = device.kernel("optics/edge_pixels/resolve", "main", constants)
+                name = setup.program("optics/edge_pixels/resolve")
+                kernel = device.kernel(name, "main", constants)
                 bindings = kernel.bind_used(range=_range(0, count), **shared)
                 recording.dispatch(kernel, bindings, threads=(count,))
-        self._values = found.read(np.float32, (count, 2))
+        self._values = found.read(np.float32, (count, self._words))
 
     def _find_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
@@ -145,7 +149,8 @@ class EdgePixelPass:
         self, values: dict[str, Any], count: int, entry: str, constants: dict[str, float]
     ) -> None:
         device = self.buffers.device
-        kernel = device.kernel("optics/edge_pixels/resolve", entry, constants)
+        name = self.buffers.setup.program("optics/edge_pixels/resolve")
+        kernel = device.kernel(name, entry, constants)
         with device.recording("optics.edges") as recording:
             recording.dispatch(kernel, kernel.bind_used(**values), threads=(count,))
 
@@ -172,12 +177,12 @@ class EdgePixelPass:
         setup = self.buffers.setup
         shadows = setup.lighting.shadows
         shares = None if shadows is None else ListedShares(shadows)
-        value, doubt = self._values[:, 0].copy(), self._values[:, 1] > 0.0
+        value, doubt = self._values[:, :-1].T.copy(), self._values[:, -1] > 0.0
         if doubt.any():
-            value[doubt] = resolve_on_host(setup, self.edges.select(doubt), shares)
+            value[:, doubt] = resolve_on_host(setup, self.edges.select(doubt), shares)
         pixel = np.concatenate([self.edges.pixel, self._deep.pixel])
         deep = resolve_on_host(setup, self._deep, shares).astype(np.float32)
-        self._resolved = pixel, np.concatenate([value, deep])
+        self._resolved = pixel, np.concatenate([value, deep], axis=1)
 
     def write(self, bands: Sequence[Band]) -> None:
         """Write the pixels into ``bands``, whose other pixels are shaded or on their way."""
@@ -246,9 +251,9 @@ def _alike(
 def edges_twin(
     setup: Setup, edges: EdgePixels, radiance: npt.NDArray[np.float32]
 ) -> npt.NDArray[np.float32]:
-    """A copy of ``radiance`` (H, W) with the edge pixels resolve_on_host."""
+    """A copy of ``radiance`` (bands, H, W) with the edge pixels resolved."""
     result = radiance.copy()
-    result.reshape(-1)[edges.pixel] = resolve_on_host(setup, edges)
+    result.reshape(len(result), -1)[:, edges.pixel] = resolve_on_host(setup, edges)
     return result
 
 

@@ -40,8 +40,9 @@ from gpusim.optics.lens.thin_lens import Focus, Lens, focus_of, seen_through
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.frame_plan import BAND_BYTES
 from gpusim.optics.rendering.local_origin import local_view
-from gpusim.optics.rendering.renderer import MAX_SIDE, MIN_ERROR, render
+from gpusim.optics.rendering.renderer import MAX_SIDE, MIN_ERROR, is_coloured, render
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
@@ -84,7 +85,7 @@ def photograph(
     shutter: Shutter | None = None,
     time: float = 0.0,
     error: float = MIN_ERROR,
-    background: float = 0.0,
+    background: Color = 0.0,
     device: Device | None = None,
     backend: str = "auto",
     shortcuts: bool = True,
@@ -145,11 +146,12 @@ def photograph(
         frame = shoot(exposure.parts[0][1], exposure.parts[0][2])
     else:
         view = local_view(*exposure.sight, lit=lights is not None)
-        if backend == "numpy":
-            frame = Frame(view, None, radiance=_combine_twin(exposure, shoot))
+        if device is None:
+            combined = _combine_twin(exposure, shoot)
+            frame = Frame.of_planes([Frame(view, None, radiance=plane) for plane in combined])
         else:
-            assert device is not None
-            frame = Frame(view, device, tuple(_combine(exposure, shoot, device)))
+            planes = 3 if is_coloured(exposure.sight[0], lights, background) else 1
+            frame = Frame.of_bands(view, device, list(_combine(exposure, shoot, device, planes)))
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])
     frame.facts = dict(exposure.facts)
@@ -335,7 +337,10 @@ def _tiles(camera: Camera, kernel: SampledKernel) -> tuple[int, int]:
 
 
 def _combine(
-    exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame], device: Device
+    exposure: Exposure,
+    shoot: Callable[[Sequence[Surface], Camera], Frame],
+    device: Device,
+    planes: int,
 ) -> Iterator[Band]:
     kernel, camera = exposure.kernel, exposure.sight[1]
     columns, rows = _tiles(camera, kernel)
@@ -343,49 +348,55 @@ def _combine(
     for row0 in range(0, camera.height, rows):
         count = min(rows, camera.height - row0)
         stride = camera.width
-        out = device.empty(4 * count * stride, f"radiance[{row0}]")
+        outs = tuple(device.empty(4 * count * stride, f"radiance[{row0}]") for _ in range(planes))
         for column0 in range(0, camera.width, columns):
             tile = _Tile(column0, min(columns, camera.width - column0), row0, count)
             size = tile.cells(camera, kernel)
-            target = Target(out, column0, stride)
-            cells = target
+            targets = [Target(out, column0, stride) for out in outs]
+            sums = targets
             if work is not None:
-                cells = Target(device.empty(4 * size.width * size.height, "photograph.cells"), 0,
-                               size.width)  # fmt: skip
+                area = 4 * size.width * size.height
+                sums = [Target(device.empty(area, "photograph.cells"), 0, size.width) for _ in outs]
             for weight, what, whence in exposure.parts:
                 part = shoot(what, tile.cells(whence, kernel))
-                for band in part.bands:
-                    place = Target(
-                        cells.buffer, cells.first + band.row0 * cells.stride, cells.stride
-                    )
-                    accumulate(device, band.buffer, band.stride, (band.rows, size.width), place,
-                               weight=weight)  # fmt: skip
+                for plane, own in zip(part.planes, sums, strict=True):
+                    for band in plane.bands:
+                        place = Target(own.buffer, own.first + band.row0 * own.stride, own.stride)
+                        accumulate(device, band.buffer, band.stride, (band.rows, size.width), place,
+                                   weight=weight)  # fmt: skip
                 part.release()
             if work is not None:
-                work.run(cells.buffer, tile.columns, tile.rows, target)
-                cells.buffer.release()
-        yield Band(row0, count, stride, out)
+                for own, target in zip(sums, targets, strict=True):
+                    work.run(own.buffer, tile.columns, tile.rows, target)
+                    own.buffer.release()
+        yield Band(row0, count, stride, outs)
     if work is not None:
         work.release()
 
 
 def _combine_twin(
     exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame]
-) -> npt.NDArray[np.float32]:
-    camera = exposure.sight[1]
+) -> list[npt.NDArray[np.float32]]:
+    camera, kernel = exposure.sight[1], exposure.kernel
     whole = _Tile(0, camera.width, 0, camera.height)
-    size = whole.cells(camera, exposure.kernel)
-    cells = np.zeros((size.height, size.width))
+    size = whole.cells(camera, kernel)
+    sums: list[Array] = []
     for weight, what, whence in exposure.parts:
-        part = shoot(what, whole.cells(whence, exposure.kernel))
-        cells = accumulate_twin(cells, part.radiance, weight)
-    if exposure.kernel is not SAME_IMAGE:
-        cells = convolve_twin(exposure.kernel, cells)
-    return cells.astype(np.float32)
+        planes = shoot(what, whole.cells(whence, kernel)).planes
+        sums = sums or [np.zeros((size.height, size.width)) for _ in planes]
+        sums = [
+            accumulate_twin(own, plane.radiance, weight)
+            for own, plane in zip(sums, planes, strict=True)
+        ]
+    if kernel is not SAME_IMAGE:
+        sums = [convolve_twin(kernel, cells) for cells in sums]
+    return [cells.astype(np.float32) for cells in sums]
 
 
 def _vignetted(frame: Frame, lens: Lens, camera: Camera) -> Frame:
     assert lens.vignetting is not None
+    if frame.coloured:
+        return Frame.of_planes([_vignetted(plane, lens, camera) for plane in frame.planes])
     if frame.device is None:
         gains = lens.vignetting.gains(camera, 0, camera.height)
         radiance = accumulate_twin(frame.radiance.astype(np.float64), gains, gain=True)

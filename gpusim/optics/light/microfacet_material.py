@@ -11,7 +11,7 @@ of ``shaders/lib/light/brdf.wgsl``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -151,15 +151,21 @@ class Gloss:
         if not glossy.any():
             return None
         alpha = np.maximum(rough**2, SMOOTHEST)
-        shape = environment.shape if environment is not None else (2, 1)
-        table, maps = np.zeros((len(rough), SAMPLES, 2)), np.zeros((len(rough), *shape))
+        table, none = np.zeros((len(rough), SAMPLES, 2)), np.zeros((len(rough), 2, 1))
         for value in np.unique(alpha[glossy]):
-            own = glossy & (alpha == value)
-            table[own] = reflectance_table(float(value))
-            if environment is not None:
-                maps[own] = environment.blurred(float(value))
+            table[glossy & (alpha == value)] = reflectance_table(float(value))
         metallic = np.array([finish(region)[1] for region in paints], np.float64)
-        return Gloss(glossy, alpha, metallic, table, maps, environment, even)
+        return Gloss(glossy, alpha, metallic, table, none, None, 0.0).under(environment, even)
+
+    def under(self, environment: Environment | None, even: float) -> Gloss:
+        """The same paints under other surroundings."""
+        shape = environment.shape if environment is not None else (2, 1)
+        maps = np.zeros((len(self.alpha), *shape))
+        if environment is not None:
+            for value in np.unique(self.alpha[self.glossy]):
+                own = self.glossy & (self.alpha == value)
+                maps[own] = environment.blurred(float(value))
+        return replace(self, maps=maps, environment=environment, even=even)
 
     @property
     def per_paint(self) -> int:
@@ -212,13 +218,16 @@ class Gloss:
         return 1.0 - DIELECTRIC * a - b
 
 
-def gloss_texels(device: Device, gloss: Gloss | None) -> Texels:
-    """The tables as lib/light/brdf.wgsl reads them."""
+def gloss_texels(device: Device, bands: Sequence[Gloss | None]) -> Texels:
+    """The tables as lib/light/brdf.wgsl reads them; of the ``bands`` only the maps differ."""
+    gloss = bands[0]
     if gloss is None:
         return device.no_texels("rgba32float")
     rows = np.zeros((len(gloss.alpha), gloss.per_paint, 4), np.float32)
     rows[:, :SAMPLES, :2] = gloss.table
-    rows[:, SAMPLES:, 0] = gloss.maps.reshape(len(gloss.alpha), -1)
+    for k, band in enumerate(bands):
+        if band is not None:
+            rows[:, SAMPLES:, k] = band.maps.reshape(len(gloss.alpha), -1)
     texels = device.texels(rows.shape[0] * rows.shape[1], "rgba32float", "shade.gloss")
     texels.write(rows.reshape(-1, 4))
     return texels

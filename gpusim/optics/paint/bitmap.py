@@ -54,9 +54,13 @@ ALIGNMENT = 4096
 
 @dataclass(frozen=True, eq=False)
 class BitmapTable:
-    """The bitmaps of a view, by number of the paint, and where the levels lie on the device."""
+    """The bitmaps of a view, by number of the paint, and where the levels lie on the device.
+
+    ``bands``: the same of each band of the spectrum, if there are several.
+    """
 
     images: dict[int, Image]
+    bands: tuple[BitmapTable, ...] = ()
 
     @staticmethod
     def build(regions: Sequence[RegionPaint], paints: npt.NDArray[np.void]) -> BitmapTable:
@@ -80,22 +84,29 @@ class BitmapTable:
         return st
 
     def texels(self) -> npt.NDArray[np.float32]:
-        """(n, 4) float32: per level (first row, texels a row, -, -), then the coefficients.
+        """(n, 4) float32: per level (first row, texels a row, texels a band, -), then the
+        coefficients.
 
-        A level's coefficients lie four to a texel, row by row.
+        A level's coefficients lie four to a texel, row by row, one band after the other.
         """
-        levels = [level for image in self.images.values() for level in image.levels]
+        each = [
+            [level for image in table.images.values() for level in image.levels]
+            for table in self.bands or (self,)
+        ]
+        levels = each[0]
         width = [-(-level.coefficients.shape[1] // 4) for level in levels]
         need = [w * level.coefficients.shape[0] for w, level in zip(width, levels, strict=True)]
-        rows = [-(-len(levels) // ALIGNMENT), *(-(-n // ALIGNMENT) for n in need)]
+        rows = [-(-len(levels) // ALIGNMENT), *(-(-len(each) * n // ALIGNMENT) for n in need)]
         first = np.cumsum(rows)
         table = np.zeros((max(int(first[-1]), 1) * ALIGNMENT, 4), np.float32)
         for k, level in enumerate(levels):
-            table[k, :2] = first[k], width[k]
+            table[k, :3] = first[k], width[k], need[k]
             wide = np.zeros((level.coefficients.shape[0], 4 * width[k]), np.float32)
-            wide[:, : level.coefficients.shape[1]] = level.coefficients
             start = int(first[k]) * ALIGNMENT
-            table[start : start + need[k]] = wide.reshape(-1, 4)
+            for band in each:
+                wide[:, : level.coefficients.shape[1]] = band[k].coefficients
+                table[start : start + need[k]] = wide.reshape(-1, 4)
+                start += need[k]
         return table
 
 

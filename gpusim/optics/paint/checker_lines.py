@@ -197,17 +197,22 @@ def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[A
 
 
 def field_of(
-    paint: Checker, reach: float, st: Array, corner: npt.NDArray[np.int64]
+    paint: Checker,
+    albedos: Array,
+    reach: float,
+    st: Array,
+    corner: npt.NDArray[np.int64],
 ) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
     """Whether pixels on triangles of a board may reach over a line, and the albedo of those that
     can't, (n,) each.
 
-    ``st`` (V, 2): paint coordinates of vertices; ``corner`` (n, 3): those of the triangles;
+    ``albedos`` (3,): of even and of odd fields and beyond them; ``st`` (V, 2): paint coordinates of
+    vertices; ``corner`` (n, 3): those of the triangles;
     ``reach``: half of the largest pixel there.
     """
     # the field of each vertex as one number, as what is looked up costs more than what is compared
     number, shade = np.empty(len(st), np.int64), np.empty(len(st), np.float32)
-    shades = np.array([paint.dark, paint.light], np.float32)
+    shades = albedos[:2].astype(np.float32)
     for start in range(0, len(st), CHUNK):
         part = slice(start, start + CHUNK)
         close, beside = np.zeros(len(st[part]), bool), np.zeros(len(st[part]), np.int64)
@@ -231,7 +236,7 @@ def field_of(
         shade[part] = shades[index & 1]
         if beside.any():
             out = beside < 0
-            number[part][out], shade[part][out] = beside[out], paint.ground
+            number[part][out], shade[part][out] = beside[out], albedos[2]
     near, albedo = np.empty(len(corner), bool), np.empty(len(corner), np.float32)
     for start in range(0, len(corner), CHUNK):
         part = slice(start, start + CHUNK)
@@ -252,16 +257,21 @@ def matte_boards(paints: Sequence[RegionPaint], gloss: Gloss | None) -> list[int
 
 
 def within_fields(
-    view: View, number: int, near: npt.NDArray[np.bool_], albedo: npt.NDArray[np.float32]
+    view: View,
+    number: int,
+    albedos: Array,
+    near: npt.NDArray[np.bool_],
+    albedo: npt.NDArray[np.float32],
 ) -> None:
-    """Correct ``near`` and ``albedo`` (T,) on the triangles of the board of paint ``number``."""
+    """Correct ``near`` and ``albedo`` (T,) on the triangles of the board of paint ``number``, whose
+    ``albedos`` (3,) are as for `field_of`."""
     region = view.paints[number]
     paint = region.paint
     assert isinstance(paint, Checker)
     own = near & (view.paint == number)
     whole = bool(own.all())
     corner = view.corner if whole else view.corner[own]
-    close, plain = field_of(paint, region.reach, view.vertices[:, ST], corner)
+    close, plain = field_of(paint, albedos, region.reach, view.vertices[:, ST], corner)
     rows = slice(None) if whole else np.flatnonzero(own)
     near[rows] = close
     albedo[rows] = np.where(close, albedo[rows], plain)

@@ -59,6 +59,8 @@ class FeatureGrid:
 
     ``cell_start`` (C + 1,): where a cell's own begin among ``features`` (F, 16). ``speckle`` has
     the discs of speckled paints, ``grid_of_paint`` (paints,) which of its grids is a paint's.
+    ``filed``: per patterned paint its number, the rows of its features, and which of the paint's
+    each of them is.
     """
 
     paints: npt.NDArray[np.void]
@@ -66,6 +68,7 @@ class FeatureGrid:
     features: Array
     speckle: DiscGrid
     grid_of_paint: npt.NDArray[np.int64]
+    filed: tuple[tuple[int, slice, npt.NDArray[np.int64]], ...]
 
     @staticmethod
     def build(regions: Sequence[RegionPaint], extent: float = np.inf) -> FeatureGrid:
@@ -78,6 +81,7 @@ class FeatureGrid:
         """
         paints = np.zeros(max(len(regions), 1), PAINT)
         starts, rows = [np.zeros(1, np.int64)], [np.zeros((0, 16))]
+        all_filed = []
         slots = total = 0
         for number, region in enumerate(regions):
             record = paints[number]
@@ -88,6 +92,7 @@ class FeatureGrid:
             if filed is None:
                 continue
             rows.append(filed.records)
+            all_filed.append((number, slice(total, total + len(filed.which)), filed.which))
             starts.append(total + np.cumsum(filed.counts))
             furthest = max(abs(k) + n for k, n in zip(filed.lowest, filed.shape, strict=True))
             if not furthest < CELL_NUMBERS:
@@ -105,7 +110,25 @@ class FeatureGrid:
         table = np.concatenate(rows)
         speckle, grid_of_paint = _file_speckle(regions, paints)
         starting = np.concatenate(starts).astype(np.uint32)
-        return FeatureGrid(paints, starting, table, speckle, grid_of_paint)
+        return FeatureGrid(paints, starting, table, speckle, grid_of_paint, tuple(all_filed))
+
+    def with_albedos_of(self, regions: Sequence[RegionPaint]) -> FeatureGrid:
+        """The same with the albedos of regions that differ from its own in nothing else."""
+        paints, features = self.paints.copy(), self.features.copy()
+        for record, region in zip(paints, regions, strict=False):
+            record["ground"] = region.paint.ground
+            if isinstance(region.paint, Speckle):
+                record["dot"] = region.paint.dot
+        for number, rows, which in self.filed:
+            own = regions[number].paint.features(regions[number].low, regions[number].high)
+            assert own is not None
+            features[rows, 8:10] = own.albedo[which]
+        return replace(self, paints=paints, features=features)
+
+    def fields(self, number: int) -> Array:
+        """(3,): albedo of the even and of the odd fields of a board, and of its ground."""
+        rows = next(rows for filed, rows, _ in self.filed if filed == number)
+        return np.append(self.features[rows.start, 8:10], self.paints["ground"][number])
 
     def mask(self) -> FeatureGrid:
         """The same pattern with what each feature covers as its albedo, on a ground of 0.
@@ -199,7 +222,8 @@ class FeatureGrid:
 class _RegionCells:
     """A region's features in cells of side ``cell``, from the ``lowest`` (column, row) on.
 
-    ``counts`` (columns * rows,) features of each cell, whose ``records`` (F, 16) follow each other.
+    ``counts`` (columns * rows,) features of each cell, whose ``records`` (F, 16) follow each other;
+    ``which`` (F,) of the paint's features each one is.
     """
 
     cell: float
@@ -207,6 +231,7 @@ class _RegionCells:
     shape: tuple[int, int]
     counts: npt.NDArray[np.int64]
     records: Array
+    which: npt.NDArray[np.int64]
 
 
 def _file(region: RegionPaint, extent: float) -> _RegionCells | None:
@@ -257,7 +282,8 @@ def _file_features(region: RegionPaint, longest: float) -> _RegionCells | None:
     origin = np.stack([i + lowest[0], j + lowest[1]], axis=1) * cell
     counts = np.bincount(slot, minlength=columns * rows)
     first = (int(lowest[0]), int(lowest[1]))
-    return _RegionCells(cell, first, (columns, rows), counts, _records(features, which, origin))
+    records = _records(features, which, origin)
+    return _RegionCells(cell, first, (columns, rows), counts, records, which)
 
 
 def _file_speckle(

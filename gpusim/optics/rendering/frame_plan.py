@@ -74,7 +74,12 @@ class FramePlan:
 SHORTCUTS = ("deferred", "checker_lines", "tile_light", "painter", "plate_border")
 
 
-def plan_frame(view: View, lights: Sequence[Light] | None, height: int | None = None) -> FramePlan:
+def plan_frame(
+    view: View,
+    lights: Sequence[Light] | None,
+    height: int | None = None,
+    coloured: bool = False,
+) -> FramePlan:
     """The plan of a view, of which ``height`` rows are drawn (None: all)."""
     camera, height = view.camera, height or view.camera.height
     lit, shadowed = lights is not None, casts_shadows(lights or [])
@@ -97,7 +102,10 @@ def plan_frame(view: View, lights: Sequence[Light] | None, height: int | None = 
         ),
         "tile_light": (lit and large, f"boxes of at least {MIN_PIXELS:.0f} px, lit"),
         "painter": (painter, "one plane" if painter else "triangles may hide each other"),
-        "plate_border": (not lit and Border.suits(view), "one unlit plate, its ground all round"),
+        "plate_border": (
+            not (lit or coloured) and Border.suits(view),
+            "one unlit grey plate, its ground all round",
+        ),
     }  # fmt: skip
     return FramePlan(
         **{name: value for name, (value, _) in choices.items()},  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
     """What the edge pixels of a view and its shadows ask for: the slowest to compile, then the
     others in the order in which they run."""
     glossy, bumpy = bool(setup.shiny.any()), bool(setup.bumpy.any())
-    resolve = "optics/edge_pixels/resolve"
+    resolve = setup.program("optics/edge_pixels/resolve")
     constants = setup.constants(setup.groups_present(), glossy, bumpy)
     if not plan.shadowed:
         return [] if plan.plate_border else [program_key(resolve, "main", constants)]
@@ -43,7 +43,10 @@ def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
         (groups, "find_groups", pixels),
         (search, "coarse_tiles", pixels),
         (search, "tiles_of_pixels", pixels),
-        *(("optics/shading/relighting", entry, relit) for entry in ("main", "list_tiles")),
-        ("optics/shading/relighting", "count_tiles", relit),
+        *(
+            (setup.program("optics/shading/relighting"), entry, relit)
+            for entry in ("main", "list_tiles")
+        ),
+        (setup.program("optics/shading/relighting"), "count_tiles", relit),
     ]
     return [program_key(*program) for program in programs]

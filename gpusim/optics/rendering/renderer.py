@@ -27,14 +27,16 @@ from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.spectrum import is_coloured_scene
 from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = ["render"]
+__all__ = ["is_coloured", "render"]
 
 MAX_SIDE = 8192
 """px, of an image."""
@@ -57,7 +59,7 @@ def render(
     lights: Sequence[Light] | None = None,
     *,
     error: float = MIN_ERROR,
-    background: float = 0.0,
+    background: Color = 0.0,
     device: Device | None = None,
     backend: str = "auto",
     shortcuts: bool = True,
@@ -70,7 +72,7 @@ def render(
         otherwise the lights' reflection, with the shadows of all ``surfaces``.
     error : largest error wanted, in grey levels of 8 bit (RMS); the closed forms reach 0.25, so
         smaller values are refused.
-    background : radiance where no surface is.
+    background : radiance where no surface is, grey or red, green and blue.
     backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
         warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
     device : the device to take; None: the process-wide one.
@@ -104,14 +106,15 @@ def render(
     view = look(moved, camera_there, scene.lights is not None)
     shown = seen_from_origin(view, origin)
     if device is None:
-        frame = Frame(shown, None, radiance=_frame_twin(view, scene))
+        planes = _frame_twin(view, scene)
+        frame = Frame.of_planes([Frame(shown, None, radiance=plane) for plane in planes])
     else:
         bands: list[Band] = []
         for rows, part in _parts(view, range(camera.height)):
-            plan = plan_frame(part, lights, len(rows))
+            plan = plan_frame(part, lights, len(rows), scene.coloured)
             plan = plan if shortcuts else plan.without_shortcuts()
             bands += _draw(device, part, scene, plan, rows)
-        frame = Frame(shown, device, tuple(bands))
+        frame = Frame.of_bands(shown, device, bands)
     frame.warnings = wound_inwards(moved, camera_there)
     return frame
 
@@ -122,7 +125,20 @@ class _Scene:
 
     surfaces: Sequence[Surface]
     lights: Sequence[Light] | None
-    background: float
+    background: Color
+
+    @property
+    def coloured(self) -> bool:
+        """Whether something in it isn't grey."""
+        return is_coloured(self.surfaces, self.lights, self.background)
+
+
+def is_coloured(
+    surfaces: Sequence[Surface], lights: Sequence[Light] | None, background: Color
+) -> bool:
+    """Whether a picture of these has planes of red, green and blue."""
+    paints = [paint for surface in surfaces for paint in surface.paints.values()]
+    return is_coloured_scene(paints, lights, background)
 
 
 def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: range) -> list[Band]:
@@ -141,11 +157,11 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
     shading = RelightingPass(lit_by_all) if plan.shadowed else lit_by_all
     edge_pixels: EdgePixelPass | PlateBorderPass
     if plan.plate_border:
-        edge_pixels = PlateBorderPass(device, view, scene.background)
+        edge_pixels = PlateBorderPass(device, view, setup.background)
     else:
         edge_pixels = EdgePixelPass(buffers, find_edge_pixels(view))
     bands = [
-        Band.of(device, row0, min(plan.rows, rows.stop - row0), shading.stride)
+        Band.of(device, row0, min(plan.rows, rows.stop - row0), shading.stride, len(setup.bands))
         for row0 in rows[:: plan.rows]
     ]
 
@@ -159,7 +175,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
 
 
 def _frame_twin(view: View, scene: _Scene) -> npt.NDArray[np.float32]:
-    """Radiance (H, W) in NumPy."""
+    """Radiance (planes, H, W) in NumPy."""
     setup = Setup.build(view, scene.lights, scene.background, scene.surfaces)
     interior = shade_twin(setup, visibility_twin(view))
     return edges_twin(setup, find_edge_pixels(view), interior)
@@ -182,7 +198,7 @@ def _check(
     camera: Camera,
     lights: Sequence[Light] | None,
     error: float,
-    background: float,
+    background: Color,
 ) -> None:
     """Refuse what isn't to be rendered."""
     if not _all_are(Surface, surfaces) or not surfaces:
@@ -195,7 +211,9 @@ def _check(
         raise InputError(f"render lights; got {lights!r}; expected a list of lights, or None")
     if not (np.isfinite(error) and error >= MIN_ERROR):
         raise InputError(f"render error; got {error}; expected at least {MIN_ERROR} grey levels")
-    if not (np.isfinite(background) and background >= 0.0):
+    if np.shape(background) not in ((), (3,)) or not (
+        np.isfinite(background).all() and np.greater_equal(background, 0.0).all()
+    ):
         raise InputError(f"render background; got {background}; expected a radiance from 0 up")
     for name, size in (("width", camera.width), ("height", camera.height)):
         if size > MAX_SIDE:

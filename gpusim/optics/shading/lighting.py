@@ -6,7 +6,7 @@ Twin of ``shaders/lib/light/lighting.wgsl``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -127,6 +127,16 @@ class Lighting:
         shadows = find_shadows(view, lights, surfaces, device)
         return Lighting(rows, even, environment, gloss, shadows, openness)
 
+    def with_strengths_of(self, lights: Sequence[Light], share: Array) -> Lighting:
+        """The same with the strengths of lights that differ from its own in nothing else; ``share``
+        (lamps,): by how much the lamps'."""
+        rows, even = self.emitters.copy(), ambient(lights)
+        rows[:, 3] *= share[rows[:, 11].astype(np.int64)]
+        environment, gloss = Environment.of(lights), self.gloss
+        if gloss is not None:
+            gloss = gloss.under(environment, even / np.pi)
+        return replace(self, emitters=rows, ambient=even, environment=environment, gloss=gloss)
+
     def constants(self, glossy: bool) -> dict[str, float]:
         """Override constants of the shaders; ``glossy``: for triangles with such paint."""
         return {
@@ -159,32 +169,25 @@ class Lighting:
         self,
         triangle: npt.NDArray[np.int64],
         paint: npt.NDArray[np.int32],
-        x: Array,
-        y: Array,
         at: Array,
         normal: Array,
-        across: Array,
-        down: Array,
         widened: Array,
-        shares: SharesOf | None = None,
+        seen: Array | None,
     ) -> Reflection:
         """What surfaces at (n, 3) relative to the eye send towards it.
 
-        ``triangle``, ``paint`` (n,); ``x``, ``y`` px; ``normal`` (n, 3) unit; ``across`` and
-        ``down`` (n, 3): how ``at`` changes over the pixel, for shadows sharper than a pixel;
-        ``widened`` (n,): what a relief adds to the square of alpha. ``shares`` tells what is seen
-        of lamps, as `Shadows.shares` does, which is asked without.
+        ``triangle``, ``paint`` (n,); ``normal`` (n, 3) unit; ``widened`` (n,): what a relief adds
+        to the square of alpha; ``seen`` (n, lamps): visible fractions; None for all.
         """
-        around = np.full(len(x), self.ambient)
+        around = np.full(len(at), self.ambient)
         if self.environment is not None:
             around = around + self.environment.diffuse(normal)
-        share = np.ones((len(x), len(self.emitters)))
-        if self.shadows is not None:
-            seen = (shares or self.shadows.shares)(x, y, at, normal, across, down, triangle)
+        share = np.ones((len(at), len(self.emitters)))
+        if seen is not None:
             share = seen[:, self.emitters[:, 11].astype(np.int64)]
-        openness = np.ones(len(x)) if self.openness is None else self.openness.at(triangle, at)
+        openness = np.ones(len(at)) if self.openness is None else self.openness.at(triangle, at)
         matte = around / np.pi * openness
-        p = q = np.zeros(len(x))
+        p = q = np.zeros(len(at))
         view = -at / np.linalg.norm(at, axis=1)[:, None]
         if self.gloss is not None:
             first = self.gloss.surroundings(paint, normal, view, around)

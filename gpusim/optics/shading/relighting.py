@@ -34,6 +34,7 @@ __all__ = ["ListedShares", "PieceShares", "RelightingPass", "no_pieces"]
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 NEEDED = "shadow.capacity"
+WORDS = {"r32uint": 1, "rg32uint": 2, "rgba32uint": 4}
 
 
 def _found_by(shadows: Shadows, receivers: DeviceReceivers, label: str) -> VisibleShares:
@@ -99,7 +100,7 @@ class RelightingPass:
     def _pixels(self, shadows: Shadows, marks: Texture, rows: int) -> DevicePixels:
         """Those that marks are of."""
         camera, planes, device = shadows.view.camera, self.buffers.planes, self.buffers.device
-        layout = marks.stride // 4, 2 if marks.format.startswith("rg") else 1
+        layout = marks.stride // 4, WORDS[marks.format]
         found = _kept_receivers(shadows, "band")
         if isinstance(found, DevicePixels) and found.suits(camera, rows, planes, *layout):
             found.look(camera)
@@ -141,7 +142,8 @@ class RelightingPass:
         bound = Bound(
             self.buffers.device,
             {
-                "params": params, "radiance": band.buffer, "marks": self.shade.marks,
+                "params": params, "marks": self.shade.marks,
+                **{f"plane{k}": plane for k, plane in enumerate(band.planes)},
                 "lamp_shares": self._found.shares, "states": self._found.states,
                 "halves": self._receivers.halves, "listed": self._tiles,
                 "counters": self._counters, "groups_of": self._groups, **self.buffers.surface(),
@@ -150,7 +152,7 @@ class RelightingPass:
         with self.buffers.device.recording("optics.relit") as recording:
             recording.clear(self._counters)
             count = -(-width // TILE) * -(-band.rows // TILE)
-            name = "optics/shading/relighting"
+            name = setup.program("optics/shading/relighting")
             bound.run(recording, name, "list_tiles", constants, threads=(count,))
             bound.run(recording, name, "count_tiles", constants, groups=(1,))
             bound.run(recording, name, "main", constants, counted=self._groups)

@@ -28,6 +28,7 @@ from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
 from gpusim.optics.shading.setup import TRIANGLE, Setup
+from gpusim.optics.shading.spectrum import tints
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.visibility_buffer import VertexBuffers
 
@@ -62,7 +63,8 @@ class SceneBuffers:
         table, view = setup.table, setup.view
         self.device, self.setup = device, setup
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
-        self.gloss = gloss_texels(device, setup.lighting.gloss)
+        self.gloss = gloss_texels(device, [band.lighting.gloss for band in setup.bands])
+        self._color = _color_bindings(device, setup)
         self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
         self.bumps = bump_texels(device, setup.bumps)
         self.openness = sky_visibility_texels(device, setup.lighting.openness)
@@ -117,6 +119,7 @@ class SceneBuffers:
             "openness": self.openness,
             "tiles": self.tiles,
             "undistortion": self.undistortion,
+            **self._color,
         }
 
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -124,6 +127,16 @@ class SceneBuffers:
         columns = np.zeros((3, 4))
         columns[:, :3] = self.setup.rays().T
         return {"x": columns[0], "y": columns[1], "one": columns[2]}
+
+
+def _color_bindings(device: Device, setup: Setup) -> dict[str, Any]:
+    """What programs read of colours, by their WGSL names; nothing where all is grey."""
+    if setup.palette is None:
+        return {}
+    palette = device.texels(len(setup.palette), "rgba32float", "shade.palette")
+    palette.write(setup.palette)
+    light = Uniform(device, tints(setup.lighting, setup.bands), "shade.tints")
+    return {"palette": palette, "tints": light}
 
 
 def _as_texels(device: Device, records: npt.NDArray[np.void], label: str) -> Texels:

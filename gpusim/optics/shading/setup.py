@@ -7,7 +7,7 @@ evaluate the same coefficients at pixels.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,14 @@ from gpusim.optics.shading.coefficients import (
     coefficients,
 )
 from gpusim.optics.shading.lighting import Lighting, SharesOf
+from gpusim.optics.shading.spectrum import (
+    SpectralBand,
+    indexed,
+    is_coloured_scene,
+    regions_in_band,
+    spectral_bands,
+)
+from gpusim.surface.color import Color, in_band, is_colored
 from gpusim.surface.surface import Surface
 
 __all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "radiance_of"]
@@ -61,6 +69,10 @@ class Setup:
     ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of (dx, dy,
     1), the offset from ``anchor`` (T, 2); ``cell`` (T, 2): the pattern cell that s and t are
     relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
+
+    ``bands``: of the spectrum, one where all is grey. Where something has a colour, ``table`` has
+    numbers of colours in ``palette`` (n, 4), and ``lighting`` and ``background`` are the bands'
+    mean (`gpusim.optics.shading.spectrum`).
     """
 
     view: View
@@ -69,12 +81,15 @@ class Setup:
     lighting: Lighting
     background: float
     lit: bool
+    bands: tuple[SpectralBand, ...]
+    palette: npt.NDArray[np.float32] | None
+    _found: CoefficientCache
 
     @staticmethod
     def build(
         view: View,
         lights: Sequence[Light] | None,
-        background: float,
+        background: Color,
         surfaces: Sequence[Surface] = (),
         device: Device | None = None,
     ) -> Setup:
@@ -82,10 +97,31 @@ class Setup:
 
         ``surfaces`` cast shadows and hide surroundings, which ``device`` looks at.
         """
-        table = FeatureGrid.build(view.paints, view.extent)
-        bitmaps = BitmapTable.build(view.paints, table.paints)
-        lighting = Lighting.build(view, lights, surfaces, device)
-        return Setup(view, table, bitmaps, lighting, background, lights is not None)
+        colored = is_coloured_scene([one.paint for one in view.paints], lights, background)
+        regions = regions_in_band(view.paints, 0) if colored else view.paints
+        table = FeatureGrid.build(regions, view.extent)
+        bitmaps = BitmapTable.build(regions, table.paints)
+        grey = (
+            [light.grey() if is_colored(light) else light for light in lights]
+            if colored and lights
+            else lights
+        )
+        lighting = Lighting.build(view, grey, surfaces, device)
+        lit = lights is not None
+        found = CoefficientCache(view, table, bitmaps, lit)
+        behind = np.mean(background)
+        own = SpectralBand(table, bitmaps, lighting, float(behind))
+        bands: tuple[SpectralBand, ...] = (own,)
+        palette = None
+        if colored:
+            bands = spectral_bands(own, view.paints, lights, background)
+            table, palette = indexed(bands)
+            bitmaps = replace(bitmaps, bands=tuple(band.bitmaps for band in bands))
+        return Setup(view, table, bitmaps, lighting, own.background, lit, bands, palette, found)
+
+    def program(self, name: str) -> str:
+        """The name of a shader file that is compiled for as many bands as there are."""
+        return name if self.palette is None else f"{name}@rgb"
 
     @cached_property
     def _near_and_albedo(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
@@ -94,7 +130,7 @@ class Setup:
         near = self.table.near_features(view, boards)
         albedo = np.take(self.table.paints["ground"], view.paint, mode="clip")
         for number in boards:
-            within_fields(view, number, near, albedo)
+            within_fields(view, number, self.table.fields(number), near, albedo)
         return near, albedo
 
     @property
@@ -109,10 +145,6 @@ class Setup:
 
     def _coefficients(self) -> Iterator[Coefficients]:
         return coefficients(self.view, self.table, self.bitmaps, self.lit)
-
-    @cached_property
-    def _found(self) -> CoefficientCache:
-        return CoefficientCache(self.view, self.table, self.bitmaps, self.lit)
 
     def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
         """The coefficients of some triangles (n,)."""
@@ -202,7 +234,7 @@ class Setup:
         fine, large = False, True
         for region, record in zip(self.view.paints, self.table.paints, strict=False):
             if record["featured"] == 1:
-                features = region.paint.features(region.low, region.high)
+                features = in_band(region.paint, 0).features(region.low, region.high)
                 assert features is not None
                 patches = features.kind == 0
                 # the footprint's extent along the axes of a turned patch
@@ -346,12 +378,13 @@ def radiance_of(
     sides: Array | None = None,
     shares: SharesOf | None = None,
 ) -> Array:
-    """Radiance (n,) towards the eye at pixel positions; the mean albedo itself if unlit.
+    """Radiance (bands, n) towards the eye at pixel positions; the mean ``albedo`` (bands, n) itself
+    if unlit.
 
     ``printed``: share of the area that a glossy paint's matte pattern covers; ``sides`` (n, 2, 2),
     as columns: of the parallelogram that the light stands for, by those of the pixel's sensitive
-    square; None for all of that; ``shares``:
-    see `Lighting.reflect`.
+    square; None for all of that; ``shares``
+    tells what is seen of lamps, as `Shadows.shares` does, which is asked without.
     """
     if not setup.lit:
         return albedo
@@ -373,15 +406,20 @@ def radiance_of(
         )
     change = change @ bend if sides is None else change @ (bend @ sides)
     paint = setup.view.paint[triangle]
-    reflected = setup.lighting.reflect(
-        triangle, paint, x, y, position, normal, change[:, :, 0], change[:, :, 1], widened, shares
-    )
-    gloss = setup.lighting.gloss
-    if gloss is None:
-        return albedo * reflected.matte
-    whole = setup.table.paints["featured"][paint] > 1
-    ground = np.where(whole, albedo, setup.table.paints["ground"][paint])
+    shadows, seen = setup.lighting.shadows, None
+    if shadows is not None:
+        across, down = change[:, :, 0], change[:, :, 1]
+        seen = (shares or shadows.shares)(x, y, position, normal, across, down, triangle)
     bare = np.clip(1.0 - printed, 0.0, 1.0)
-    shiny = (albedo - ground * bare) * reflected.matte
-    shiny += bare * (ground * reflected.p + reflected.q)
-    return np.where(gloss.glossy[paint], shiny, albedo * reflected.matte)
+    result = np.empty((len(setup.bands), len(x)))
+    for k, (band, own_albedo) in enumerate(zip(setup.bands, albedo, strict=True)):
+        reflected = band.lighting.reflect(triangle, paint, position, normal, widened, seen)
+        result[k] = own_albedo * reflected.matte
+        gloss = band.lighting.gloss
+        if gloss is not None:
+            whole = band.table.paints["featured"][paint] > 1
+            ground = np.where(whole, own_albedo, band.table.paints["ground"][paint])
+            shiny = (own_albedo - ground * bare) * reflected.matte
+            shiny += bare * (ground * reflected.p + reflected.q)
+            result[k] = np.where(gloss.glossy[paint], shiny, result[k])
+    return result

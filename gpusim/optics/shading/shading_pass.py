@@ -16,6 +16,7 @@ those few: then the triangles draw their numbers only, and every pixel reads its
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -140,35 +141,40 @@ class ShadingPass:
         if deferred:
             visibility = VisibilityBuffer(buffers.vertex_buffers, setup.view, rows)
         self.marks: Texture | None = None
-        self.color = device.target(width, rows, "r32float", "shade.radiance")
-        self.colors: tuple[Texture, ...] = (self.color,)
+        self.planes = tuple(
+            device.target(width, rows, "r32float", f"shade.radiance{k or ''}")
+            for k in range(len(setup.bands))
+        )
+        colors, entry = self.planes, "fragment"
         if marked and visibility is not None and not glossy:
             self.marks = visibility.ids
         elif marked:
-            form = "rg32uint" if glossy else "r32uint"
-            self.marks = device.target(width, rows, form, "shade.marks")
-            self.colors = (self.color, self.marks)
+            wide = "rg32uint" if len(setup.bands) == 1 else "rgba32uint"
+            self.marks = device.target(width, rows, wide if glossy else "r32uint", "shade.marks")
+            colors = (*self.planes, self.marks)
+            entry = "fragment_marked" if glossy else "fragment_numbered"
+        self.colors: tuple[Texture, ...] = colors
         self._pass: DeferredPass | ForwardPass
         if visibility is not None:
-            self._pass = DeferredPass(buffers, rows, programs, visibility)
+            self._pass = DeferredPass(buffers, rows, programs, visibility, colors == self.planes)
         else:
-            self._pass = ForwardPass(buffers, rows, programs, self.colors, painter)
+            self._pass = ForwardPass(buffers, rows, programs, self.colors, entry, painter)
 
     @property
     def stride(self) -> int:
         """Pixels from one row of a band's buffer to the next."""
-        return self.color.stride // 4
+        return self.planes[0].stride // 4
 
     def draw(self, band: Band) -> None:
         """Shade a band."""
         with self.buffers.device.recording("optics.shade") as recording:
-            self.record(recording, band.buffer, band.row0, band.rows)
+            self.record(recording, band.planes, band.row0, band.rows)
 
     def finish(self) -> None:
         """There is nothing left to do."""
 
-    def record(self, recording: Recording, radiance: Buffer, row0: int, rows: int) -> None:
-        """Shade rows ``row0 …`` into ``radiance`` (rows x stride float32)."""
+    def record(self, recording: Recording, planes: Sequence[Buffer], row0: int, rows: int) -> None:
+        """Shade rows ``row0 …`` into ``planes`` (rows x stride float32 each)."""
         params = {
             "rays": self.buffers.rays(), "width": self.buffers.setup.view.camera.width,
             "rows": rows, "row0": row0, "near": self.buffers.vertex_buffers.near, "level": 0.0,
@@ -178,7 +184,8 @@ class ShadingPass:
         if self._tile_light is not None:
             shared["light_tiles"] = self._tile_light.found(recording)
         self._pass.record(recording, self.colors, params, shared)
-        recording.copy_texture(self.color, radiance, rows)
+        for target, plane in zip(self.planes, planes, strict=True):
+            recording.copy_texture(target, plane, rows)
 
 
 class ForwardPass:
@@ -190,6 +197,7 @@ class ForwardPass:
         rows: int,
         programs: list[Program],
         colors: tuple[Texture, ...],
+        entry: str,
         painter: bool,
     ) -> None:
         device, setup = buffers.device, buffers.setup
@@ -197,15 +205,13 @@ class ForwardPass:
         if not painter:
             width = setup.view.camera.width
             self.depth = device.target(width, rows, "depth32float", "shade.depth")
-        entry = "fragment"
-        if len(colors) > 1:
-            entry = "fragment_marked" if setup.shiny.any() else "fragment_numbered"
         formats = tuple(texture.format for texture in colors)
         self._draws: list[tuple[Raster, Buffer, int]] = []
         # what is in front comes first where depths are compared, else last
         for program in reversed(programs) if painter else programs:
             raster = device.raster(
-                "optics/shading/forward_pass", formats, program.constants, ("vertex", entry),
+                setup.program("optics/shading/forward_pass"), formats, program.constants,
+                ("vertex", entry),
                 "none" if painter else "greater",
             )  # fmt: skip
             count = len(program.triangles)
@@ -221,11 +227,11 @@ class ForwardPass:
     ) -> None:
         """Shade a band into ``colors``, whose first one is cleared to the background."""
         size = (int(params["width"]), int(params["rows"]))
-        clear: float | None = self.buffers.setup.background
+        clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
         for raster, order, count in self._draws:
             values = {**shared, **self.buffers.vertex_buffers.bindings(), "order": order}
             recording.draw(
-                raster, raster.bind(params=params, **values), colors=colors, depth=self.depth,
+                raster, raster.bind_used(params=params, **values), colors=colors, depth=self.depth,
                 vertices=3 * count, size=size, clear=clear,
             )  # fmt: skip
             clear = None
@@ -244,8 +250,10 @@ class DeferredPass:
         rows: int,
         programs: list[Program],
         visibility: VisibilityBuffer,
+        plain: bool,
     ) -> None:
         device, view = buffers.device, buffers.setup.view
+        self._entry = "fragment_seen" if plain else "fragment_seen_marked"
         self.buffers, self.programs, self.visibility = buffers, programs, visibility
         count = -(-view.count // PER_TEXEL)
         levels = np.zeros(PER_TEXEL * max(count, 1), np.uint8)
@@ -266,21 +274,24 @@ class DeferredPass:
         device, ids = self.buffers.device, self.visibility.ids
         size = (int(params["width"]), int(params["rows"]))
         self.visibility.record(recording, int(params["row0"]), size[1])
-        name = "optics/shading/forward_pass"
+        name = self.buffers.setup.program("optics/shading/forward_pass")
         constants = self.programs[0].constants
         raster = device.raster(name, (), constants, entries=("vertex_band", "fragment_levels"))
         bindings = raster.bind(params=params, ids=ids, levels=self._levels)
         recording.draw(raster, bindings, colors=(), depth=self._depth, vertices=3, size=size)
         formats = tuple(texture.format for texture in colors)
-        entry = "fragment_seen" if len(colors) == 1 else "fragment_seen_marked"
-        clear: float | None = self.buffers.setup.background
+        clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
         for k, program in enumerate(self.programs):
             raster = device.raster(
-                name, formats, program.constants, entries=("vertex_band", entry), depth="equal"
+                name,
+                formats,
+                program.constants,
+                entries=("vertex_band", self._entry),
+                depth="equal",
             )
             level = {**params, "level": (k + 1) / LEVELS}
             recording.draw(
-                raster, raster.bind(params=level, ids=ids, **shared), colors=colors,
+                raster, raster.bind_used(params=level, ids=ids, **shared), colors=colors,
                 depth=self._depth, vertices=3, size=size, clear=clear, keep_depth=True,
             )  # fmt: skip
             clear = None
@@ -298,31 +309,36 @@ def _check_loops(setup: Setup) -> None:
 
 
 def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
-    """Radiance (H, W) float32 of the interior pixels, from ids (H, W)."""
-    radiance = np.full(ids.shape, setup.background, np.float32)
+    """Radiance (bands, H, W) float32 of the interior pixels, from ids (H, W)."""
+    radiance = np.empty((len(setup.bands), *ids.shape), np.float32)
+    for plane, band in zip(radiance, setup.bands, strict=True):
+        plane[:] = band.background
     for row0 in range(0, ids.shape[0], 64):
-        band = ids[row0 : row0 + 64]
-        y, x = np.nonzero(band)
-        triangle = band[y, x].astype(np.int64) - 1
+        rows_of_ids = ids[row0 : row0 + 64]
+        y, x = np.nonzero(rows_of_ids)
+        triangle = rows_of_ids[y, x].astype(np.int64) - 1
         column, row = x.astype(np.float64), (y + row0).astype(np.float64)
         paint = setup.view.paint[triangle]
-        albedo = setup.table.paints["ground"][paint].astype(np.float64)
+        albedo = np.stack([one.table.paints["ground"][paint] for one in setup.bands]).astype(float)
         featured = setup.table.paints["featured"][paint]
         rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
-            albedo[rows] = mean_albedo(
-                setup.table, paint[rows], setup.of(triangle[rows]).cell, st, corners,
-                np.ones(corners.shape[:2]), (ex, ey, q), setup.groups[triangle[rows]] > BITMAP,
-            )  # fmt: skip
-        for number, image in setup.bitmaps.images.items():
+            for own, band in zip(albedo, setup.bands, strict=True):
+                own[rows] = mean_albedo(
+                    band.table, paint[rows], setup.of(triangle[rows]).cell, st, corners,
+                    np.ones(corners.shape[:2]), (ex, ey, q), setup.groups[triangle[rows]] > BITMAP,
+                )  # fmt: skip
+        for number in setup.bitmaps.images:
             rows = np.flatnonzero(paint == number)
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
-            albedo[rows] = mean_over_pixels(
-                image, image.ground, setup.of(triangle[rows]).cell, st, ex, ey, q
-            )
-        printed = np.zeros(len(albedo))
+            for own, band in zip(albedo, setup.bands, strict=True):
+                image = band.bitmaps.images[number]
+                own[rows] = mean_over_pixels(
+                    image, image.ground, setup.of(triangle[rows]).cell, st, ex, ey, q
+                )
+        printed = np.zeros(len(paint))
         rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
@@ -331,5 +347,5 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
                 setup.table.mask(), paint[rows], setup.of(triangle[rows]).cell, st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
-        radiance[y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
+        radiance[:, y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
     return radiance

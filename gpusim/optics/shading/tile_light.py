@@ -160,9 +160,8 @@ class TileLightPass:
         camera = buffers.setup.view.camera
         self.buffers, self.tiles = buffers, tiles
         self.shape = (-(-camera.height // TILE), -(-camera.width // TILE))
-        self.texels = Texels(
-            buffers.device, self.shape[0] * self.shape[1], "rgba32float", "light_tiles.light"
-        )
+        count = self.shape[0] * self.shape[1] * len(buffers.setup.bands)
+        self.texels = Texels(buffers.device, count, "rgba32float", "light_tiles.light")
         self._owners = buffers.device.buffer(tiles.owner, "light_tiles.owners")
         self._found = False
 
@@ -177,8 +176,9 @@ class TileLightPass:
         """Find the light of all tiles."""
         setup, buffers = self.buffers.setup, self.buffers
         constants = setup.light_constants(False, False)
-        kernel = buffers.device.kernel("optics/shading/tile_light", constants=constants)
-        bindings = kernel.bind(
+        name = setup.program("optics/shading/tile_light")
+        kernel = buffers.device.kernel(name, constants=constants)
+        bindings = kernel.bind_used(
             params={
                 "rays": buffers.rays(),
                 "columns": self.shape[1],
@@ -194,7 +194,8 @@ class TileLightPass:
 
 
 def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
-    """(rows, columns, 4) coefficients in a view without shadows; 0 where a tile has no owner."""
+    """(rows, columns, bands, 4) coefficients in a view without shadows; 0 where a tile has no
+    owner."""
     camera = setup.view.camera
     shape = (-(-camera.height // TILE), -(-camera.width // TILE))
     row, column = np.mgrid[: shape[0], : shape[1]].reshape(2, -1)
@@ -203,9 +204,9 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
     corners = []
     for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
         x, y = (TILE * (column[own] + i) - 0.5, TILE * (row[own] + j) - 0.5)
-        one, none = np.ones(len(own)), np.zeros(len(own))
+        one, none = np.ones((len(setup.bands), len(own))), np.zeros(len(own))
         corners.append(radiance_of(setup, owner[own] - 1, x, y, one, none))
     a, b, c, d = corners
-    result = np.zeros((shape[0] * shape[1], 4))
-    result[own] = np.stack([a, b - a, c - a, a - b - c + d], axis=1)
-    return result.reshape(*shape, 4)
+    result = np.zeros((shape[0] * shape[1], len(setup.bands), 4))
+    result[own] = np.stack([a.T, (b - a).T, (c - a).T, (a - b - c + d).T], axis=2)
+    return result.reshape(*shape, len(setup.bands), 4)

@@ -1,4 +1,5 @@
 // Glossy reflection. The NumPy forms are gpusim/optics/light/microfacet_material.py, microfacet_material.py and environment.py.
+#import lib/light/color
 #import lib/numeric/texel
 
 // per paint 64 texels (a, b, -, -) of reflectances, then its map of the surroundings, row by row
@@ -10,9 +11,9 @@ const NODES: u32 = 64u;
 // What is sent towards the eye: of a matte print of albedo a it is a * matte, of the paint's ground
 // of albedo g it is g * p + q.
 struct Reflection {
-    matte: f32,
-    p: f32,
-    q: f32,
+    matte: Color,
+    p: Color,
+    q: Color,
 }
 
 // A glossy paint as seen from the unit direction `view`: a dielectric's base gets `base`.
@@ -58,14 +59,15 @@ fn lamp_gloss(g: Gloss, n: vec3f, l: vec3f, e: f32) -> vec2f {
 }
 
 // Surroundings of irradiance e, whose radiance in the mirrored direction is `radiance`.
-fn surroundings_gloss(g: Gloss, e: f32, radiance: f32) -> vec2f {
+fn surroundings_gloss(g: Gloss, e: Color, radiance: Color) -> Reflection {
     let p = (1.0 - g.metallic) * g.base * e * 0.3183098861837907 + g.metallic * g.a * radiance;
-    return vec2f(p, (0.04 * (1.0 - g.metallic) * g.a + g.b) * radiance);
+    let q = (0.04 * (1.0 - g.metallic) * g.a + g.b) * radiance;
+    return Reflection(e * 0.3183098861837907, p, q);
 }
 
 // Value between four texels of the map of rows x columns at `first`, in the direction d given in
 // the map's axes (right, forward, up).
-fn mirrored_map(first: u32, rows: u32, columns: u32, d: vec3f) -> f32 {
+fn mirrored_map(first: u32, rows: u32, columns: u32, d: vec3f) -> Color {
     let v = clamp(acos(clamp(d.z, -1.0, 1.0)) * 0.3183098861837907 * f32(rows) - 0.5,
         0.0, f32(rows) - 1.0);
     let u = (atan2(d.x, d.y) * 0.15915494309189535 + 0.5) * f32(columns) - 0.5;
@@ -76,9 +78,9 @@ fn mirrored_map(first: u32, rows: u32, columns: u32, d: vec3f) -> f32 {
     let top = first + j * columns;
     let low = top + columns;
     let s = u - i;
-    let upper = mix(textureLoad(gloss_table, texel(top + left), 0).x,
-        textureLoad(gloss_table, texel(top + right), 0).x, s);
-    let lower = mix(textureLoad(gloss_table, texel(low + left), 0).x,
-        textureLoad(gloss_table, texel(low + right), 0).x, s);
+    let upper = mix(color_in(textureLoad(gloss_table, texel(top + left), 0)),
+        color_in(textureLoad(gloss_table, texel(top + right), 0)), s);
+    let lower = mix(color_in(textureLoad(gloss_table, texel(low + left), 0)),
+        color_in(textureLoad(gloss_table, texel(low + right), 0)), s);
     return mix(upper, lower, v - f32(j));
 }

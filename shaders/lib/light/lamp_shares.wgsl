@@ -23,7 +23,7 @@ fn known_share(k: Known, lamp: u32) -> f32 {
 // in part.
 struct Lit {
     r: Reflection,
-    whole: f32,
+    whole: Color,
     half: bool,
 }
 fn reflection_known(x: vec3f, n: vec3f, g: Gloss, open: f32, k: Known) -> Lit {

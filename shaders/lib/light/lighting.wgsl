@@ -46,19 +46,19 @@ fn emitter_light(i: u32, x: vec3f, n: vec3f) -> Ray {
 
 fn emitter_reflection(i: u32, x: vec3f, n: vec3f, g: Gloss) -> Reflection {
     let ray = emitter_light(i, x, n);
-    let matte = ray.irradiance * 0.3183098861837907;
-    if (glossy == 0u) { return Reflection(matte, matte, 0.0); }
+    let matte = tinted(i, ray.irradiance * 0.3183098861837907);
+    if (glossy == 0u) { return Reflection(matte, matte, Color(0.0)); }
     let pq = lamp_gloss(g, n, ray.to, ray.irradiance);
-    return Reflection(matte, pq.x, pq.y);
+    return Reflection(matte, tinted(i, pq.x), tinted(i, pq.y));
 }
 
 // `open` is the share of them that surfaces leave.
 fn surroundings(n: vec3f, g: Gloss, open: f32) -> Reflection {
-    var e = lamps.ambient.x;
-    var radiance = lamps.ambient.y;
+    var e = even_light(lamps.ambient.x);
+    var radiance = even_light(lamps.ambient.y);
     if (sky != 0u) {
-        e += max(lamps.linear.w + dot(lamps.linear.xyz, n) + dot(lamps.diagonal.xyz, n * n)
-            + 2.0 * dot(lamps.mixed.xyz, n.yzx * n.zxy), 0.0);
+        e += sky_light(n, max(lamps.linear.w + dot(lamps.linear.xyz, n) + dot(lamps.diagonal.xyz, n * n)
+            + 2.0 * dot(lamps.mixed.xyz, n.yzx * n.zxy), 0.0));
         if (glossy != 0u) {
             let r = 2.0 * g.nv * n - g.view;
             let d = vec3f(dot(lamps.axes[0].xyz, r), dot(lamps.axes[1].xyz, r),
@@ -72,9 +72,8 @@ fn surroundings(n: vec3f, g: Gloss, open: f32) -> Reflection {
         radiance *= open;
     }
     let matte = e * 0.3183098861837907;
-    if (glossy == 0u) { return Reflection(matte, matte, 0.0); }
-    let pq = surroundings_gloss(g, e, radiance);
-    return Reflection(matte, pq.x, pq.y);
+    if (glossy == 0u) { return Reflection(matte, matte, Color(0.0)); }
+    return surroundings_gloss(g, e, radiance);
 }
 
 fn plus(a: Reflection, share: f32, b: Reflection) -> Reflection {

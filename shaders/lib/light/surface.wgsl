@@ -93,9 +93,12 @@ fn reflection_at(t: Triangle, rays: Rays, p: vec2f, d: vec2f) -> Reflection {
     return reflection(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x));
 }
 
+// Albedo of the paint's ground.
+fn ground_of(t: Triangle) -> Color { return color_of(t.more.x); }
+
 // Radiance of a spot of mean albedo `albedo`, of which the paint's ground (albedo `ground`) shows
 // over `bare`; the rest is matte print.
-fn radiance_of(t: Triangle, r: Reflection, albedo: f32, ground: f32, bare: f32) -> f32 {
+fn radiance_of(t: Triangle, r: Reflection, albedo: Color, ground: Color, bare: f32) -> Color {
     if (glossy == 0u) { return albedo * r.matte; }
     let shiny = (albedo - ground * bare) * r.matte + bare * (ground * r.p + r.q);
     return select(albedo * r.matte, shiny, t.more.z < 1.0);

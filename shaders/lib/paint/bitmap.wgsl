@@ -1,5 +1,6 @@
 // The mean of a bitmap's quintic B-spline surface over what a pixel sees of it.
 // The NumPy form is gpusim/optics/paint/bitmap.py, which also says how the coefficients are laid out.
+#import lib/light/color
 #import lib/paint/area_integrals
 #import lib/numeric/texel
 
@@ -34,7 +35,16 @@ struct BitmapLevel {
     size: vec2i,
     shift: vec2f,
     scale: f32,
+    // texels from the coefficients of one band to those of the next
+    plane: i32,
 }
+
+// A sum over coefficients, and the weight of them all.
+struct BitmapSum {
+    value: Color,
+    weight: f32,
+}
+fn bitmap_mean(sum: BitmapSum) -> Color { return sum.value / max(sum.weight, TINY); }
 
 fn bitmap_level(bitmap: Bitmap, number: i32) -> BitmapLevel {
     let k = u32(number);
@@ -44,7 +54,7 @@ fn bitmap_level(bitmap: Bitmap, number: i32) -> BitmapLevel {
     let round_up = vec2i((1 << k) - 1);
     let size = vec2i((bitmap.size.x + round_up.x) >> k, (bitmap.size.y + round_up.y) >> k);
     return BitmapLevel(i32(head.x) * 4096, i32(head.y), cell, size, vec2f(shift),
-        1.0 / f32(1 << k));
+        1.0 / f32(1 << k), i32(head.z));
 }
 
 // A position relative to the coefficients, kept near the bitmap.
@@ -74,9 +84,9 @@ fn spline(y: vec4f) -> vec4f {
     return (z2 * z2 * z - 6.0 * a2 * a2 * a + 15.0 * b2 * b2 * b) * (1.0 / 120.0);
 }
 
-// (integral, area) over what lies on the bitmap of a piece of area 1 at `place`; `square`: twelve
+// Integral and area over what lies on the bitmap of a piece of area 1 at `place`; `square`: twelve
 // times its variances, `mixed`: its covariance.
-fn bitmap_piece(level: BitmapLevel, place: vec2f, square: vec2f, mixed: f32) -> vec2f {
+fn bitmap_piece(level: BitmapLevel, place: vec2f, square: vec2f, mixed: f32) -> BitmapSum {
     let p = on_level(level, place);
     let width = clamp(sqrt(square), vec2f(NARROWEST), vec2f(WIDEST));
     let border_low = vec2f(-level.cell) - 0.5;
@@ -99,23 +109,23 @@ fn bitmap_piece(level: BitmapLevel, place: vec2f, square: vec2f, mixed: f32) -> 
     let s1 = (spline(high.x - x1) - spline(low.x - x1)) * across.x;
     let s2 = (spline(high.x - x2) - spline(low.x - x2)) * across.x;
     var at = level.start + (first.y + level.cell.y + BITMAP_MARGIN) * level.stride + block;
-    var sum = 0.0;
+    var sum = Color(0.0);
     var j = first.y;
     loop {
-        let c0 = textureLoad(bitmap_texels, texel(u32(at)), 0);
-        let c1 = textureLoad(bitmap_texels, texel(u32(at + 1)), 0);
-        let c2 = textureLoad(bitmap_texels, texel(u32(at + 2)), 0);
+        let c0 = coefficients_at(bitmap_texels, at, level.plane);
+        let c1 = coefficients_at(bitmap_texels, at + 1, level.plane);
+        let c2 = coefficients_at(bitmap_texels, at + 2, level.plane);
         let y = vec4f(high.y, low.y, 9.0, 9.0) - f32(j);
         let total = spline_integral(y);
         let value = spline(y);
-        sum += (total.x - total.y) * across.y * (dot(a0, c0) + dot(a1, c1) + dot(a2, c2))
-            + mixed * (value.x - value.y) * across.y * (dot(s0, c0) + dot(s1, c1) + dot(s2, c2));
+        sum += (total.x - total.y) * across.y * (weighed(a0, c0) + weighed(a1, c1) + weighed(a2, c2))
+            + mixed * (value.x - value.y) * across.y * (weighed(s0, c0) + weighed(s1, c1) + weighed(s2, c2));
         at += level.stride;
         j++;
         if (j > last) { break; }
     }
     let inside = (high - low) * across;
-    return vec2f(sum, inside.x * inside.y);
+    return BitmapSum(sum, inside.x * inside.y);
 }
 
 // Squared sine of twice the angle between a vector and the nearest axis.
@@ -169,16 +179,16 @@ struct BitmapSides {
 
 // Mean over such a shape: a coefficient's weight is the product over the sides of the spline's
 // integral up to the side.
-fn bitmap_inside(w: BitmapWindow, sides: BitmapSides) -> f32 {
+fn bitmap_inside(w: BitmapWindow, sides: BitmapSides) -> Color {
     let start = (w.first.x + w.level.cell.x + BITMAP_MARGIN) >> 2u;
     let stop = (w.last.x + w.level.cell.x + BITMAP_MARGIN) >> 2u;
-    var sum = vec2f(0.0);
+    var sum = BitmapSum(Color(0.0), 0.0);
     for (var j = w.first.y; j <= w.last.y; j++) {
         let row = w.level.start + (j + w.level.cell.y + BITMAP_MARGIN) * w.level.stride;
         let y = f32(j) - w.p.y;
         let inside = bitmap_border(w, f32(j));
         for (var block = start; block <= stop; block++) {
-            let c = textureLoad(bitmap_texels, texel(u32(row + block)), 0);
+            let c = coefficients_at(bitmap_texels, row + block, w.level.plane);
             let i = vec4f(0.0, 1.0, 2.0, 3.0) + f32((block << 2u) - BITMAP_MARGIN - w.level.cell.x);
             let x = i - w.p.x;
             var weight = inside * bitmap_across(w, i);
@@ -186,14 +196,15 @@ fn bitmap_inside(w: BitmapWindow, sides: BitmapSides) -> f32 {
                 let s = sides.s[k];
                 weight *= spline_integral(s.x * x + (s.y * y + s.z));
             }
-            sum += vec2f(dot(weight, c), dot(weight, vec4f(1.0)));
+            sum.value += weighed(weight, c);
+            sum.weight += dot(weight, vec4f(1.0));
         }
     }
-    return sum.x / max(sum.y, TINY);
+    return bitmap_mean(sum);
 }
 
 // The same over a parallelogram.
-fn bitmap_wide(bitmap: Bitmap, place: vec2f, ex: vec2f, ey: vec2f) -> f32 {
+fn bitmap_wide(bitmap: Bitmap, place: vec2f, ex: vec2f, ey: vec2f) -> Color {
     let reach = 0.5 * (abs(ex) + abs(ey));
     let w = bitmap_window(bitmap, place, -reach, reach);
     let area = abs(ex.x * ey.y - ex.y * ey.x) * w.level.scale;
@@ -213,14 +224,14 @@ fn bitmap_wide(bitmap: Bitmap, place: vec2f, ex: vec2f, ey: vec2f) -> f32 {
 // Mean albedo over the pixel with centre `place` (relative to the bitmap's cell), change ex, ey
 // per column and row, and relative change q of 1 / z; `ground` beyond the bitmap.
 fn bitmap_pixel(
-    bitmap: Bitmap, ground: f32, place: vec2f, ex: vec2f, ey: vec2f, q: vec2f
-) -> f32 {
+    bitmap: Bitmap, ground: Color, place: vec2f, ex: vec2f, ey: vec2f, q: vec2f
+) -> Color {
     let turn = max(max(turned(ex), turned(ey)), 1e-8);
     let width = min(WIDEST, sqrt(sqrt(TURNED / turn)));
     let count = max(ceil(min(vec2f(length(ex), length(ey)) / width, vec2f(1e6))), vec2f(1.0));
     let few = count.x * count.y <= PIECES;
-    var value = 0.0;
-    var sum = vec2f(0.0);
+    var value = Color(0.0);
+    var sum = BitmapSum(Color(0.0), 0.0);
     if (bitmaps == 1u || few) {
         let level = bitmap_level(bitmap, 0);
         let n = vec2i(count);
@@ -236,11 +247,13 @@ fn bitmap_pixel(
             let fy = (ey - offset * q.y) * (w * step.y);
             let bend = (fx * q.x * step.x + fy * q.y * step.y) * (1.0 / 12.0);
             let mixed = (fx.x * fx.y + fy.x * fy.y) * (1.0 / 12.0);
-            sum += bitmap_piece(level, place + offset - bend, fx * fx + fy * fy, mixed);
+            let own = bitmap_piece(level, place + offset - bend, fx * fx + fy * fy, mixed);
+            sum.value += own.value;
+            sum.weight += own.weight;
             k++;
             if (k >= n.x * n.y) { break; }
         }
-        value = sum.x / max(sum.y, TINY);
+        value = bitmap_mean(sum);
     }
     if (bitmaps == 2u && !few) {
         let bend = (ex * q.x + ey * q.y) * (1.0 / 12.0);

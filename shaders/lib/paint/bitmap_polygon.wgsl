@@ -12,10 +12,10 @@ struct BitmapOutline {
 }
 
 // By the triangles of a fan, each cut into n x n equal ones.
-fn bitmap_fan(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline>) -> f32 {
+fn bitmap_fan(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline>) -> Color {
     let level = bitmap_level(bitmap, 0);
     let first = outline.p[0];
-    var sum = vec2f(0.0);
+    var sum = BitmapSum(Color(0.0), 0.0);
     for (var k = 1; k + 1 < outline.count; k++) {
         let a = outline.p[k] - first;
         let b = outline.p[k + 1] - first;
@@ -28,24 +28,27 @@ fn bitmap_fan(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline
         let w = (a - 2.0 * b) * (part / 3.0);
         let square = u * u + v * v + w * w;
         let mixed = (u.x * u.y + v.x * v.y + w.x * w.y) * (1.0 / 12.0);
-        var total = vec2f(0.0);
+        var total = BitmapSum(Color(0.0), 0.0);
         // row by row: an upright triangle, then the one upside down beside it
         for (var j = 0; j < n; j++) {
             for (var i = 0; i < 2 * (n - j) - 1; i++) {
                 let third = f32(1 + (i & 1)) / 3.0;
                 let at = (f32(i >> 1u) + third) * a + (f32(j) + third) * b;
-                total += bitmap_piece(level, place + first + part * at, square, mixed);
+                let own = bitmap_piece(level, place + first + part * at, square, mixed);
+                total.value += own.value;
+                total.weight += own.weight;
             }
         }
-        sum += area * part * part * total;
+        sum.value += area * part * part * total.value;
+        sum.weight += area * part * part * total.weight;
     }
-    return sum.x / max(sum.y, TINY);
+    return bitmap_mean(sum);
 }
 
 // As bitmap_wide, with any number of sides.
 fn bitmap_wide_polygon(
     bitmap: Bitmap, place: vec2f, low: vec2f, high: vec2f, outline: ptr<function, BitmapOutline>
-) -> f32 {
+) -> Color {
     let w = bitmap_window(bitmap, place, low, high);
     var twice = 0.0;
     for (var k = 1; k + 1 < outline.count; k++) {
@@ -70,7 +73,7 @@ fn bitmap_wide_polygon(
 }
 
 // Mean of the bitmap over the polygon, which lies at `place` relative to the bitmap's cell.
-fn bitmap_polygon(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline>) -> f32 {
+fn bitmap_polygon(bitmap: Bitmap, place: vec2f, outline: ptr<function, BitmapOutline>) -> Color {
     var low = outline.p[0];
     var high = outline.p[0];
     for (var k = 1; k < outline.count; k++) {

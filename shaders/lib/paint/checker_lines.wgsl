@@ -32,23 +32,24 @@ fn squares_of(lattice: Board) -> Feature {
     return Feature(
         vec4f(0.0), vec4f(lattice.size, lattice.size, lattice.squares),
         vec4f(lattice.albedo, 0.0, lattice.covers), vec4f(lattice.index, 0.0, 0.0),
+        color_of(lattice.albedo.x), color_of(lattice.albedo.y),
     );
 }
 
 // Mean albedo over the pixel with centre `st`, as `paint_pixel` finds it.
 fn board_pixel(
-    lattice: Board, ground: f32, st: vec2f, ex: vec2f, ey: vec2f, q: vec2f
-) -> f32 {
+    lattice: Board, ground: Color, st: vec2f, ex: vec2f, ey: vec2f, q: vec2f
+) -> Color {
     let p = st - lattice.corner;
     if (board == 2u) {
         let share = checker_share(squares_of(lattice), p, ex, ey, q);
-        printed += share.y * lattice.covers;
-        return ground + (share.x - ground * share.y);
+        printed += share.share * lattice.covers;
+        return ground + (share.albedo - ground * share.share);
     }
     let field = floor(p / lattice.size) + lattice.index;
     let half = 0.5 * (field.x + field.y);
     let inside = all(field >= vec2f(0.0)) && all(field < lattice.squares);
-    let albedo = select(lattice.albedo.y, lattice.albedo.x, half == floor(half));
+    let albedo = color_of(select(lattice.albedo.y, lattice.albedo.x, half == floor(half)));
     printed += select(0.0, lattice.covers, inside);
     return select(ground, albedo, inside);
 }

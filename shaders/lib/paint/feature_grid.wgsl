@@ -5,6 +5,7 @@
 // Loops test at their end: software drivers pass over the body until no lane is left, so that a
 // test at the beginning costs one pass more than there are turns.
 // The NumPy form is gpusim/optics/paint/feature_grid.py (tables) and gpusim/optics/paint/footprint_mean.py.
+#import lib/light/color
 #import lib/paint/area_integrals
 #import lib/paint/anisotropic_footprint
 #import lib/paint/disc_coverage
@@ -42,6 +43,7 @@ fn paint_at(number: u32) -> Paint {
 // kind 0, checker patch: a = (corner relative to the cell, cos, sin), b = (square width, height,
 // columns, rows), c = (albedo of even squares, of odd squares, kind, covers), d = (index of the corner)
 // kind 1, disc: a = (centre relative to the cell, radius, -), c = (albedo, -, kind, covers)
+// even, odd: the colours of both albedos
 // covers: 1, or 0 for what lies on another feature, -1 for what two of them cover
 // kind 2, sector of a disc: as a disc, and b = (cos, sin) of its first and of its last side
 struct Feature {
@@ -49,6 +51,8 @@ struct Feature {
     b: vec4f,
     c: vec4f,
     d: vec4f,
+    even: Color,
+    odd: Color,
 }
 
 // Which kinds of features a view has, and whether any square is smaller than a pixel: software
@@ -69,26 +73,32 @@ fn feature_list(slot: u32) -> vec2u {
 }
 
 fn feature_at(i: u32) -> Feature {
+    let c = textureLoad(patterns, texel(i + 2u));
     return Feature(
         textureLoad(patterns, texel(i)), textureLoad(patterns, texel(i + 1u)),
-        textureLoad(patterns, texel(i + 2u)), textureLoad(patterns, texel(i + 3u)),
+        c, textureLoad(patterns, texel(i + 3u)), color_of(c.x), color_of(c.y),
     );
 }
 
 // Share of the footprint that prints cover, added up by what finds its albedo.
 var<private> printed: f32 = 0.0;
 
-// (albedo * share, share) of the four squares that meet at a lattice corner, from the shares of
+// Albedo times share, and share, of squares.
+struct Squares {
+    albedo: Color,
+    share: f32,
+}
+
+// Of the four squares that meet at a lattice corner, from the shares of
 // the pixel right of it, above it, and both.
-fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) -> vec2f {
+fn corner_squares(f: Feature, corner: vec2f, right: f32, above: f32, both: f32) -> Squares {
     let shares = vec4f(both, right - both, above - both, 1.0 - right - above + both);
     let i = vec4f(corner.x, corner.x, corner.x - 1.0, corner.x - 1.0);
     let j = vec4f(corner.y, corner.y - 1.0, corner.y, corner.y - 1.0);
     let inside = (i >= vec4f(0.0)) & (i < vec4f(f.b.z)) & (j >= vec4f(0.0)) & (j < vec4f(f.b.w));
     let parity = (i + j) - 2.0 * floor(0.5 * (i + j));
-    let albedo = mix(vec4f(f.c.x), vec4f(f.c.y), parity);
     let share = select(vec4f(0.0), shares, inside);
-    return vec2f(dot(albedo, share), dot(share, vec4f(1.0)));
+    return Squares(squares_color(f.even, f.odd, parity, share), dot(share, vec4f(1.0)));
 }
 
 // Share of the pixel with centre d and change ex, ey per column and row that is right of x = 0 and
@@ -107,7 +117,7 @@ fn corner_share(d: vec2f, ex: vec2f, ey: vec2f, right: f32, above: f32) -> f32 {
 // A checker patch over the pixel with centre p and change ex, ey per column and row (patch axes).
 // q is the relative change of 1 / z per column and row: a line of the pattern at distance d from p
 // is straight on screen, with gradient e + d q, so that perspective inside the pixel is exact.
-fn checker_share(f: Feature, p: vec2f, dx: vec2f, dy: vec2f, q: vec2f) -> vec2f {
+fn checker_share(f: Feature, p: vec2f, dx: vec2f, dy: vec2f, q: vec2f) -> Squares {
     let size = f.b.xy;
     let low = -f.d.xy;
     let corner = clamp(round(p / size), low, low + f.b.zw);
@@ -131,7 +141,7 @@ struct Mean {
 fn as_one_square(f: Feature, p: vec2f) -> Mean {
     var m = Mean(f, p + f.d.xy * f.b.xy);
     m.f.b = vec4f(f.b.xy * f.b.zw, 1.0, 1.0);
-    m.f.c.x = 0.5 * (f.c.x + f.c.y);
+    m.f.even = 0.5 * (f.even + f.odd);
     m.f.d = vec4f(0.0);
     return m;
 }
@@ -141,7 +151,7 @@ fn as_one_square(f: Feature, p: vec2f) -> Mean {
 const FINEST: i32 = 8;
 fn checker_shares(
     feature: Feature, centre: vec2f, ex: vec2f, ey: vec2f, q: vec2f
-) -> vec2f {
+) -> Squares {
     let reach = (abs(ex) + abs(ey)) / feature.b.xy;
     if (fine == 0u) { return checker_share(feature, centre, ex, ey, q); }
     var n = max(i32(min(ceil(max(reach.x, reach.y)), 1e6)), 1);
@@ -151,7 +161,7 @@ fn checker_shares(
         n = 1;
     }
     let step = 1.0 / f32(n);
-    var sum = vec2f(0.0);
+    var sum = Squares(Color(0.0), 0.0);
     // row by row in one loop; a division of integers takes longer than all of this
     let total = n * n;
     var k = 0;
@@ -161,12 +171,14 @@ fn checker_shares(
         let w = 1.0 / (1.0 + dot(q, o));
         let offset = (o.x * ex + o.y * ey) * w;
         let s = step * w;
-        sum += checker_share(m.f, m.p + offset, s * (ex - offset * q.x), s * (ey - offset * q.y),
-            s * q);
+        let own = checker_share(m.f, m.p + offset, s * (ex - offset * q.x),
+            s * (ey - offset * q.y), s * q);
+        sum.albedo += own.albedo;
+        sum.share += own.share;
         k++;
         if (k >= total) { break; }
     }
-    return sum * step * step;
+    return Squares(sum.albedo * step * step, sum.share * step * step);
 }
 
 // Share of the parallelogram with centre p (relative to the disc's centre) inside the disc.
@@ -223,7 +235,7 @@ fn sector_share(f: Feature, p: vec2f, ex: vec2f, ey: vec2f, q: vec2f) -> f32 {
 
 // Mean albedo over a pixel of discs alone: those out of reach are sorted out first, so that the
 // costly part runs for one or two of them only.
-fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
+fn paint_discs(ground: Color, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> Color {
     let reach = 0.5 * max(length(ex + ey), length(ex - ey));
     var albedo = ground;
     if (list.y == 0u) { return ground; }
@@ -242,7 +254,7 @@ fn paint_discs(ground: f32, list: vec2u, p: vec2f, ex: vec2f, ey: vec2f) -> f32 
             loop {
                 let f = feature_at(list.x + 4u * (done + firstTrailingBit(near)));
                 let share = disc_share(p - f.a.xy, ex, ey, f.a.z);
-                albedo += (f.c.x - ground) * share;
+                albedo += (f.even - ground) * share;
                 printed += share * f.c.w;
                 near &= near - 1u;
                 if (near == 0u) { break; }
@@ -265,26 +277,27 @@ fn cells_of(paint: Paint) -> SpeckleCells {
 // and row, and relative change q of 1 / z.
 fn paint_pixel(
     paint: Paint, cell: vec2i, st: vec2f, ex: vec2f, ey: vec2f, q: vec2f
-) -> f32 {
+) -> Color {
+    let ground = color_of(paint.ground);
     if (grazing != 0u) {
         let covered = grazing_cover(cells_of(paint), cell, st, ex, ey, q);
-        return mix(paint.ground, paint.dot, covered);
+        return mix(ground, color_of(paint.dot), covered);
     }
     let k = floor(st / paint.cell);
     let at = cell + vec2i(k) - vec2i(paint.i0, paint.j0);
     if (at.x < 0 || at.y < 0 || at.x >= paint.columns || at.y >= paint.rows) {
-        return paint.ground;
+        return ground;
     }
     let slot = paint.first + u32(at.y * paint.columns + at.x);
     let local = st - k * paint.cell;
     if (speckle != 0u) {
         let covered = speckle_cover(slot, local, ex, ey, paint.cuts);
-        return mix(paint.ground, paint.dot, covered);
+        return mix(ground, color_of(paint.dot), covered);
     }
-    var albedo = paint.ground;
+    var albedo = ground;
     let list = feature_list(slot);
-    if (checkers == 0u && sectors == 0u) { return paint_discs(paint.ground, list, local, ex, ey); }
-    if (list.y == 0u) { return paint.ground; }
+    if (checkers == 0u && sectors == 0u) { return paint_discs(ground, list, local, ex, ey); }
+    if (list.y == 0u) { return ground; }
     var i = 0u;
     loop {
         let f = feature_at(list.x + 4u * i);
@@ -292,16 +305,16 @@ fn paint_pixel(
         if (checkers != 0u && f.c.z == 0.0) {
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
             let s = checker_shares(f, turn * p, turn * ex, turn * ey, q);
-            albedo += s.x - paint.ground * s.y;
-            printed += s.y * f.c.w;
+            albedo += s.albedo - ground * s.share;
+            printed += s.share * f.c.w;
         }
         if (discs != 0u && f.c.z == 1.0) {
             let share = disc_share(p, ex, ey, f.a.z);
-            albedo += (f.c.x - paint.ground) * share;
+            albedo += (f.even - ground) * share;
             printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
-            albedo += (f.c.x - paint.ground) * sector_share(f, p, ex, ey, q);
+            albedo += (f.even - ground) * sector_share(f, p, ex, ey, q);
         }
         i++;
         if (i >= list.y) { break; }

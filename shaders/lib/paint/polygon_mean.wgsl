@@ -37,7 +37,7 @@ fn quadrant_share(outline: ptr<function, Outline>, o: vec2f) -> f32 {
 }
 
 // A checker patch over a polygon (patch axes): corner by corner where it spans several squares.
-fn polygon_checker(feature: Feature, shape: ptr<function, Outline>) -> vec2f {
+fn polygon_checker(feature: Feature, shape: ptr<function, Outline>) -> Squares {
     var f = feature;
     var outline = *shape;
     let count = outline.polygon.count;
@@ -57,7 +57,7 @@ fn polygon_checker(feature: Feature, shape: ptr<function, Outline>) -> vec2f {
     }
     let first = max(floor(low / f.b.xy), -f.d.xy);
     let last = min(floor(high / f.b.xy), f.b.zw - f.d.xy - 1.0);
-    var sum = vec2f(0.0);
+    var sum = Squares(Color(0.0), 0.0);
     if (any(last < first)) { return sum; }
     var j = first.y;
     loop {
@@ -75,7 +75,8 @@ fn polygon_checker(feature: Feature, shape: ptr<function, Outline>) -> vec2f {
             }
             share = max(share, 0.0);
             let k = i + j + f.d.x + f.d.y;
-            sum += share * vec2f(select(f.c.y, f.c.x, k - 2.0 * floor(0.5 * k) == 0.0), 1.0);
+            sum.albedo += share * select(f.odd, f.even, k - 2.0 * floor(0.5 * k) == 0.0);
+            sum.share += share;
             i += 1.0;
             if (!(i <= last.x)) { break; }
         }
@@ -159,7 +160,7 @@ fn polygon_sector(f: Feature, outline: ptr<function, Outline>) -> f32 {
 }
 
 // The same where the paint is a bitmap: its mean, and the exact share that lies on it.
-fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: ptr<function, Polygon>, centroid: vec2f) -> f32 {
+fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: ptr<function, Polygon>, centroid: vec2f) -> Color {
     let place = paint_position(t, d + centroid);
     let middle = 1.0 / weight(t, d + centroid);
     var local: Outline;
@@ -184,35 +185,37 @@ fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: ptr<function, Poly
     }
     let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
     let value = bitmap_polygon(bitmap, place, &outline);
-    return paint.ground + (value - paint.ground) * clamp(share, 0.0, 1.0);
+    let ground = color_of(paint.ground);
+    return ground + (value - ground) * clamp(share, 0.0, 1.0);
 }
 
 // Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at
 // offset d from the triangle's anchor; `centroid` decides the pattern cell.
-fn paint_polygon(t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, centroid: vec2f) -> f32 {
-    if (patterned == 0u || t.more.y == 0.0) { return t.more.x; }
+fn paint_polygon(t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, centroid: vec2f) -> Color {
+    if (patterned == 0u || t.more.y == 0.0) { return ground_of(t); }
     let paint = paint_at(u32(t.ny.w));
     if (bitmaps != 0u && paint.featured == BITMAP) {
         return paint_bitmap(t, paint, d, polygon, centroid);
     }
+    let ground = color_of(paint.ground);
     if (grazing != 0u && paint.piece > 0.0) {
         let covered = polygon_grazing(t, d, polygon, cells_of(paint), range.hard_rows);
-        return mix(paint.ground, paint.dot, covered);
+        return mix(ground, color_of(paint.dot), covered);
     }
     let st = paint_position(t, d + centroid);
     let k = floor(st / paint.cell);
     let at = t.place.zw + vec2i(k) - vec2i(paint.i0, paint.j0);
     if (at.x < 0 || at.y < 0 || at.x >= paint.columns || at.y >= paint.rows) {
-        return paint.ground;
+        return ground;
     }
     let slot = paint.first + u32(at.y * paint.columns + at.x);
     if (speckle != 0u && paint.featured > 1u) {
         let corner = vec2f(k) * paint.cell;
         let covered = polygon_speckle(t, d, polygon, slot, corner, paint.cuts, paint.featured,
             range.hard_rows);
-        return mix(paint.ground, paint.dot, covered);
+        return mix(ground, color_of(paint.dot), covered);
     }
-    var albedo = paint.ground;
+    var albedo = ground;
     let list = feature_list(slot);
     if (list.y == 0u) { return albedo; }
     var i = 0u;
@@ -230,16 +233,16 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, centroi
             let turn = mat2x2f(f.a.z, -f.a.w, f.a.w, f.a.z);
             for (var j = 0; j < polygon.count; j++) { local.polygon.p[j] = turn * local.polygon.p[j]; }
             let s = polygon_checker(f, &local);
-            albedo += s.x - paint.ground * s.y;
-            printed += s.y * f.c.w;
+            albedo += s.albedo - ground * s.share;
+            printed += s.share * f.c.w;
         }
         if (discs != 0u && f.c.z == 1.0) {
             let share = polygon_disc(f, &local);
-            albedo += (f.c.x - paint.ground) * share;
+            albedo += (f.even - ground) * share;
             printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
-            albedo += (f.c.x - paint.ground) * polygon_sector(f, &local);
+            albedo += (f.even - ground) * polygon_sector(f, &local);
         }
         i++;
         if (i >= list.y) { break; }

@@ -4,6 +4,7 @@
 // as that leaves it convex, or as these are seen as a whole. The paint's mean is taken over what is
 // left, the light at its centroid; what no triangle takes of the pixel shows the background. A pixel
 // that depends on another shape is noted: the host resolves it.
+#import lib/raster/planes
 #import lib/raster/visible_polygons
 #import lib/light/lamp_shares
 #import lib/paint/polygon_mean
@@ -43,8 +44,8 @@ struct Range {
 // (one more pair ends the last), with `BACKDROP` where the nearest of them that fills the pixel is one;
 // the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
-// (radiance, 1 if the host has to resolve it) of every edge pixel
-@group(0) @binding(9) var<storage, read_write> found: array<vec2f>;
+// of every edge pixel
+@group(0) @binding(9) var<storage, read_write> found: array<EdgePixel>;
 
 // per piece, as bits: its place (w: the occluder that it lies on), unit normal, and how the place
 // changes over the piece, twice
@@ -55,7 +56,7 @@ struct Range {
 // per edge pixel the number of its first piece: those of neighbouring pixels lie side by side
 @group(0) @binding(13) var<storage, read> slot_of: array<u32>;
 
-// per piece its area, the paint's mean albedo and what of it is printed, as bits, and flags
+// per piece what `painted_words` makes of it, and flags
 @group(0) @binding(14) var<storage, read_write> painted: array<vec4u>;
 // more shows of it, or less, than can be told here; it is lit in its middle though it goes round a corner;
 // it lies behind others in doubt; its light isn't even
@@ -79,48 +80,56 @@ fn listed_spot(slot: u32) -> Spot {
     return Spot(at, bitcast<vec3f>(n.xyz), vec3f(0.0), vec3f(0.0), bitcast<f32>(n.w));
 }
 
-// What pieces of a pixel add up to. `doubtful`: how many are in doubt; share: their light and area.
+// What pieces of a pixel add up to. `doubtful`: how many are in doubt, `doubted` their light and
+// `share` their area; `dimmest` and `brightest`: of the others.
 struct Sum {
-    value: f32,
+    value: Color,
     seen: f32,
     behind: f32,
     doubtful: u32,
-    lights: vec2f,
-    share: vec2f,
+    dimmest: Color,
+    brightest: Color,
+    doubted: Color,
+    share: f32,
     unsure: bool,
 }
 fn empty_sum() -> Sum {
     var sum = Sum();
-    sum.lights = vec2f(1e30, 0.0);
+    sum.dimmest = Color(1e30);
     return sum;
 }
 // One more; `half`: some lamp is seen in part, and what is in front may end where its shadow begins.
-fn added(before: Sum, area: f32, light: f32, flags: u32, half: bool) -> Sum {
+fn added(before: Sum, area: f32, light: Color, flags: u32, half: bool) -> Sum {
     var sum = before;
     let doubt = (flags & DOUBT) != 0u;
     sum.seen += select(area, 0.0, doubt);
-    sum.value += select(area * light, 0.0, doubt);
+    sum.value += select(area * light, Color(0.0), doubt);
     sum.behind += select(0.0, area, doubt && (flags & BEHIND) == 0u);
     sum.doubtful += select(0u, 1u, doubt);
-    sum.lights = select(sum.lights, vec2f(min(sum.lights.x, light), max(sum.lights.y, light)), doubt);
-    sum.share += select(vec2f(0.0), area * vec2f(light, 1.0), doubt);
+    sum.dimmest = select(sum.dimmest, min(sum.dimmest, light), doubt);
+    sum.brightest = select(sum.brightest, max(sum.brightest, light), doubt);
+    sum.doubted += select(Color(0.0), area * light, doubt);
+    sum.share += select(0.0, area, doubt);
     sum.unsure = sum.unsure || (doubt && (half || (flags & UNEVEN) != 0u));
     return sum;
 }
 // Radiance, and 1 if the host has to resolve the pixel.
-fn finished(sum: Sum) -> vec2f {
+fn finished(sum: Sum) -> EdgePixel {
+    let behind = behind_all(params.background);
     let open = 1.0 - sum.seen;
     // what is open is a seam between neighbours, shows the background, or the doubtful ones
-    if (open <= range.thin) { return vec2f(sum.value / sum.seen, 0.0); }
-    if (sum.doubtful == 0u) { return vec2f(sum.value + open * params.background, 0.0); }
-    var lights = sum.lights;
+    if (open <= range.thin) { return edge_pixel(sum.value / sum.seen, 0.0); }
+    if (sum.doubtful == 0u) { return edge_pixel(sum.value + open * behind, 0.0); }
+    var dimmest = sum.dimmest;
+    var brightest = sum.brightest;
     if (sum.behind < FULL) {
-        lights = vec2f(min(lights.x, params.background), max(lights.y, params.background));
+        dimmest = min(dimmest, behind);
+        brightest = max(brightest, behind);
     }
     // of a single one nothing tells how much the light differs over it
-    let apart = (lights.y - lights.x) * open > range.sure * lights.y;
+    let apart = above((brightest - dimmest) * open, range.sure * brightest);
     let doubts = sum.unsure || sum.doubtful == 1u || apart;
-    return vec2f(sum.value + open * sum.share.x / sum.share.y, select(0.0, 1.0, doubts));
+    return edge_pixel(sum.value + open * sum.doubted / sum.share, select(0.0, 1.0, doubts));
 }
 
 // px^2 of a triangle that are taken to be hidden.
@@ -302,7 +311,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             if (listing != 0u) {
                 let slot = slot_of[n - range.first] + c - nearest;
                 list_piece(slot, t, spot(t, params.rays, vec2f(pixel) + middle, d + middle), extent);
-                painted[slot] = vec4u(bitcast<vec3u>(vec3f(m.x, light, printed)), flags);
+                painted[slot] = painted_words(Painted(m.x, light, printed), flags);
             } else if (lit != 0u) {
                 let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d + middle);
                 light = piece_radiance(t, r, light);
@@ -318,9 +327,9 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
 }
 
 // Of a piece of mean albedo `albedo`, of which some is `printed`.
-fn piece_radiance(t: Triangle, r: Reflection, albedo: f32) -> f32 {
+fn piece_radiance(t: Triangle, r: Reflection, albedo: Color) -> Color {
     let whole = paint_at(u32(t.ny.w)).featured > 1u;
-    let ground = select(t.more.x, albedo, whole);
+    let ground = select(ground_of(t), albedo, whole);
     return radiance_of(t, r, albedo, ground, clamp(1.0 - printed, 0.0, 1.0));
 }
 
@@ -340,19 +349,20 @@ fn light_pieces(
         if (c >= stop) { break; }
         let slot = slot_of[n - range.first] + c - nearest;
         let own = painted[slot];
-        let paint = bitcast<vec3f>(own.xyz);
-        if (paint.x > 0.0) {
+        let paint = painted_of(own);
+        if (paint.area > 0.0) {
             let t = triangle_at(lists[c]);
             let s = listed_spot(slot);
             let known = Known(slot, range.slots, range.casting, 0u);
             let light = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
-            printed = paint.z;
-            sum = added(sum, paint.x, piece_radiance(t, light.r, paint.y), own.w, light.half);
+            printed = paint.printed;
+            let value = piece_radiance(t, light.r, paint.albedo);
+            sum = added(sum, paint.area, value, own.w, light.half);
             unknown = unknown || (light.half && (own.w & CORNER) != 0u);
         }
         c++;
         if (c >= stop) { break; }
     }
     let result = finished(sum);
-    found[n] = vec2f(result.x, select(result.y, 1.0, unknown));
+    found[n] = edge_pixel(radiance_found(result), select(unsure_found(result), 1.0, unknown));
 }

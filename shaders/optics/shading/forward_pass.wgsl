@@ -9,6 +9,7 @@
 #import lib/paint/bitmap
 #import lib/paint/checker_lines
 #import lib/paint/feature_grid
+#import lib/raster/planes
 #import lib/raster/screen
 #import lib/light/surface
 #import lib/raster/undistortion_table
@@ -78,41 +79,50 @@ fn vertex(@builtin(vertex_index) index: u32) -> Varying {
 }
 
 // Radiance and albedo of a pixel, and the share of it that shows the paint's ground.
-fn shade(t: Triangle, paint: Paint, lattice: Board, at: vec2i) -> vec3f {
+struct Shade {
+    radiance: Color,
+    albedo: Color,
+    bare: f32,
+}
+fn shade(t: Triangle, paint: Paint, lattice: Board, at: vec2i) -> Shade {
     let pixel = at + vec2i(0, params.row0);
     let bend = bend_at(pixel);
     let shift = undistort(bend, vec2f(0.0));
     let d = vec2f(pixel - t.place.xy) + shift;
-    var albedo = t.more.x;
+    let plain = ground_of(t);
+    var albedo = plain;
     if (patterned != 0u) {
         let f = bent_footprint(footprint(t, d), undistort_change(bend));
         if (bitmaps != 0u) {
             let size = vec2i(paint.columns, paint.rows);
             let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
-            albedo = bitmap_pixel(bitmap, t.more.x, f.st, f.ex, f.ey, f.q);
+            albedo = bitmap_pixel(bitmap, plain, f.st, f.ex, f.ey, f.q);
         } else if (board != 0u) {
-            albedo = board_pixel(lattice, t.more.x, f.st, f.ex, f.ey, f.q);
+            albedo = board_pixel(lattice, plain, f.st, f.ex, f.ey, f.q);
         } else {
             albedo = paint_pixel(paint, t.place.zw, f.st, f.ex, f.ey, f.q);
         }
     }
-    if (lit == 0u) { return vec3f(albedo, albedo, 1.0); }
-    var r = Reflection(0.0, 0.0, 0.0);
+    if (lit == 0u) { return Shade(albedo, albedo, 1.0); }
+    var r = Reflection(Color(0.0), Color(0.0), Color(0.0));
     if (light_tiled != 0u) {
         let tile = vec2u(pixel) / 8u;
         let columns = (u32(params.width) + 7u) / 8u;
-        let c = textureLoad(light_tiles, texel(tile.y * columns + tile.x), 0);
         let q = (vec2f(vec2u(pixel) % 8u) + 0.5) / 8.0;
-        r.matte = c.x + c.y * q.x + (c.z + c.w * q.x) * q.y;
+        let first = BANDS * (tile.y * columns + tile.x);
+        for (var k = 0u; k < BANDS; k++) {
+            let c = textureLoad(light_tiles, texel(first + k), 0);
+            r.matte = with_band(r.matte, k, c.x + c.y * q.x + (c.z + c.w * q.x) * q.y);
+        }
     } else {
         r = reflection_at(t, params.rays, vec2f(pixel) + shift, d);
     }
-    let ground = select(t.more.x, albedo, speckle != 0u || bitmaps != 0u);
+    let ground = select(plain, albedo, speckle != 0u || bitmaps != 0u);
     let bare = clamp(1.0 - printed, 0.0, 1.0);
-    return vec3f(radiance_of(t, r, albedo, ground, bare), albedo, bare);
+    return Shade(radiance_of(t, r, albedo, ground, bare), albedo, bare);
 }
 
-fn shade_inside(in: Varying) -> vec3f {
+fn shade_inside(in: Varying) -> Shade {
     let t = Triangle(in.st, in.tw, in.n0, in.nx, in.ny, in.place, in.more, in.id);
     let g = in.grid;
     let paint = Paint(t.more.x, in.grid_size.x, g.x, g.y, g.z, g.w, bitcast<u32>(in.grid_size.y),
@@ -126,32 +136,21 @@ fn shade_inside(in: Varying) -> vec3f {
 
 // For views with shadows: marks what relighting.wgsl needs to know of each pixel, its triangle alone
 // where all is matte.
-struct Marked {
-    @location(0) radiance: f32,
-    @location(1) mark: vec2u,
-}
-fn marked(s: vec3f, number: u32) -> Marked {
-    var mark = u32(s.y * 4294967040.0);
-    if (glossy != 0u) { mark = pack2x16unorm(s.yz); }
-    return Marked(s.x, vec2u(number, mark));
-}
-
-struct Numbered {
-    @location(0) radiance: f32,
-    @location(1) number: u32,
+fn marked(s: Shade, number: u32) -> MarkedPixel {
+    return marked_pixel(s.radiance, number, s.albedo, s.bare, glossy != 0u);
 }
 
 @fragment
-fn fragment(in: Varying) -> @location(0) f32 {
-    return shade_inside(in).x;
+fn fragment(in: Varying) -> Pixel {
+    return pixel_of(shade_inside(in).radiance);
 }
 @fragment
-fn fragment_marked(in: Varying) -> Marked {
+fn fragment_marked(in: Varying) -> MarkedPixel {
     return marked(shade_inside(in), in.id + 1u);
 }
 @fragment
-fn fragment_numbered(in: Varying) -> Numbered {
-    return Numbered(shade_inside(in).x, in.id + 1u);
+fn fragment_numbered(in: Varying) -> NumberedPixel {
+    return numbered_pixel(shade_inside(in).radiance, in.id + 1u);
 }
 
 // number + 1 of the triangle that each pixel's centre sees
@@ -180,18 +179,18 @@ fn fragment_levels(@builtin(position) at: vec4f) -> @builtin(frag_depth) f32 {
     return select(0.0, f32(program) / LEVELS, number > 0u);
 }
 
-fn shade_seen(at: vec4f, number: u32) -> vec3f {
+fn shade_seen(at: vec4f, number: u32) -> Shade {
     let t = triangle_at(max(number, 1u) - 1u);
     let paint = paint_at(u32(t.ny.w));
     let none = Board(vec2f(0.0), vec2f(0.0), vec2f(0.0), 1.0, vec2f(0.0), 0.0);
     return shade(t, paint, none, vec2i(floor(at.xy)));
 }
 @fragment
-fn fragment_seen(@builtin(position) at: vec4f) -> @location(0) f32 {
-    return shade_seen(at, textureLoad(ids, vec2u(at.xy), 0).x).x;
+fn fragment_seen(@builtin(position) at: vec4f) -> Pixel {
+    return pixel_of(shade_seen(at, textureLoad(ids, vec2u(at.xy), 0).x).radiance);
 }
 @fragment
-fn fragment_seen_marked(@builtin(position) at: vec4f) -> Marked {
+fn fragment_seen_marked(@builtin(position) at: vec4f) -> MarkedPixel {
     let number = textureLoad(ids, vec2u(at.xy), 0).x;
     return marked(shade_seen(at, number), number);
 }

@@ -4,6 +4,7 @@
 #import lib/numeric/index
 #import lib/light/lamp_shares
 #import lib/light/surface
+#import lib/raster/planes
 #import lib/raster/undistortion_table
 
 // whether all is matte
@@ -18,7 +19,6 @@ struct Params {
     casting: u32,
 }
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read_write> radiance: array<f32>;
 // triangle + 1 of every pixel of the band and, unless `scaled`, its albedo in 1 / 2^32
 @group(0) @binding(6) var marks: texture_2d<u32>;
 
@@ -90,14 +90,12 @@ fn main(
     let s = spot(t, params.rays, vec2f(pixel) + shift, vec2f(pixel - t.place.xy) + shift);
     let lit = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known_at(tile, at, lane));
     let i = at.y * params.stride + at.x;
-    if (scaled != 0u) {
-        radiance[i] *= select(0.0, lit.r.matte / lit.whole, lit.whole > 0.0);
+    let shiny = glossy != 0u && t.more.z < 1.0;
+    if (scaled != 0u || !(MATTE_MARKED || shiny)) {
+        set_radiance(i, radiance_at(i) * select(Color(0.0), lit.r.matte / lit.whole, lit.whole > Color(0.0)));
         return;
     }
-    // glossy paints share the word: albedo and the share of the ground, 16 bits each
-    let both = unpack2x16unorm(mark.y);
-    let shiny = glossy != 0u && t.more.z < 1.0;
-    let albedo = select(f32(mark.y) * 0x1p-32, both.x, shiny);
-    let ground = select(t.more.x, albedo, t.more.y > 1.0);
-    radiance[i] = radiance_of(t, lit.r, albedo, ground, both.y);
+    let own = mark_of(mark, shiny);
+    let ground = select(ground_of(t), own.albedo, t.more.y > 1.0);
+    set_radiance(i, radiance_of(t, lit.r, own.albedo, ground, own.bare));
 }

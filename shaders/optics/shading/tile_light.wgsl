@@ -13,10 +13,11 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 // per square of owner_tiles x owner_tiles tiles the number + 1 of a triangle of the plane seen there
 @group(0) @binding(1) var<storage, read> owners: array<u32>;
-// per tile the coefficients of 1, x, y and x y, from 0 to 1 over the tile: of radiance by albedo
+// per tile, and band of it, the coefficients of 1, x, y and x y, from 0 to 1 over the tile: of
+// radiance by albedo
 @group(0) @binding(7) var light: texture_storage_2d<rgba32float, write>;
 
-fn at_corner(t: Triangle, tile: vec2u, corner: vec2i) -> f32 {
+fn at_corner(t: Triangle, tile: vec2u, corner: vec2i) -> Color {
     let pixel = vec2i(8u * tile) + 7 * corner;
     let shift = undistort(bend_at(pixel), vec2f(corner) - 0.5);
     let d = vec2f(pixel - t.place.xy) + shift;
@@ -36,5 +37,11 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     let b = at_corner(t, tile, vec2i(1, 0));
     let c = at_corner(t, tile, vec2i(0, 1));
     let d = at_corner(t, tile, vec2i(1, 1));
-    textureStore(light, texel(number), vec4f(a, b - a, c - a, a - b - c + d));
+    for (var k = 0u; k < BANDS; k++) {
+        let one = band_of(a, k);
+        let across = band_of(b, k) - one;
+        let down = band_of(c, k) - one;
+        let both = one - band_of(b, k) - band_of(c, k) + band_of(d, k);
+        textureStore(light, texel(BANDS * number + k), vec4f(one, across, down, both));
+    }
 }

@@ -127,9 +127,9 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
     shading = ShadingPass(tables, rows=camera.height)
     out = device.empty(4 * shading.stride * camera.height, "bent.out")
     with device.recording("optics.shade") as recording:
-        shading.record(recording, out, 0, camera.height)
+        shading.record(recording, [out], 0, camera.height)
     got = out.read(np.float32, (camera.height, shading.stride))[:, : camera.width]
-    twin = shade_twin(setup, visibility_twin(setup.view))
+    (twin,) = shade_twin(setup, visibility_twin(setup.view))
     edges = find_edge_pixels(setup.view)
     inside = np.ones(twin.size, bool)
     inside[edges.pixel] = False
@@ -138,8 +138,8 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
     edge_pass = EdgePixelPass(tables, edges)
     edge_pass.find()
     edge_pass.host_pass()
-    edge_pass.write([Band(0, camera.height, camera.width, flat)])
-    want = edges_twin(setup, edges, np.full(shape, 0.25, np.float32))
+    edge_pass.write([Band(0, camera.height, camera.width, (flat,))])
+    (want,) = edges_twin(setup, edges, np.full((1, *shape), 0.25, np.float32))
     compare("bent edges", flat.read(np.float32, shape), want, "pixel")
     assert len(np.unique(want)) > 100
 

@@ -32,7 +32,8 @@ def test_fields_are_those_of_the_pattern(columns: int | None, rows: int | None) 
     low = random.uniform(-0.3, 0.6, (3000, 2))
     high = low + random.uniform(0.0, 0.03, (3000, 2))
     st = np.stack([low, np.c_[high[:, 0], low[:, 1]], high], axis=1).reshape(-1, 2)
-    near, albedo = field_of(paint, 0.002, st, np.arange(9000).reshape(-1, 3))
+    albedos = np.array([paint.dark, paint.light, paint.ground])
+    near, albedo = field_of(paint, albedos, 0.002, st, np.arange(9000).reshape(-1, 3))
     assert 0.05 < near.mean() < 0.9
     # every point of a piece, and of all pixels on it, has the one albedo; near lines some haven't
     share = np.linspace(0.0, 1.0, 9)

@@ -28,7 +28,7 @@ def frame_of(device: Device, radiance: npt.NDArray[Any] | float, name: str = "le
     for row0, rows in ((0, 61), (61, SHAPE[0] - 61)):
         data = np.full((rows, SHAPE[1] + 8), np.float32(9.0))
         data[:, : SHAPE[1]] = values[row0 : row0 + rows]
-        bands.append(Band(row0, rows, SHAPE[1] + 8, device.buffer(data, "test.radiance")))
+        bands.append(Band(row0, rows, SHAPE[1] + 8, (device.buffer(data, "test.radiance"),)))
     return gs.Frame(shown, device, tuple(bands))
 
 

@@ -26,7 +26,7 @@ def frame_of(device: Device, radiance: npt.NDArray[np.float32], stride: int) -> 
     for row0, rows in ((0, height // 2), (height // 2, height - height // 2)):
         data = np.full((rows, stride), np.float32(77.0))
         data[:, :width] = radiance[row0 : row0 + rows]
-        bands.append(Band(row0, rows, stride, device.buffer(data, "test.radiance")))
+        bands.append(Band(row0, rows, stride, (device.buffer(data, "test.radiance"),)))
     return gs.Frame(view, device, tuple(bands))
 
 

@@ -64,7 +64,7 @@ def test_both_ways_give_the_same_image(
         for row0, rows in ((0, 40), (40, 21)):
             out = device.empty(4 * shading.stride * rows, "test.out")
             with device.recording("test") as recording:
-                shading.record(recording, out, row0, rows)
+                shading.record(recording, [out], row0, rows)
             image.append(out.read(np.float32, (rows, shading.stride))[:, :90])
         images.append(np.concatenate(image))
         marks.append(shading.marks)
