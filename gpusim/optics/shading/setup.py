@@ -32,12 +32,13 @@ from gpusim.optics.shading.coefficients import (
 from gpusim.optics.shading.lighting import Lighting, SharesOf
 from gpusim.optics.shading.spectrum import (
     SpectralBand,
+    grey_light,
     indexed,
     is_coloured_scene,
     regions_in_band,
     spectral_bands,
 )
-from gpusim.surface.color import Color, in_band, is_colored
+from gpusim.surface.color import Color, in_band
 from gpusim.surface.surface import Surface
 
 __all__ = ["GRAZING", "TRIANGLE", "Setup", "footprint", "radiance_of"]
@@ -101,11 +102,7 @@ class Setup:
         regions = regions_in_band(view.paints, 0) if colored else view.paints
         table = FeatureGrid.build(regions, view.extent)
         bitmaps = BitmapTable.build(regions, table.paints)
-        grey = (
-            [light.grey() if is_colored(light) else light for light in lights]
-            if colored and lights
-            else lights
-        )
+        grey = [grey_light(light) for light in lights] if colored and lights else lights
         lighting = Lighting.build(view, grey, surfaces, device)
         lit = lights is not None
         found = CoefficientCache(view, table, bitmaps, lit)

@@ -16,14 +16,22 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.geometry.view import RegionPaint
-from gpusim.optics.light.lights import Light
+from gpusim.optics.light.lights import EnvironmentLight, Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.lighting import MAX_EMITTERS, Lighting
 from gpusim.surface.color import BANDS, Color, in_band, is_colored
 
-__all__ = ["SpectralBand", "indexed", "is_coloured_scene", "spectral_bands", "tints"]
+__all__ = [
+    "SpectralBand",
+    "grey_light",
+    "indexed",
+    "is_coloured_scene",
+    "regions_in_band",
+    "spectral_bands",
+    "tints",
+]
 
 Array = npt.NDArray[np.float64]
 
@@ -43,6 +51,16 @@ def is_coloured_scene(
 ) -> bool:
     """Whether some of it isn't grey."""
     return any(map(is_colored, (background, *paints, *(lights or ()))))
+
+
+def grey_light(light: Light) -> Light:
+    """As what is equally sensitive in all bands sees it."""
+    if not is_colored(light):
+        return light
+    if isinstance(light, EnvironmentLight) and light.image is not None:
+        images = [in_band(light, band).image for band in BANDS]
+        return replace(light, color=None, image=np.mean(images, axis=0))
+    return replace(light, color=None)  # whose mean is 1
 
 
 def spectral_bands(
