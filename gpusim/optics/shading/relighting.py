@@ -179,7 +179,8 @@ class PieceShares:
         self._found = _listed(shadows, starts, "pieces")
         self._found.make_room(shadows.spaces)
         self._receivers, self._casting = self._found.receivers, shadows.casting
-        self._painted = device.pool.take(16 * self._receivers.most, "shadow.painted")
+        size = 16 if buffers.setup.palette is None else 32
+        self._painted = device.pool.take(size * self._receivers.most, "shadow.painted")
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
             recording.clear(self._painted)

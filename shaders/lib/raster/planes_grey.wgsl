@@ -43,16 +43,19 @@ fn edge_pixel(c: Color, unsure: f32) -> EdgePixel { return vec2f(c, unsure); }
 fn radiance_found(f: EdgePixel) -> Color { return f.x; }
 fn unsure_found(f: EdgePixel) -> f32 { return f.y; }
 
-// Of a piece of a pixel its area, the paint's mean albedo, what of it is printed, and flags.
+// Of pieces of pixels the area, the paint's mean albedo, what of it is printed, and flags.
 struct Painted {
     area: f32,
     albedo: Color,
     printed: f32,
+    flags: u32,
 }
-fn painted_words(p: Painted, flags: u32) -> vec4u {
-    return vec4u(bitcast<vec3u>(vec3f(p.area, p.albedo, p.printed)), flags);
+@group(0) @binding(14) var<storage, read_write> painted: array<vec4u>;
+fn set_painted(piece: u32, p: Painted) {
+    painted[piece] = vec4u(bitcast<vec3u>(vec3f(p.area, p.albedo, p.printed)), p.flags);
 }
-fn painted_of(words: vec4u) -> Painted {
+fn painted_at(piece: u32) -> Painted {
+    let words = painted[piece];
     let own = bitcast<vec3f>(words.xyz);
-    return Painted(own.x, own.y, own.z);
+    return Painted(own.x, own.y, own.z, words.w);
 }

@@ -53,17 +53,20 @@ fn edge_pixel(c: Color, unsure: f32) -> EdgePixel { return vec4f(c, unsure); }
 fn radiance_found(f: EdgePixel) -> Color { return f.xyz; }
 fn unsure_found(f: EdgePixel) -> f32 { return f.w; }
 
-// Albedos of 16 bits: they are of parts of single pixels.
+// Two words a piece.
 struct Painted {
     area: f32,
     albedo: Color,
     printed: f32,
+    flags: u32,
 }
-fn painted_words(p: Painted, flags: u32) -> vec4u {
-    let rest = pack2x16unorm(vec2f(p.albedo.z, p.printed));
-    return vec4u(bitcast<u32>(p.area), pack2x16unorm(p.albedo.xy), rest, flags);
+@group(0) @binding(14) var<storage, read_write> painted: array<vec4u>;
+fn set_painted(piece: u32, p: Painted) {
+    painted[2u * piece] = vec4u(bitcast<vec2u>(vec2f(p.area, p.printed)), p.flags, 0u);
+    painted[2u * piece + 1u] = vec4u(bitcast<vec3u>(p.albedo), 0u);
 }
-fn painted_of(words: vec4u) -> Painted {
-    let rest = unpack2x16unorm(words.z);
-    return Painted(bitcast<f32>(words.x), vec3f(unpack2x16unorm(words.y), rest.x), rest.y);
+fn painted_at(piece: u32) -> Painted {
+    let words = painted[2u * piece];
+    let own = bitcast<vec2f>(words.xy);
+    return Painted(own.x, bitcast<vec3f>(painted[2u * piece + 1u].xyz), own.y, words.z);
 }

@@ -56,9 +56,7 @@ struct Range {
 // per edge pixel the number of its first piece: those of neighbouring pixels lie side by side
 @group(0) @binding(13) var<storage, read> slot_of: array<u32>;
 
-// per piece what `painted_words` makes of it, and flags
-@group(0) @binding(14) var<storage, read_write> painted: array<vec4u>;
-// more shows of it, or less, than can be told here; it is lit in its middle though it goes round a corner;
+// Flags of a piece: more shows of it, or less, than can be told here; it is lit in its middle though it goes round a corner;
 // it lies behind others in doubt; its light isn't even
 const DOUBT: u32 = 1u;
 const CORNER: u32 = 2u;
@@ -311,7 +309,7 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
             if (listing != 0u) {
                 let slot = slot_of[n - range.first] + c - nearest;
                 list_piece(slot, t, spot(t, params.rays, vec2f(pixel) + middle, d + middle), extent);
-                painted[slot] = painted_words(Painted(m.x, light, printed), flags);
+                set_painted(slot, Painted(m.x, light, printed, flags));
             } else if (lit != 0u) {
                 let r = reflection_at(t, params.rays, vec2f(pixel) + middle, d + middle);
                 light = piece_radiance(t, r, light);
@@ -348,8 +346,7 @@ fn light_pieces(
     loop {
         if (c >= stop) { break; }
         let slot = slot_of[n - range.first] + c - nearest;
-        let own = painted[slot];
-        let paint = painted_of(own);
+        let paint = painted_at(slot);
         if (paint.area > 0.0) {
             let t = triangle_at(lists[c]);
             let s = listed_spot(slot);
@@ -357,8 +354,8 @@ fn light_pieces(
             let light = reflection_known(s.x, s.n, gloss_at(t, s), openness_at(t.id, s.x), known);
             printed = paint.printed;
             let value = piece_radiance(t, light.r, paint.albedo);
-            sum = added(sum, paint.area, value, own.w, light.half);
-            unknown = unknown || (light.half && (own.w & CORNER) != 0u);
+            sum = added(sum, paint.area, value, paint.flags, light.half);
+            unknown = unknown || (light.half && (paint.flags & CORNER) != 0u);
         }
         c++;
         if (c >= stop) { break; }
