@@ -68,7 +68,7 @@ def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Arra
     return each, np.concatenate(flat, axis=2)
 
 
-def _tile_probe() -> Setup:
+def _tile_probe(coloured: bool) -> Setup:
     """A floor and a wall of two planes, seen through a lens, under lamps of several kinds."""
     quad = np.array([[-1.2, -1.0], [1.1, -1.0], [1.1, 0.9], [-1.2, 0.9]])
     face = np.array([[0, 1, 2, 3]])
@@ -85,6 +85,8 @@ def _tile_probe() -> Setup:
         SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
         EnvironmentLight(0.3, 0.1, up=(0.1, 0.2, 1.0)),
     ]
+    if coloured:
+        lights = [replace(one, color=(1.0 + k, 2.0, 3.0 - 0.5 * k)) for k, one in enumerate(lights)]
     return Setup.build(look(surfaces, camera, lit=True), lights, 0.05)
 
 
@@ -177,7 +179,11 @@ def _triangle_records(device: Device) -> None:
 
 @twin_check("optics/shading/forward_pass")
 def _forward_pass(device: Device) -> None:
-    setup = probe_setup()
+    for setup in (probe_setup(), probe_setup(coloured=True)):
+        _compare_forward(device, setup)
+
+
+def _compare_forward(device: Device, setup: Setup) -> None:
     camera = setup.view.camera
     want = shade_twin(setup, visibility_twin(setup.view))
     # where edges cross a pixel, hardware and twin may see different triangles at its centre
@@ -199,28 +205,32 @@ def _forward_pass(device: Device) -> None:
 
 @twin_check("optics/shading/tile_light")
 def _tile_light(device: Device) -> None:
-    setup = _tile_probe()
-    tiles = LightTiles.of(setup, tolerance=np.inf)
-    assert tiles is not None
-    work = TileLightPass(SceneBuffers(device, setup), tiles)
-    with device.recording("optics.light_tiles") as recording:
-        work.record(recording)
-    got = work.texels.read().reshape(*work.shape, len(setup.bands), 4)
-    compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
+    for setup in (_tile_probe(False), _tile_probe(True)):
+        tiles = LightTiles.of(setup, tolerance=np.inf)
+        assert tiles is not None
+        work = TileLightPass(SceneBuffers(device, setup), tiles)
+        with device.recording("optics.light_tiles") as recording:
+            work.record(recording)
+        got = work.texels.read().reshape(*work.shape, len(setup.bands), 4)
+        compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
 
 
 @twin_check("optics/shading/relighting")
 def _relighting(device: Device) -> None:
     surfaces, camera, lights = shadow_scene()
-    plain = [surfaces[0], *(replace(own, paint=Plain(0.6)) for own in surfaces[1:])]
-    for shown in (surfaces, plain):
+    plain, blue = (
+        [surfaces[0], *(replace(own, paint=Plain(albedo)) for own in surfaces[1:])]
+        for albedo in (0.6, (0.1, 0.3, 0.9))
+    )
+    for shown in (surfaces, plain, blue):
         view = look(shown, camera, lit=True)
         _compare_relit(device, Setup.build(view, lights, 0.05, shown, device))
 
 
 @twin_check("optics/edge_pixels/resolve")
 def _resolve(device: Device) -> None:
-    for setup in (probe_setup(), fields_setup(True), fields_setup(False)):
+    setups = (probe_setup(), fields_setup(True), fields_setup(False), probe_setup(coloured=True))
+    for setup in setups:
         edges = find_edge_pixels(setup.view)
         camera = setup.view.camera
         start = np.full((len(setup.bands), camera.height, camera.width), 0.25, np.float32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -159,10 +159,10 @@ def sheet(
     return Surface(points, faces.reshape(-1, 4), paint, reference=flat * [wide, tall, 1.0])
 
 
-def probe_setup(fine: bool = True) -> Setup:
-    """A small lit view with every kind of paint, partly overlapping, for the twin checks.
+def probe_setup(fine: bool = True, coloured: bool = False) -> Setup:
+    """A small lit view with many kinds of paint, partly overlapping, for the twin checks.
 
-    ``fine``: with bitmaps and reliefs.
+    ``fine``: with bitmaps and reliefs; ``coloured``: in colour, the lamps as well.
     """
 
     def quad(x: float, y: float, z: float, tilt: float) -> Array:
@@ -192,6 +192,8 @@ def probe_setup(fine: bool = True) -> Setup:
             Plain(0.7) if isinstance(paint, Image) or getattr(paint, "bump", None) else paint
             for paint in paints
         )
+    if coloured:
+        paints = tuple(_coloured(paint, number) for number, paint in enumerate(paints))
     surfaces = [
         Surface(quad(*place), face, paint=paint)
         for place, paint in zip(places, paints, strict=True)
@@ -202,7 +204,20 @@ def probe_setup(fine: bool = True) -> Setup:
         AreaLight((2.0, -2.0, 0.0), (0.0, 0.0, 5.0), (0.5, 0.8), 60.0),
         AmbientLight(0.05),
     ]
+    if coloured:
+        lights = [replace(one, color=(1.0 + k, 2.0, 3.0 - k)) for k, one in enumerate(lights)]
     return Setup.build(look(surfaces, camera, lit=True), lights, background=0.05)
+
+
+def _coloured(paint: Paint, number: int) -> Paint:
+    """A paint whose albedos have different colours."""
+    share = np.roll([1.0, 0.7, 0.4], number)
+    names = ("albedo", "dark", "light", "ground", "dot")
+    own = [name for name in names if name in (field.name for field in fields(paint))]  # type: ignore[arg-type]
+    changes = {name: tuple(np.roll(share, k) * getattr(paint, name)) for k, name in enumerate(own)}
+    if isinstance(paint, Image):
+        return replace(paint, pixels=paint.pixels[..., None] * np.roll(share, 1))
+    return replace(paint, **changes)  # type: ignore[type-var]
 
 
 def fields_setup(lit: bool) -> Setup:
