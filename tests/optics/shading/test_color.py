@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
+from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device
 from gpusim.gpu.twin import compare
 from gpusim.optics.geometry.view import look
@@ -49,8 +50,10 @@ def laboratory(shadows: bool, glossy: bool) -> tuple[list[gs.Surface], list[Any]
         (SHEET + [-1.1, -0.3, 0.5], QUAD, paint.Image(texels, texel=0.015)),
     ]  # fmt: skip
     lights = [
-        gs.AreaLight((-1.5, -2.5, 2.5), (0, 0, 0), (0.5, 0.4), 60.0, shadows, color="#ffb060"),
-        gs.PointLight((1.5, -2.5, 1.5), 20.0, shadows, color=(0.5, 0.9, 1.6)),
+        gs.AreaLight(
+            (-1.5, -2.5, 2.5), (0, 0, 0), (0.5, 0.4), 60.0, shadows=shadows, color="#ffb060"
+        ),
+        gs.PointLight((1.5, -2.5, 1.5), 20.0, shadows=shadows, color=(0.5, 0.9, 1.6)),
         gs.AmbientLight(0.1, color=(1.0, 0.8, 1.2)),
     ]
     return [gs.Surface(points, faces, paint=own) for points, faces, own in shown], lights
@@ -151,7 +154,7 @@ def test_a_wrong_colour_is_seen(device: Device, monkeypatch: pytest.MonkeyPatch)
     twin = gs.render(surfaces, camera(96, 64), lights, backend="numpy")
     monkeypatch.setattr(scene_buffers, "_color_bindings", wrong)
     found = gs.render(surfaces, camera(96, 64), lights, device=device)
-    with pytest.raises(AssertionError):
+    with pytest.raises(TwinMismatch):
         compare("coloured", found.radiance, twin.radiance, "pixel")
 
 
@@ -176,7 +179,8 @@ def test_surroundings_in_colour_are_mirrored(device: Device) -> None:
     box = gs.Surface(BOX, SIDES, paint=lacquer)
     frame = gs.render([box], camera(90, 60), [sky], device=device)
     twin = gs.render([box], camera(90, 60), [sky], backend="numpy")
-    compare("surroundings", frame.radiance, twin.radiance, "pixel")
+    # a map of noise, looked up in float32
+    compare("surroundings", frame.radiance, twin.radiance, "pixel", atol=1e-4)
     for band in BANDS:
         grey, lamps = of_band([box], [sky], band)
         own = gs.render(grey, camera(90, 60), lamps, device=device)
