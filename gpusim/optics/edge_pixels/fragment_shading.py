@@ -36,7 +36,8 @@ from gpusim.optics.geometry.view import FIXED
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.shading.lighting import SharesOf
-from gpusim.optics.shading.setup import Setup, radiance_of
+from gpusim.optics.shading.radiance import radiance_of
+from gpusim.optics.shading.setup import Setup
 
 __all__ = [
     "CONTACT",

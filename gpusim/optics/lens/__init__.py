@@ -8,5 +8,6 @@ In the order in which data passes:
 - `thin_lens`: The lens: thin-lens depth of field by lens positions, point spread, vignetting.
 - `shutter`: Exposure in time: moments of the exposure, and rows that are exposed one after the
   other.
+- `tiles`: Pictures in tiles: as many cells, finer than pixels, as are rendered at once.
 - `exposure`: A photograph: the exact pinhole renderer behind a real lens and shutter.
 """

@@ -37,10 +37,10 @@ from gpusim.optics.lens.shutter import (
     rolled,
 )
 from gpusim.optics.lens.thin_lens import Focus, Lens, focus_of, seen_through
+from gpusim.optics.lens.tiles import Tile, largest_tile
 from gpusim.optics.light.lights import Light
-from gpusim.optics.rendering.frame_plan import BAND_BYTES
 from gpusim.optics.rendering.local_origin import local_view
-from gpusim.optics.rendering.renderer import MAX_SIDE, MIN_ERROR, is_coloured, render
+from gpusim.optics.rendering.renderer import MIN_ERROR, is_coloured, render
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
@@ -49,7 +49,6 @@ from gpusim.validation import checked
 __all__ = ["Exposure", "photograph", "plan_exposure"]
 
 Array = npt.NDArray[np.float64]
-TILE_CELLS = 1 << 24
 SAME_IMAGE = SampledKernel(1, 0, ((np.ones(1), np.ones(1)),), 0.0)
 
 
@@ -294,48 +293,6 @@ def _at(camera: Camera, point: Array, lens: Lens) -> Camera:
     return seen_through(camera, point, lens.focus_distance)
 
 
-@dataclass(frozen=True)
-class _Tile:
-    column0: int
-    columns: int
-    row0: int
-    rows: int
-
-    def cells(self, camera: Camera, kernel: SampledKernel) -> Camera:
-        """The camera whose pixels are the tile's cells, halo included."""
-        n, halo = kernel.n, kernel.halo
-
-        def scaled(K: Array) -> Array:
-            # cell k is centred at (k + 0.5 - halo) / n - 0.5 px from the tile's first pixel
-            result = K.copy()
-            result[:2] *= n
-            result[0, 2] = n * (K[0, 2] - self.column0 + 0.5) - 0.5 + halo
-            result[1, 2] = n * (K[1, 2] - self.row0 + 0.5) - 0.5 + halo
-            return result
-
-        return replace(
-            camera,
-            width=n * self.columns + 2 * halo,
-            height=n * self.rows + 2 * halo,
-            K=scaled(camera.K),
-            lens_K=None if camera.lens_K is None else scaled(camera.lens_K),
-        )
-
-
-def _tiles(camera: Camera, kernel: SampledKernel) -> tuple[int, int]:
-    """Columns and rows of the largest tile whose cells can be rendered at once."""
-    n, halo = kernel.n, kernel.halo
-    across = -(-(n * camera.width + 2 * halo) // MAX_SIDE)
-    columns = -(-camera.width // across)
-    if not (MAX_SIDE - 2 * halo) // n >= 1:
-        raise InputError(f"photograph: the lens blurs over {2 * halo // n} px; expected less")
-    columns = min(columns, (MAX_SIDE - 2 * halo) // n)
-    wide = n * columns + 2 * halo
-    most = min(TILE_CELLS // wide, MAX_SIDE)
-    rows = max(1, (most - 2 * halo) // n)
-    return columns, min(rows, camera.height, max(16, BAND_BYTES // (4 * camera.width)))
-
-
 def _combine(
     exposure: Exposure,
     shoot: Callable[[Sequence[Surface], Camera], Frame],
@@ -343,14 +300,14 @@ def _combine(
     planes: int,
 ) -> Iterator[Band]:
     kernel, camera = exposure.kernel, exposure.sight[1]
-    columns, rows = _tiles(camera, kernel)
+    columns, rows = largest_tile(camera, kernel)
     work = ConvolvePass(device, kernel, columns, rows) if kernel is not SAME_IMAGE else None
     for row0 in range(0, camera.height, rows):
         count = min(rows, camera.height - row0)
         stride = camera.width
         outs = tuple(device.empty(4 * count * stride, f"radiance[{row0}]") for _ in range(planes))
         for column0 in range(0, camera.width, columns):
-            tile = _Tile(column0, min(columns, camera.width - column0), row0, count)
+            tile = Tile(column0, min(columns, camera.width - column0), row0, count)
             size = tile.cells(camera, kernel)
             targets = [Target(out, column0, stride) for out in outs]
             sums = targets
@@ -378,7 +335,7 @@ def _combine_twin(
     exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame]
 ) -> list[npt.NDArray[np.float32]]:
     camera, kernel = exposure.sight[1], exposure.kernel
-    whole = _Tile(0, camera.width, 0, camera.height)
+    whole = Tile(0, camera.width, 0, camera.height)
     size = whole.cells(camera, kernel)
     sums: list[Array] = []
     for weight, what, whence in exposure.parts:

@@ -4,6 +4,7 @@ In the order in which data passes:
 
 - `disc_grid`: Speckle as lists of discs per cell, for the host and the device.
 - `disc_coverage`: The share of a pixel that speckle covers.
+- `feature_overlap`: Whether features of a pattern keep apart, as their sum takes for granted.
 - `feature_grid`: Paint patterns as tables that a pixel can look up;
   `gpusim.optics.paint.footprint_mean` evaluates them.
 - `bitmap`: The mean of a bitmap's spline surface over what a pixel sees of it.

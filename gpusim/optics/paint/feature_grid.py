@@ -23,6 +23,7 @@ from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.triangle_corners import CHUNK, ST, corner_range
 from gpusim.optics.geometry.view import RegionPaint, View
 from gpusim.optics.paint.disc_grid import MAX_TEXELS, DiscGrid, speckle_table
+from gpusim.optics.paint.feature_overlap import refuse_overlap
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
@@ -260,7 +261,7 @@ def _file_features(region: RegionPaint, longest: float) -> _RegionCells | None:
     if features is None or not len(features):
         return None
     low, high = features.bounds()
-    _refuse_overlap(features, low, high)
+    refuse_overlap(features, low, high)
     low, high = low - region.reach, high + region.reach
     cell = _cell_size(features, region, longest)
     lowest = np.floor(np.maximum(low.min(axis=0), region.low - cell) / cell).astype(int)
@@ -328,63 +329,6 @@ def _cell_size(features: Features, region: RegionPaint, longest: float) -> float
     size = max(size, 2.0 * region.reach, float(np.sqrt(extent.prod() / MAX_CELLS)), 1e-300)
     # a power of two: cell corners are then exact in float32
     return float(2.0 ** np.ceil(np.log2(size)))
-
-
-def _refuse_overlap(features: Features, low: Array, high: Array) -> None:
-    order = np.argsort(low[:, 0], kind="stable")
-    if features.layer is not None:
-        order = order[features.layer[order] == 0]
-    low, high = low[order], high[order]
-    shrink = 1e-9 * (high - low)
-    low, high = low + shrink, high - shrink
-    until = np.searchsorted(low[:, 0], high[:, 0])
-    for i in np.flatnonzero(until > np.arange(len(low)) + 1):
-        span = slice(i + 1, until[i])
-        hit = (low[span, 1] < high[i, 1]) & (high[span, 1] > low[i, 1])
-        for j in np.flatnonzero(hit) + i + 1:
-            if _apart(features, int(order[i]), int(order[j])):
-                continue
-            raise InputError(
-                f"paint features {order[i]} and {order[j]} overlap; got boxes around "
-                f"{features.position[order[i]].tolist()} and {features.position[order[j]].tolist()}"
-                "; expected features that keep apart"
-            )
-
-
-def _apart(features: Features, i: int, j: int) -> bool:
-    """Whether two features whose boxes overlap don't (patches by separating axes).
-
-    Sectors count as discs.
-    """
-    if features.kind[i] != 0:
-        i, j = j, i
-    slack = 1e-9 * float(max(features.size[i].max(), features.size[j].max()))
-    if features.kind[i] != 0:
-        gap = np.hypot(*(features.position[i] - features.position[j]))
-        return bool(gap >= features.size[i, 0] + features.size[j, 0] - slack)
-    if features.kind[j] != 0:
-        relative = _turn(features.position[j] - features.position[i], -features.angle[i])
-        outside = relative - np.clip(relative, 0.0, features.size[i] * features.squares[i])
-        return bool(np.hypot(*outside) >= features.size[j, 0] - slack)
-    corners = []
-    for k in (i, j):
-        extent = features.size[k] * features.squares[k]
-        box = extent * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-        corners.append(features.position[k] + _turn(box, features.angle[k]))
-    for angle in (features.angle[i], features.angle[j]):
-        a, b = (_turn(points, -angle) for points in corners)
-        if (a.max(axis=0) <= b.min(axis=0) + slack).any():
-            return True
-        if (b.max(axis=0) <= a.min(axis=0) + slack).any():
-            return True
-    return False
-
-
-def _turn(points: Array, angle: float) -> Array:
-    """Points (…, 2) turned about the origin by ``angle``."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = points[..., 0], points[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def _records(features: Features, which: npt.NDArray[np.int64], origin: Array) -> Array:

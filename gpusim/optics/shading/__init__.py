@@ -6,8 +6,11 @@ In the order in which data passes:
   and in NumPy.
 - `coefficients`: What the pixels of a triangle share: affine functions of the offset from its
   anchor pixel.
+- `spectrum`: Bands of the spectrum: what each of them has of its own, and how the device is told
+  of three.
 - `setup`: A view set up for shading: per-triangle coefficients, pattern tables and lamps, in
   float64.
+- `radiance`: Radiance of pixels whose albedo is known, in NumPy.
 - `scene_buffers`: What shaders read of a setup: its triangles, paints, lights and shadows, on the
   device.
 - `tile_light`: Light on large flat matte faces, evaluated at the corners of tiles and

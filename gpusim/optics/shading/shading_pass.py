@@ -32,8 +32,9 @@ from gpusim.optics.paint.bitmap import BITMAP, mean_over_pixels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
+from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import GRAZING, Setup, footprint, radiance_of
+from gpusim.optics.shading.setup import GRAZING, Setup, footprint
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass
 from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
 

@@ -19,8 +19,9 @@ from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import NORMAL, corner_range
+from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import Setup, radiance_of
+from gpusim.optics.shading.setup import Setup
 
 __all__ = ["LightTiles", "TileLightPass", "light_tiles_twin"]
 

@@ -1,5 +1,5 @@
 // A triangle set up for shading, and the light that falls on it.
-// The NumPy form is gpusim/optics/shading/setup.py.
+// The NumPy form is gpusim/optics/shading/radiance.py.
 #import lib/paint/relief_normals
 #import lib/paint/footprint
 #import lib/light/lighting

@@ -46,7 +46,8 @@ def laboratory(shadows: bool, glossy: bool) -> tuple[list[gs.Surface], list[Any]
         (quad((-2, -2, -1), (4, 0, 0), (0, 3, 0)), QUAD,
          paint.Dots(0.1, 0.25, albedo="#ff2010", ground="#2040c0")),
         (BOX, SIDES, paint.Plain("#c8a060", **body)),
-        (SHEET + np.array([0.9, -0.3, 0.4]), QUAD, paint.Speckle(0.05, dot="#101040", ground="#f0e0d0")),
+        (SHEET + np.array([0.9, -0.3, 0.4]), QUAD,
+         paint.Speckle(0.05, dot="#101040", ground="#f0e0d0")),
         (SHEET + np.array([-1.1, -0.3, 0.5]), QUAD, paint.Image(texels, texel=0.015)),
     ]  # fmt: skip
     lights = [
