@@ -37,6 +37,7 @@ from gpusim.optics.paint.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.setup import Setup, radiance_of
+from gpusim.surface.color import grey
 
 __all__ = [
     "CONTACT",
@@ -227,7 +228,7 @@ def _mean_albedo(
         middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
         corners, w = _paint_positions(setup, own, ideal[rows, 1:])
         albedo[rows] = mean_over_polygons(
-            image, image.ground, setup.of(own).cell, middle[:, 0], corners - middle, w / w0
+            image, grey(image.ground), setup.of(own).cell, middle[:, 0], corners - middle, w / w0
         )
     printed = np.zeros(len(albedo))
     rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])

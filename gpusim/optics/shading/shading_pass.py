@@ -35,6 +35,7 @@ from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import GRAZING, Setup, footprint, radiance_of
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass
 from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
+from gpusim.surface.color import grey
 
 __all__ = ["DeferredPass", "ForwardPass", "ShadingPass", "shade_twin", "small_triangles"]
 
@@ -320,7 +321,7 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             rows = np.flatnonzero(paint == number)
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             albedo[rows] = mean_over_pixels(
-                image, image.ground, setup.of(triangle[rows]).cell, st, ex, ey, q
+                image, grey(image.ground), setup.of(triangle[rows]).cell, st, ex, ey, q
             )
         printed = np.zeros(len(albedo))
         rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
