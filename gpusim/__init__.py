@@ -55,6 +55,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics import SunLight as SunLight
     from gpusim.optics import Truth as Truth
     from gpusim.optics import Vignetting as Vignetting
+    from gpusim.optics import blackbody as blackbody
     from gpusim.optics import photograph as photograph
     from gpusim.optics import psf as psf
     from gpusim.optics import render as render
@@ -85,7 +86,7 @@ _HOMES = {
     "gpusim.mesh": "Mesh mesh_cad read_mesh",
     "gpusim.optics": (
         "AmbientLight AreaLight Camera EnvironmentLight Frame Lens PointLight Sensor Shutter "
-        "SpotLight SunLight Truth Vignetting photograph psf render"
+        "SpotLight SunLight Truth Vignetting blackbody photograph psf render"
     ),
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
     "gpusim.pipeline": "run",

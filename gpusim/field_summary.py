@@ -50,6 +50,8 @@ def _value_summary(value: Any) -> str:
     if isinstance(value, Mapping | list | tuple | frozenset):
         plain = all(isinstance(one, bool | int | float | str) for one in value)
         short = printable(repr(value)) if plain and not isinstance(value, Mapping) else ""
+        if len(short) > 40 and all(isinstance(one, float) for one in value):
+            short = f"({', '.join(f'{one:.4g}' for one in value)})"
         return short if 0 < len(short) <= 40 else f"<{len(value)}>"
     text = printable(repr(value))
     return text if len(text) <= 40 else f"{type(value).__name__}(...)"

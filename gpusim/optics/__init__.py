@@ -28,6 +28,7 @@ from gpusim.optics.lens import psf
 from gpusim.optics.lens.exposure import photograph
 from gpusim.optics.lens.shutter import Shutter
 from gpusim.optics.lens.thin_lens import Lens, Vignetting
+from gpusim.optics.light.blackbody import blackbody
 from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,
@@ -54,6 +55,7 @@ __all__ = [
     "SunLight",
     "Truth",
     "Vignetting",
+    "blackbody",
     "photograph",
     "psf",
     "render",

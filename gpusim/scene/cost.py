@@ -18,6 +18,7 @@ from pathlib import Path
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 
+from .description.colors import is_chromatic
 from .description.mesh import (
     CAD_SUFFIXES,
     BeamMesh,
@@ -73,6 +74,8 @@ def describe(scene: Scene) -> dict[str, str]:
         lit += ", surroundings hidden by surfaces"
     if lights and any(paint.finish.bump for paint in _paints(scene)):
         lit += ", fine relief"
+    if _in_color(scene):
+        lit += ", in colour"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
@@ -82,6 +85,15 @@ def describe(scene: Scene) -> dict[str, str]:
         "measure": f"{_markers(scene)} markers",
         "export": ", ".join(wanted),
     }
+
+
+def _in_color(scene: Scene) -> bool:
+    """Whether it says a colour; those in pictures aren't known."""
+    keys = ("albedo", "dark", "light", "dot", "line")
+    said = [getattr(paint, key, None) for paint in _paints(scene) for key in keys]
+    said += [scene.render.background, *(light.color for light in scene.lights)]
+    warm = any(light.temperature_K is not None for light in scene.lights)
+    return warm or any(map(is_chromatic, said))
 
 
 def effects(scene: Scene, camera: Camera) -> str:

@@ -11,9 +11,9 @@ its pixels, for which the discrete cosine transform inverts the B-spline filters
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -23,6 +23,7 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import decode
+from gpusim.surface.color import BANDS, Albedo, Colored, grey
 from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
@@ -101,8 +102,8 @@ def _means_over_pairs(coefficients: Array) -> Array:
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Image:
-    """A grey bitmap whose pixels (texels) are squares of side ``texel`` on the surface.
+class Image(Colored):
+    """A bitmap whose pixels (texels) are squares of side ``texel`` on the surface.
 
     What is seen is the quintic B-spline through the texels' values at their centres; the renderer
     integrates it over each pixel. Between texels of hard contrast such a surface swings over by a
@@ -110,7 +111,8 @@ class Image:
 
     Parameters
     ----------
-    pixels : (H, W) of any integer or float type; the first row is the upper one (largest t).
+    pixels : (H, W) of any integer or float type, or (H, W, 3) of red, green and blue (which are
+        grey where all three are equal); the first row is the upper one (largest t).
     texel : side of a texel, a length.
     origin : s, t of the bitmap's lower left corner (the outer corner of the texel there).
     dark, light : albedo of the values 0 and full scale: the largest number of an integer type, or
@@ -123,7 +125,7 @@ class Image:
     Raises
     ------
     InputError
-        Not one grey picture, values that aren't finite or below 0 or above full scale, or a
+        Not one picture, values that aren't finite or below 0 or above full scale, or a
         parameter out of range.
 
     Examples
@@ -136,9 +138,9 @@ class Image:
     pixels: npt.NDArray[Any]
     texel: float
     origin: tuple[float, float] = (0.0, 0.0)
-    dark: float = 0.0
-    light: float = 1.0
-    ground: float = 0.5
+    dark: Albedo = Albedo(0.0)
+    light: Albedo = Albedo(1.0)
+    ground: Albedo = Albedo(0.5)
     gamma: str = "linear"
     roughness: float = 1.0
     metallic: float = 0.0
@@ -148,10 +150,11 @@ class Image:
     def __post_init__(self) -> None:
         check_paint(self)
         pixels = np.asarray(self.pixels)
-        if pixels.ndim != 2 or not pixels.size or pixels.dtype.kind not in "uif":
+        shaped = pixels.ndim == 2 or pixels.shape[2:] == (3,)
+        if not shaped or not pixels.size or pixels.dtype.kind not in "uif":
             raise InputError(
                 f"Image pixels; got {pixels.dtype} of shape {pixels.shape}; expected one grey "
-                "picture (H, W) of integers or floats"
+                "picture (H, W), or one of colours (H, W, 3), of integers or floats"
             )
         if max(pixels.shape) > WIDEST:
             raise InputError(
@@ -165,17 +168,30 @@ class Image:
             )
         if self.gamma not in ("linear", "srgb"):
             raise InputError(f"Image gamma; got {self.gamma!r}; expected 'linear' or 'srgb'")
+        if pixels.ndim == 3 and (pixels == pixels[..., :1]).all():
+            pixels = pixels[..., 0]
         object.__setattr__(self, "pixels", pixels)
 
     @staticmethod
-    def read(path: str | os.PathLike[str] | InputFile, texel: float, **options: Any) -> Image:
-        """A bitmap from a PNG, TIFF or other picture file; colour is turned into grey.
+    def read(
+        path: str | os.PathLike[str] | InputFile,
+        texel: float,
+        *,
+        channels: str = "rgb",
+        **options: Any,
+    ) -> Image:
+        """A bitmap from a PNG, TIFF or other picture file; what is transparent isn't.
 
-        ``options`` are the other parameters. Raises InputError if the file can't be read.
+        ``channels``: "rgb" keeps the colours of a file that has some; "grey" turns them into grey
+        (luma, ITU-R BT.601). ``options`` are the other parameters. Raises InputError if the file
+        can't be read.
         """
-        values = decode(path, flags=cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE)
+        if channels not in ("rgb", "grey"):
+            raise InputError(f"Image channels; got {channels!r}; expected 'rgb' or 'grey'")
+        kind = cv2.IMREAD_ANYCOLOR if channels == "rgb" else cv2.IMREAD_GRAYSCALE
+        values = decode(path, flags=cv2.IMREAD_ANYDEPTH | kind)
         try:
-            return Image(values, texel, **options)
+            return Image(values[..., ::-1] if values.ndim == 3 else values, texel, **options)
         except InputError as error:
             name = path.path if isinstance(path, InputFile) else path
             raise InputError(f"{os.fspath(name)}: {error}") from None
@@ -183,21 +199,33 @@ class Image:
     @property
     def size(self) -> tuple[float, float]:
         """Width and height on the surface."""
-        rows, columns = self.pixels.shape
+        rows, columns = self.pixels.shape[:2]
         return columns * self.texel, rows * self.texel
 
+    @property
+    def colored(self) -> bool:
+        """Whether its pixels or its albedos aren't grey."""
+        return self.pixels.ndim == 3 or super().colored
+
+    def _of_band(self, band: int) -> Self:
+        result = super()._of_band(band)
+        return result if self.pixels.ndim == 2 else replace(result, pixels=self.pixels[..., band])
+
     def albedo(self) -> Array:
-        """Albedo (H, W) at the texels' centres."""
+        """Albedo at the texels' centres, (H, W), or (H, W, 3) where it isn't grey."""
+        if self.colored:
+            return np.stack([self.in_band(band).albedo() for band in BANDS], axis=2)
         full = 1.0 if self.pixels.dtype.kind == "f" else float(np.iinfo(self.pixels.dtype).max)
         share = self.pixels / full
         if self.gamma == "srgb":
             share = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
-        result: Array = self.dark + (self.light - self.dark) * share
+        dark = grey(self.dark)
+        result: Array = dark + (grey(self.light) - dark) * share
         return result
 
     @cached_property
     def levels(self) -> tuple[Level, ...]:
-        """The spline surface and its coarser levels; computed once."""
+        """The spline surface and its coarser levels, of a grey bitmap; computed once."""
         return pyramid(self.albedo())
 
     def texel_position(self, st: Array) -> Array:

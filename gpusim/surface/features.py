@@ -20,6 +20,7 @@ import scipy
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
+from gpusim.surface.color import Color, grey
 from gpusim.validation import checked
 
 __all__ = [
@@ -110,8 +111,8 @@ class Features:
 class Stack:
     """Collects features that lie on one another, each with what it covers."""
 
-    def __init__(self, ground: float) -> None:
-        self.ground = ground
+    def __init__(self, ground: Color) -> None:
+        self.ground = grey(ground)
         self._rows: list[Array] = []
 
     def add(
@@ -119,8 +120,8 @@ class Stack:
         kind: int,
         position: Array,
         size: npt.ArrayLike,
-        albedo: float,
-        under: float,
+        albedo: Color,
+        under: Color,
         layer: int,
         *,
         angle: npt.ArrayLike = 0.0,
@@ -135,7 +136,7 @@ class Stack:
         row = np.zeros((len(position), 10))
         row[:, 0], row[:, 1:3], row[:, 3] = kind, position, angle
         row[:, 4:6], row[:, 6], row[:, 8] = size, width, layer
-        row[:, 7] = self.ground + albedo - under
+        row[:, 7] = self.ground + grey(albedo) - grey(under)
         row[:, 9] = float(layer == 0) if covers is None else covers
         self._rows.append(row)
 
@@ -153,16 +154,23 @@ class Stack:
 class Paint(Protocol):
     """What the renderer needs of a paint.
 
+    One with colours says so by a property ``colored`` that is True, and has a method ``in_band(k)``
+    that gives the grey paint of red, green or blue (0, 1, 2), the same object at each call; it is
+    that one's features which are asked for. A paint without these is grey.
+
     Examples
     --------
-    >>> def half(paint: gs.paint.Paint) -> float:
-    ...     return paint.ground / 2
-    >>> half(gs.paint.Plain(0.5))
-    0.25
+    >>> def bare(paint: gs.paint.Paint) -> float:
+    ...     return paint.ground
+    >>> bare(gs.paint.Plain(0.5))
+    0.5
+    >>> red_wall = gs.paint.Plain([0.6, 0.2, 0.1])
+    >>> red_wall.colored, bare(red_wall.in_band(0))
+    (True, 0.6)
     """
 
     @property
-    def ground(self) -> float:
+    def ground(self) -> Color:
         """Albedo where no feature lies."""
         ...
 
@@ -172,14 +180,12 @@ class Paint(Protocol):
 
 
 # what a field of a paint holds, by its name: which values it may have, and how that is said
-_IN_UNIT = (lambda value: 0.0 <= value <= 1.0, "an albedo from 0 to 1")
 _LENGTH = (lambda value: value > 0.0, "a length above 0")
 _COUNT = (lambda value: value >= 1 and value == int(value), "a whole number of at least 1")
-_SHARE = (_IN_UNIT[0], "0 to 1")
+_SHARE = (lambda value: 0.0 <= value <= 1.0, "0 to 1")
 _ANGLE = (lambda value: True, "a finite angle in rad")
 _NUMBERS: dict[str, tuple[Callable[[Any], bool], str]] = {
     **dict.fromkeys(("roughness", "metallic"), _SHARE),
-    **dict.fromkeys(("albedo", "dark", "light", "ground", "dot"), _IN_UNIT),
     **dict.fromkeys(("size", "diameter", "pitch", "width", "square", "marker", "texel"), _LENGTH),
     **dict.fromkeys(("columns", "rows"), _COUNT),
     "angle": _ANGLE,

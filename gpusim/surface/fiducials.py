@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
+from gpusim.surface.color import Albedo, Color, Colored
 from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Stack, check_paint
 from gpusim.validation import checked
 
@@ -39,7 +40,7 @@ def _white_runs(dictionary: Any, number: int) -> tuple[Array, int]:
 
 def _marker(
     stack: Stack, dictionary: Any, number: int, corner: Array, size: float, angle: float,
-    albedo: tuple[float, float], under: float, layer: int,
+    albedo: tuple[Color, Color], under: Color, layer: int,
 ) -> None:  # fmt: skip
     """A marker with its lower left corner at ``corner``: a dark square and white runs on it."""
     runs, cells = _white_runs(dictionary, number)
@@ -54,7 +55,7 @@ def _marker(
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Aruco:
+class Aruco(Colored):
     """Markers of one of OpenCV's dictionaries ("4X4_50", "APRILTAG_36h11", …).
 
     ``centres`` (M, 2); ``ids`` one number per centre; ``size`` is the side of the dark square,
@@ -72,9 +73,9 @@ class Aruco:
     size: float
     dictionary: str = "4X4_50"
     angle: float = 0.0
-    dark: float = 0.05
-    light: float = 0.9
-    ground: float = 0.9
+    dark: Albedo = Albedo(0.05)
+    light: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -106,7 +107,7 @@ class Aruco:
 
 @checked
 @dataclass(frozen=True)
-class Charuco:
+class Charuco(Colored):
     """OpenCV's ChArUco board: a chessboard whose light squares hold markers.
 
     The square at the upper left is dark, as in OpenCV from 4.6 on; markers are numbered row by row
@@ -124,9 +125,9 @@ class Charuco:
     marker: float
     dictionary: str = "4X4_50"
     origin: tuple[float, float] = (0.0, 0.0)
-    dark: float = 0.05
-    light: float = 0.9
-    ground: float = 0.9
+    dark: Albedo = Albedo(0.05)
+    light: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -189,7 +190,7 @@ def ring_codes(bits: int) -> tuple[int, ...]:
 
 @checked
 @dataclass(frozen=True, eq=False)
-class RingCodes:
+class RingCodes(Colored):
     """Circular coded targets as photogrammetry uses them: a disc and a ring of light and dark bits.
 
     ``diameter`` is that of the central disc; the ring reaches from twice to three times as far. Bit
@@ -207,8 +208,8 @@ class RingCodes:
     diameter: float
     bits: int = 12
     angle: float = 0.0
-    dot: float = 0.9
-    ground: float = 0.05
+    dot: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.05)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None

@@ -2,8 +2,9 @@
 
 A pattern is laid out in the region's paint coordinates (s, t): lengths on the undeformed surface,
 in the unit of its points (see `gpusim.surface.surface.PaintFrame`). Albedo is the share of light
-reflected, 0 to 1. Patterns are exact shapes, which the renderer integrates over each pixel in
-closed form; `Image` is a bitmap, integrated as a smooth surface.
+reflected, 0 to 1: a grey number, red, green and blue (linear), or "#rrggbb". Patterns are exact
+shapes, which the renderer integrates over each pixel in closed form; `Image` is a bitmap,
+integrated as a smooth surface.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
+from gpusim.surface.color import Albedo, Color, Colored, grey
 from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Paint, Stack, check_paint
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
@@ -47,7 +49,7 @@ MOST_LINES = 1 << 20
 
 @checked
 @dataclass(frozen=True)
-class Plain:
+class Plain(Colored):
     """One albedo everywhere.
 
     ``roughness`` below 1 makes it glossy (the lobe of GGX with alpha = roughness^2), as a coat of
@@ -59,9 +61,12 @@ class Plain:
     --------
     >>> gs.paint.Plain(albedo=0.4, roughness=0.3)
     Plain(albedo=0.4, roughness=0.3, metallic=0.0, bump=None)
+    >>> brick = gs.paint.Plain([0.6, 0.2, 0.1])
+    >>> [brick.in_band(band).albedo for band in range(3)]
+    [0.6, 0.2, 0.1]
     """
 
-    albedo: float = 0.5
+    albedo: Albedo = Albedo(0.5)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -70,7 +75,7 @@ class Plain:
         check_paint(self)
 
     @property
-    def ground(self) -> float:
+    def ground(self) -> Color:
         """The albedo."""
         return self.albedo
 
@@ -81,7 +86,7 @@ class Plain:
 
 @checked
 @dataclass(frozen=True)
-class Checker:
+class Checker(Colored):
     """A chessboard of squares of side ``size``; the square at ``origin`` (s, t) is ``dark``.
 
     With ``columns`` and ``rows`` it ends there and ``ground`` surrounds it; without, it covers the
@@ -97,9 +102,9 @@ class Checker:
     columns: int | None = None
     rows: int | None = None
     origin: tuple[float, float] = (0.0, 0.0)
-    dark: float = 0.05
-    light: float = 0.9
-    ground: float = 0.9
+    dark: Albedo = Albedo(0.05)
+    light: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -121,13 +126,13 @@ class Checker:
             np.zeros(1),
             np.full((1, 2), self.size),
             squares[None],
-            np.array([[self.dark, self.light]]),
+            np.array([[grey(self.dark), grey(self.light)]]),
         )
 
 
 @checked
 @dataclass(frozen=True)
-class Dots:
+class Dots(Colored):
     """Discs of ``diameter`` on a grid of ``pitch``; the first centre is at ``origin``.
 
     Examples
@@ -141,8 +146,8 @@ class Dots:
     columns: int | None = None
     rows: int | None = None
     origin: tuple[float, float] = (0.0, 0.0)
-    albedo: float = 0.05
-    ground: float = 0.9
+    albedo: Albedo = Albedo(0.05)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -174,13 +179,13 @@ class Dots:
             np.zeros(count),
             np.full((count, 2), 0.5 * self.diameter),
             np.ones((count, 2)),
-            np.full((count, 2), self.albedo),
+            np.full((count, 2), grey(self.albedo)),
         )
 
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Markers:
+class Markers(Colored):
     """Square targets of side ``size`` made of 2 x 2 black and white squares, at given centres.
 
     ``centres`` is (M, 2) in paint coordinates; ``angle`` (rad) turns every marker. The squares at
@@ -194,9 +199,9 @@ class Markers:
 
     centres: Array
     size: float
-    dark: float = 0.04
-    light: float = 0.9
-    ground: float = 0.5
+    dark: Albedo = Albedo(0.04)
+    light: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.5)
     angle: float = 0.0
     roughness: float = 1.0
     metallic: float = 0.0
@@ -218,13 +223,13 @@ class Markers:
             np.full(count, self.angle),
             np.full((count, 2), half),
             np.full((count, 2), 2.0),
-            np.tile([self.dark, self.light], (count, 1)),
+            np.tile([grey(self.dark), grey(self.light)], (count, 1)),
         )
 
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Circles:
+class Circles(Colored):
     """Concentric circles around every centre (M, 2): the largest is ``dark``, then they alternate.
 
     ``diameters`` fall; (30, 20, 10) is a dark ring of width 5 around a dark disc of diameter 10.
@@ -237,9 +242,9 @@ class Circles:
 
     centres: Array
     diameters: tuple[float, ...]
-    dark: float = 0.05
-    light: float = 0.9
-    ground: float = 0.9
+    dark: Albedo = Albedo(0.05)
+    light: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -266,7 +271,7 @@ class Circles:
 
 @checked
 @dataclass(frozen=True)
-class Lines:
+class Lines(Colored):
     """Lines of ``width`` at a ``pitch``: along s, along t, or both, a grid.
 
     ``origin`` is the middle of a line (of a crossing). ``columns`` and ``rows`` count pitches;
@@ -284,8 +289,8 @@ class Lines:
     columns: int | None = None
     rows: int | None = None
     origin: tuple[float, float] = (0.0, 0.0)
-    albedo: float = 0.05
-    ground: float = 0.9
+    albedo: Albedo = Albedo(0.05)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -335,7 +340,7 @@ class Lines:
 
 @checked
 @dataclass(frozen=True, eq=False)
-class Star:
+class Star(Colored):
     """Siemens stars: ``spokes`` dark sectors around every centre (M, 2), as wide as the gaps.
 
     The first spoke begins at ``angle`` (rad) from the s axis. At the distance r from a centre the
@@ -351,9 +356,9 @@ class Star:
     diameter: float
     spokes: int = 36
     angle: float = 0.0
-    dark: float = 0.05
-    light: float = 0.9
-    ground: float = 0.9
+    dark: Albedo = Albedo(0.05)
+    light: Albedo = Albedo(0.9)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None

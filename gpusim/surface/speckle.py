@@ -18,6 +18,7 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.errors import InputError
+from gpusim.surface.color import Albedo, Colored, grey
 from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
@@ -41,7 +42,7 @@ GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 @checked
 @dataclass(frozen=True)
-class Speckle:
+class Speckle(Colored):
     """Discs of albedo ``dot`` at random places on ``ground``.
 
     Parameters
@@ -80,8 +81,8 @@ class Speckle:
     spread: float = 0.0
     arrangement: str = "random"
     seed: int = 0
-    dot: float = 0.05
-    ground: float = 0.9
+    dot: Albedo = Albedo(0.05)
+    ground: Albedo = Albedo(0.9)
     roughness: float = 1.0
     metallic: float = 0.0
     bump: Bump | None = None
@@ -186,7 +187,7 @@ class Speckle:
             np.zeros(count),
             np.repeat(radius[:, None], 2, axis=1),
             np.ones((count, 2)),
-            np.full((count, 2), self.dot),
+            np.full((count, 2), grey(self.dot)),
         )
 
 

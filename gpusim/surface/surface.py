@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.surface.color import in_band
 from gpusim.surface.frames import Frame, PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.topology import Topology, triangulate
@@ -166,11 +167,10 @@ class Surface:
     def extents(self) -> dict[int, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
         """Lowest and highest paint coordinates (2,) of the regions that carry a pattern."""
         result = {}
-        zero = np.zeros(2)
         for region, paint in enumerate(self.paints.values()):
             topology = self.topology
             own = np.flatnonzero(self.regions[topology.source] == region)
-            if len(own) and paint.features(zero, zero) is not None:
+            if len(own) and _has_pattern(paint):
                 frame = self.paint_frame(region)
                 if isinstance(frame, PaintFrame):
                     used = used_vertices(topology.triangles[own], len(self.rest))
@@ -223,17 +223,20 @@ class Surface:
 
     def _all_frames(self) -> dict[str, Frame]:
         frames = dict(self.frames)
-        empty = np.zeros(2)
         for index, (name, paint) in enumerate(self.paints.items()):
             if name in frames or not (self.regions == index).any():
                 continue
-            if paint.features(empty, empty) is not None:
+            if _has_pattern(paint):
                 frames[name] = self.paint_frame(index)
         return frames
 
 
 def _is_paint(value: object) -> bool:
     return hasattr(value, "ground") and not isinstance(value, type)
+
+
+def _has_pattern(paint: Paint) -> bool:
+    return in_band(paint, 0).features(np.zeros(2), np.zeros(2)) is not None
 
 
 def _points(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:

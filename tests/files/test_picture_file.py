@@ -22,7 +22,7 @@ from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.files.input_file import read_input
 from gpusim.files.picture_file import decode, pages_of, read_grey
-from gpusim.optics.light.lights import read_panorama
+from gpusim.optics.light.panorama import read_panorama
 from gpusim.report.html import photo_uri
 from gpusim.surface.bitmap import Image
 

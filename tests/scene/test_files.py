@@ -14,7 +14,8 @@ from typer.testing import CliRunner, Result
 import gpusim as gs
 from gpusim.cli import app
 from gpusim.errors import InputError, SceneError
-from gpusim.optics.light.lights import PANORAMA_SUFFIXES, EnvironmentLight, read_panorama
+from gpusim.optics.light.lights import EnvironmentLight
+from gpusim.optics.light.panorama import PANORAMA_SUFFIXES, read_panorama
 from gpusim.pipeline.build.cameras import build_lights
 from gpusim.pipeline.checks.resources import check_files
 from gpusim.scene.description import lights as light_tables
@@ -153,7 +154,7 @@ def lit(folder: Path, text: str = LIT) -> gs.Scene:
 
 def test_a_picture_of_the_surroundings_lights_as_its_integral(tmp_path: Path) -> None:
     grey = panorama(tmp_path)
-    scene = lit(tmp_path)
+    scene = lit(tmp_path, LIT.replace('room.hdr"', 'room.hdr"\nchannels = "grey"'))
     (light,) = build_lights(scene) or []
     assert isinstance(light, EnvironmentLight) and light.image is not None
     np.testing.assert_allclose(light.image, 2.5 * grey, rtol=1e-2)  # 8 bits of mantissa
@@ -174,11 +175,19 @@ def test_the_same_picture_in_other_files(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "room.tif"), exact)
     np.save(tmp_path / "room.npy", exact[..., ::-1])
     np.save(tmp_path / "grey.npy", grey)
+    np.save(tmp_path / "thrice.npy", np.repeat(grey[..., None], 3, axis=2))
     want = read_panorama(tmp_path / "room.hdr")
-    assert want.shape == (24, 48) and want[6, 30] > 5 * want[6, 20]
-    np.testing.assert_allclose(read_panorama(tmp_path / "room.tif"), want, rtol=1e-12)
-    np.testing.assert_allclose(read_panorama(tmp_path / "room.npy"), want, rtol=1e-12)
-    np.testing.assert_array_equal(read_panorama(tmp_path / "grey.npy"), grey)
+    np.testing.assert_array_equal(want, exact[..., ::-1])  # red, green, blue
+    for name in ("room.hdr", "room.tif", "room.npy"):
+        np.testing.assert_allclose(read_panorama(tmp_path / name), want, rtol=1e-12)
+        luminance = read_panorama(tmp_path / name, "grey")
+        np.testing.assert_allclose(luminance, want @ [0.2126, 0.7152, 0.0722], rtol=1e-12)
+    for channels in ("rgb", "grey"):
+        np.testing.assert_array_equal(read_panorama(tmp_path / "grey.npy", channels), grey)
+        thrice = read_panorama(tmp_path / "thrice.npy", channels)
+        np.testing.assert_allclose(thrice, grey, rtol=1e-15)
+    with pytest.raises(InputError, match="channels; got 'mono'; expected 'rgb' or 'grey'"):
+        read_panorama(tmp_path / "room.hdr", "mono")
     assert PANORAMA_SUFFIXES == light_tables.PANORAMA_SUFFIXES
 
 

@@ -38,6 +38,7 @@ from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
+from gpusim.surface.color import grey
 
 __all__ = [
     "CONTACT",
@@ -233,7 +234,12 @@ def _mean_albedo(
         for values, band in zip(albedo, setup.bands, strict=True):
             image = band.bitmaps.images[number]
             values[rows] = mean_over_polygons(
-                image, image.ground, setup.of(own).cell, middle[:, 0], corners - middle, w / w0
+                image,
+                grey(image.ground),
+                setup.of(own).cell,
+                middle[:, 0],
+                corners - middle,
+                w / w0,
             )
     printed = np.zeros(len(paint))
     rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])

@@ -2,26 +2,29 @@
 
 Power is radiant flux in W. Photometric data are converted by `watts`: 683 lm/W at 555 nm, which is
 exact for monochromatic green light and a matter of definition for everything else.
+
+Light of a colour has a mean of 1 over red, green and blue: power, irradiance and radiance are what
+a sensor gets of it that is equally sensitive to all three, whatever its colour.
 """
 
 from __future__ import annotations
 
-import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.files.input_file import InputFile, read_input
-from gpusim.files.picture_file import decode, decoding
+from gpusim.files.input_file import InputFile
+from gpusim.optics.light.light_color import ColoredLight, LightColor
+from gpusim.optics.light.panorama import read_panorama
 from gpusim.validation import checked
 
 __all__ = [
-    "PANORAMA_SUFFIXES",
     "AmbientLight",
     "AreaLight",
     "EnvironmentLight",
@@ -30,53 +33,8 @@ __all__ = [
     "SpotLight",
     "SunLight",
     "is_light",
-    "read_panorama",
     "watts",
 ]
-
-PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
-LUMINANCE = np.array([0.0722, 0.7152, 0.2126])
-"""Of blue, green and red (ITU-R BT.709), in OpenCV's order."""
-
-
-def read_panorama(path: str | os.PathLike[str] | InputFile) -> npt.NDArray[np.float64]:
-    """A picture of radiances as (H, W) float64; colours count by their luminance.
-
-    Radiance (.hdr, .pic) and TIFF files of floats, and .npy arrays (H, W) or (H, W, 3) of red,
-    green and blue. Pictures of 8 or 16 bit are refused: lamps in them are cut off at white.
-
-    Raises
-    ------
-    InputError
-        Names the file: absent, damaged, of another kind, or values below 0 or not finite.
-    """
-    file = path.path if isinstance(path, InputFile) else Path(path)
-    expected = f"a picture of radiances, one of {', '.join(PANORAMA_SUFFIXES)}"
-    if not isinstance(path, InputFile) and not file.exists():
-        raise InputError(f"{file}: no such file; expected {expected}")
-    suffix = file.suffix.lower()
-    if suffix not in PANORAMA_SUFFIXES:
-        raise InputError(f"{file}: unknown kind of picture; got {suffix!r}; expected {expected}")
-    whole = read_input(path, expected)
-    if suffix == ".npy":
-        with decoding(whole):
-            pixels = np.load(whole.stream(), allow_pickle=False)
-        if pixels.ndim == 3:
-            pixels = pixels[..., ::-1]
-    else:
-        pixels = decode(whole)
-        pixels = pixels[..., :3] if pixels.ndim == 3 else pixels
-    if pixels.dtype.kind != "f" or not (pixels.ndim == 2 or pixels.shape[2:] == (3,)):
-        raise InputError(
-            f"{file}: no radiances; got {pixels.dtype} of shape {pixels.shape}; expected floats, "
-            "grey or of three colours"
-        )
-    values = pixels.astype(np.float64)
-    grey: npt.NDArray[np.float64] = values if values.ndim == 2 else values @ LUMINANCE
-    if not (np.isfinite(values).all() and (values >= 0.0).all()):
-        raise InputError(f"{file}: radiances; got values below 0 or not finite; expected from 0 up")
-    return grey
-
 
 Vector = tuple[float, float, float]
 
@@ -110,10 +68,11 @@ def _check_aim(what: str, position: Vector, target: Vector) -> None:
 
 @checked
 @dataclass(frozen=True)
-class PointLight:
+class PointLight(ColoredLight):
     """Shines equally in all directions: radiant flux ``power`` (W), intensity power / 4 pi.
 
-    ``shadows``: whether surfaces hide it, here and in the other lamps.
+    ``shadows``: whether surfaces hide it, ``color``: red, green and blue in any scale, "#rrggbb",
+    or what `blackbody` gives; here and in the other lamps.
 
     Examples
     --------
@@ -127,6 +86,7 @@ class PointLight:
     position: Vector
     power: float
     shadows: bool = True
+    color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
         _check_positive("PointLight", "watts", power=self.power)
@@ -135,7 +95,7 @@ class PointLight:
 
 @checked
 @dataclass(frozen=True)
-class SpotLight:
+class SpotLight(ColoredLight):
     """A small lamp whose beam has a ``cone`` (full angle, rad) around the way to ``target``.
 
     Within the cone less ``penumbra`` (the share of the half angle over which it fades, 0 to 1) the
@@ -153,6 +113,7 @@ class SpotLight:
     cone: float = np.pi / 3
     penumbra: float = 0.2
     shadows: bool = True
+    color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
         _check_positive("SpotLight", "watts", power=self.power)
@@ -177,7 +138,7 @@ class SpotLight:
 
 @checked
 @dataclass(frozen=True)
-class AreaLight:
+class AreaLight(ColoredLight):
     """A lamp of ``size`` (width, height) that faces ``target`` and emits by Lambert's law.
 
     ``shape`` is ``"rectangle"`` or ``"ellipse"`` (a disc where both sizes are equal). Its width
@@ -195,6 +156,7 @@ class AreaLight:
     power: float
     shape: str = "rectangle"
     shadows: bool = True
+    color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
         _check_positive("AreaLight", "watts", power=self.power)
@@ -210,7 +172,7 @@ class AreaLight:
 
 @checked
 @dataclass(frozen=True)
-class SunLight:
+class SunLight(ColoredLight):
     """Light from infinitely far: it travels along ``direction``.
 
     ``irradiance`` (W per square unit) is that of a face square to it; ``diameter`` (rad) is how
@@ -223,9 +185,11 @@ class SunLight:
     """
 
     direction: Vector
+    strengths = ("irradiance",)
     irradiance: float
     diameter: float = SUN_DIAMETER
     shadows: bool = True
+    color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
         _check_positive("SunLight", "W per square unit", irradiance=self.irradiance)
@@ -238,7 +202,7 @@ class SunLight:
 
 @checked
 @dataclass(frozen=True)
-class AmbientLight:
+class AmbientLight(ColoredLight):
     """Surroundings of one ``radiance`` (W per square unit and sr) in every direction.
 
     It stands for what a room's walls send back; every face receives pi x radiance, or with
@@ -247,11 +211,13 @@ class AmbientLight:
     Examples
     --------
     >>> gs.AmbientLight(radiance=0.3)
-    AmbientLight(radiance=0.3, occlusion=False)
+    AmbientLight(radiance=0.3, occlusion=False, color=None)
     """
 
+    strengths = ("radiance",)
     radiance: float
     occlusion: bool = False
+    color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
         _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
@@ -259,13 +225,13 @@ class AmbientLight:
 
 @checked
 @dataclass(frozen=True, eq=False)
-class EnvironmentLight:
+class EnvironmentLight(ColoredLight):
     """Surroundings at a distance, given by their radiance (W per square unit and sr).
 
-    Either ``sky`` above and ``ground`` below the horizon, or an equirectangular ``image`` (H, W):
-    its first row looks ``up``, its middle column along ``forward``, columns run to the right as
-    seen from the middle. They light diffusely and are mirrored by glossy paints; with
-    ``occlusion`` surfaces hide them.
+    Either ``sky`` above and ``ground`` below the horizon, or an equirectangular ``image`` (H, W),
+    or (H, W, 3) of red, green and blue: its first row looks ``up``, its middle column along
+    ``forward``, columns run to the right as seen from the middle. They light diffusely and are
+    mirrored by glossy paints; with ``occlusion`` surfaces hide them. A ``color`` tints all of them.
 
     Examples
     --------
@@ -273,12 +239,14 @@ class EnvironmentLight:
     1.0
     """
 
+    strengths = ("sky", "ground")
     sky: float = 0.0
     ground: float = 0.0
     image: npt.NDArray[np.float64] | None = None
     up: Vector = (0.0, 0.0, 1.0)
     forward: Vector = (0.0, 1.0, 0.0)
     occlusion: bool = False
+    color: LightColor = LightColor()
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
@@ -293,13 +261,30 @@ class EnvironmentLight:
                     )
             return
         image = np.asarray(self.image, np.float64)
-        if image.ndim != 2 or min(image.shape) < 1 or not np.isfinite(image).all():
+        shaped = image.ndim == 2 or image.shape[2:] == (3,)
+        if not shaped or not image.size or not np.isfinite(image).all():
             raise InputError(
-                f"EnvironmentLight image; got shape {image.shape}; expected finite values (H, W)"
+                f"EnvironmentLight image; got shape {image.shape}; expected finite values (H, W), "
+                "or (H, W, 3) of three colours"
             )
         if not (image >= 0.0).all():
             raise InputError(f"EnvironmentLight image; got {image.min()}; expected radiances >= 0")
+        if image.ndim == 3 and (image == image[..., :1]).all():
+            image = image[..., 0]
         object.__setattr__(self, "image", image)
+
+    @property
+    def colored(self) -> bool:
+        """Whether it isn't grey."""
+        return super().colored or (self.image is not None and self.image.ndim == 3)
+
+    def _of_band(self, band: int) -> Self:
+        result = super()._of_band(band)
+        if self.image is not None:
+            image = self.image if self.image.ndim == 2 else self.image[..., band]
+            share = 1.0 if self.color is None else self.color[band]
+            object.__setattr__(result, "image", share * image)
+        return result
 
     @staticmethod
     @checked
@@ -310,14 +295,19 @@ class EnvironmentLight:
         up: Vector = (0.0, 0.0, 1.0),
         forward: Vector = (0.0, 1.0, 0.0),
         occlusion: bool = False,
+        color: float | str | Sequence[float] | None = None,
+        channels: str = "rgb",
     ) -> EnvironmentLight:
-        """The surroundings in an equirectangular picture of radiances (`read_panorama`).
+        """The surroundings in an equirectangular picture of radiances.
 
-        ``scale`` is the radiance of its value 1. Raises InputError naming the file.
+        ``scale`` is the radiance of its value 1, ``channels`` as of `read_panorama`. Raises
+        InputError naming the file.
         """
         _check_positive("EnvironmentLight", "a radiance", scale=scale)
-        image = scale * read_panorama(path)
-        return EnvironmentLight(image=image, up=up, forward=forward, occlusion=occlusion)
+        image = scale * read_panorama(path, channels)
+        return EnvironmentLight(
+            image=image, up=up, forward=forward, occlusion=occlusion, color=color
+        )
 
 
 Light = PointLight | SpotLight | AreaLight | SunLight | AmbientLight | EnvironmentLight

@@ -37,6 +37,7 @@ from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import GRAZING, Setup, footprint
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass
 from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
+from gpusim.surface.color import grey
 
 __all__ = ["DeferredPass", "ForwardPass", "ShadingPass", "shade_twin", "small_triangles"]
 
@@ -337,7 +338,7 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
             for own, band in zip(albedo, setup.bands, strict=True):
                 image = band.bitmaps.images[number]
                 own[rows] = mean_over_pixels(
-                    image, image.ground, setup.of(triangle[rows]).cell, st, ex, ey, q
+                    image, grey(image.ground), setup.of(triangle[rows]).cell, st, ex, ey, q
                 )
         printed = np.zeros(len(paint))
         rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])

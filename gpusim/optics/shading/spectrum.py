@@ -58,7 +58,7 @@ def grey_light(light: Light) -> Light:
     if not is_colored(light):
         return light
     if isinstance(light, EnvironmentLight) and light.image is not None:
-        images = [in_band(light, band).image for band in BANDS]
+        images = [np.asarray(in_band(light, band).image) for band in BANDS]
         return replace(light, color=None, image=np.mean(images, axis=0))
     return replace(light, color=None)  # whose mean is 1
 
@@ -76,7 +76,7 @@ def spectral_bands(
         own, lighting = regions_in_band(regions, band), first.lighting
         if lights is not None:
             lamps = [lamp.light for lamp in lamps_of(lights)]
-            share = np.array([light.color[band] if is_colored(light) else 1.0 for light in lamps])
+            share = np.array([1.0 if light.color is None else light.color[band] for light in lamps])
             lighting = lighting.with_strengths_of([in_band(one, band) for one in lights], share)
         bitmaps = BitmapTable({n: own[n].paint for n in first.bitmaps.images})  # type: ignore[misc]
         table = first.table.with_albedos_of(own)

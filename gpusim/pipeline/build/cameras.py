@@ -16,6 +16,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens import psf
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
 from gpusim.optics.lens.thin_lens import Lens, Vignetting
+from gpusim.optics.light.blackbody import blackbody
 from gpusim.optics.light.lights import (
     AmbientLight,
     AreaLight,
@@ -230,7 +231,13 @@ def moving(
 
 def build_lights(scene: Scene) -> list[Light] | None:
     """The lights, or None for a scene without: it then shows albedo."""
-    return [_light(light, scene.input) for light in scene.lights] or None
+    return [_tinted(light, scene.input) for light in scene.lights] or None
+
+
+def _tinted(light: m.Light, read: Reader) -> Light:
+    kelvin, made = light.temperature_K, _light(light, read)
+    tint = light.color if kelvin is None else blackbody(kelvin)
+    return made if tint is None else replace(made, color=tint)
 
 
 def _light(light: m.Light, read: Reader) -> Light:
@@ -242,7 +249,7 @@ def _light(light: m.Light, read: Reader) -> Light:
         if light.path:
             return EnvironmentLight.read(
                 read(light.path), scale=light.scale, up=light.up, forward=forward,
-                occlusion=light.occlusion,
+                occlusion=light.occlusion, channels=light.channels,
             )  # fmt: skip
         return EnvironmentLight(
             light.sky, light.ground, up=light.up, forward=forward, occlusion=light.occlusion

@@ -103,7 +103,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints
     if isinstance(paint, m.Picture):
         return paints.Image.read(
             read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
-            ground=paint.albedo, gamma=paint.gamma, **finish,
+            ground=paint.albedo, gamma=paint.gamma, channels=paint.channels, **finish,
         )  # fmt: skip
     if isinstance(paint, m.Checker):
         return paints.Checker(

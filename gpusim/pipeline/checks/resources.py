@@ -101,7 +101,7 @@ def check_views(scene: Scene) -> None:
 
 
 def _read_picture(paint: m.Picture, scene: Scene) -> None:
-    Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma)
+    Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma, channels=paint.channels)
 
 
 def _check_field(mesh: m.FieldMesh, name: str, scene: Scene, warnings: list[str]) -> None:

@@ -42,6 +42,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
+from gpusim.surface.color import color
 
 __all__ = [
     "CaptureQueue",
@@ -189,7 +190,7 @@ class FrameCapture:
             shutter=shutter,
             time=opening(shutter, viewer),
             error=self.scene.render.error,
-            background=self.scene.render.background,
+            background=color(self.scene.render.background),
             device=self.device,
             **self.options.for_renderer(),
         )
@@ -284,7 +285,7 @@ class FrameCapture:
 
     def _window(self, camera: m.Camera, frame: int) -> Window | None:
         """The part of a target's image that isn't background, if nothing acts on that as well."""
-        if not self.kind or not self.options.skip or self.scene.render.background > 0.0:
+        if not self.kind or not self.options.skip or color(self.scene.render.background) != 0.0:
             return None
         spec = self.scene.sensor_of(camera.name)
         if camera.lens is not None or build_sensor(spec, camera, 1.0).signal():

@@ -3,6 +3,7 @@
 In the order in which data passes:
 
 - `table`: What every table shares: strictness, names, numbers, directions, units.
+- `colors`: Colours: a grey number, a list of red, green and blue, "#rrggbb".
 - `material`: ``[[material]]``: elasticity, density and thermal expansion.
 - `loads`: What holds and moves a body, and ``where``.
 - `mesh`: How a body's mesh is made, or read.

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple, cast
 
 from pydantic import Field, model_validator
 
+from .colors import SceneColor, Shade
 from .loads import Where
 from .table import (
     SI,
-    Albedo,
     Direction,
     Length,
     Name,
     Seed,
+    Share,
     Table,
     Vec3,
     Vector,
@@ -60,9 +61,9 @@ class Painted(Table):
     """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
     pictures shine with their ground, as under a varnish."""
 
-    roughness: Albedo = 1.0
+    roughness: Share = 1.0
     """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
-    metallic: Albedo = 0.0
+    metallic: Share = 0.0
     """1: bare metal, which mirrors with its albedo and has no colour of its own below."""
     bump_um: Annotated[float, Field(ge=0)] = 0.0
     """RMS height of a fine relief (orange peel, grain, scratches); 0: smooth. It turns normals and
@@ -77,8 +78,24 @@ class Painted(Table):
     name: Name
     where: Where = Where()
     """The faces; without it all."""
-    albedo: Albedo
-    """Of the ground, outside the pattern."""
+    albedo_: Annotated[Shade | None, Field(alias="albedo")] = None
+    """Of the ground, outside the pattern; red, green and blue are linear, "#rrggbb" is sRGB."""
+    color: Shade | None = None
+    """The same by another name: give one of them."""
+
+    @property
+    def albedo(self) -> SceneColor:
+        """Of the ground, by either name."""
+        return cast(SceneColor, self.color if self.albedo_ is None else self.albedo_)
+
+    @model_validator(mode="after")
+    def _check_albedo(self) -> Painted:
+        if self.albedo_ is None and self.color is None:
+            wanted = "a number from 0 to 1, or a colour (of the ground, outside the pattern)"
+            raise fault("albedo", "missing", Words("neither albedo nor color"), wanted)
+        if self.albedo_ is not None and self.color is not None:
+            raise fault("color", "beside albedo, which is the same", self.color, "one of them")
+        return self
 
     @property
     def finish(self) -> Finish:

@@ -9,13 +9,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from .colors import Tinted
 from .table import (
     SI,
     Direction,
     Length,
     Name,
     PositivePair,
-    Table,
     Vec3,
     Vector,
     Words,
@@ -45,7 +45,7 @@ PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
 Radiance = Annotated[float, Field(ge=0)]
 
 
-class _Lamp(Table):
+class _Lamp(Tinted):
     name: Name
     shadows: bool = True
     """Whether surfaces hide it."""
@@ -132,7 +132,7 @@ class Sun(_Lamp):
         return self
 
 
-class Ambient(Table):
+class Ambient(Tinted):
     """What the surroundings send back, equally from every direction."""
 
     name: Name
@@ -144,7 +144,7 @@ class Ambient(Table):
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
 
-class Environment(Table):
+class Environment(Tinted):
     """Surroundings that light all faces and are mirrored by glossy ones: bright sky (or ceiling)
     above and ground below, or a picture of them all."""
 
@@ -158,7 +158,9 @@ class Environment(Table):
     ground = SI[float]("W_m2_sr", without=0.0)
     path: Annotated[Annotated[str, Field(min_length=1)] | None, Field(alias="file")] = None
     """Equirectangular picture of radiances (.hdr, .tif of floats, .npy), relative to the
-    scene file; colours count by their luminance."""
+    scene file."""
+    channels: Literal["rgb", "grey"] = "rgb"
+    """"rgb": a file in colour is light in colour; "grey": its luminance alone counts."""
     scale_W_m2_sr: Length = 1.0
     """Radiance of the value 1 in the file."""
     scale = SI[float]("W_m2_sr")

@@ -1,8 +1,9 @@
 """``[[body.paint]]`` and ``[[prop.paint]]``: what a surface looks like.
 
-Albedo is the diffusely reflected fraction of light, 0 to 1. Patterns lie in the plane of the faces
-they fall on (or as ``mapping`` says), with ``up`` (projected into that plane) pointing up, as seen
-from outside. Positions are those of the unloaded shape; the pattern moves with the material.
+Albedo is the diffusely reflected fraction of light, 0 to 1, grey or of red, green and blue.
+Patterns lie in the plane of the faces they fall on (or as ``mapping`` says), with ``up`` (projected
+into that plane) pointing up, as seen from outside. Positions are those of the unloaded shape; the
+pattern moves with the material.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
+from .colors import Shade
 from .ground import Painted, Patterned
 from .table import (
     SI,
-    Albedo,
     Count,
     Length,
     Listed,
@@ -77,8 +78,8 @@ class Markers(Patterned):
     positions_mm: Annotated[tuple[Vector, ...], Listed(1)] | None = None
     """Their centres; or give line."""
     line: Line | None = None
-    dark: Albedo = 0.04
-    light: Albedo = 0.9
+    dark: Shade = 0.04
+    light: Shade = 0.9
 
     @model_validator(mode="after")
     def _check(self) -> Markers:
@@ -133,8 +134,8 @@ class Checker(Patterned):
     origin_mm: Vector
     """The lower left corner of the board, seen from outside."""
     origin = SI[Vec3]("mm")
-    dark: Albedo = 0.04
-    light: Albedo = 0.9
+    dark: Shade = 0.04
+    light: Shade = 0.9
 
 
 class Dots(Patterned):
@@ -150,7 +151,7 @@ class Dots(Patterned):
     origin_mm: Vector
     """The centre of the dot at the lower left, seen from outside."""
     origin = SI[Vec3]("mm")
-    dot: Albedo = 0.04
+    dot: Shade = 0.04
 
     @model_validator(mode="after")
     def _check(self) -> Dots:
@@ -184,7 +185,7 @@ class Speckle(Patterned):
     """Sprayed speckles overlap; those on a grid are moved at random as far as none touches."""
     seed: Seed = 0
     """Another seed, another pattern."""
-    dot: Albedo = 0.05
+    dot: Shade = 0.05
     """Of the speckles."""
 
     @model_validator(mode="after")
@@ -216,7 +217,7 @@ class Speckle(Patterned):
 
 
 class Picture(Patterned):
-    """A picture: its grey values are albedo, its pixels squares on the surface."""
+    """A picture: its values are albedo, its pixels squares on the surface."""
 
     type: Literal["image"]
     path: Annotated[str, Field(min_length=1, alias="file")]
@@ -227,12 +228,14 @@ class Picture(Patterned):
     origin_mm: Vector
     """The lower left corner of the picture, seen from outside."""
     origin = SI[Vec3]("mm")
-    dark: Albedo = 0.0
+    dark: Shade = 0.0
     """Of the value 0."""
-    light: Albedo = 1.0
+    light: Shade = 1.0
     """Of the largest value."""
     gamma: Literal["linear", "srgb"] = "linear"
     """How the file's values are coded."""
+    channels: Literal["rgb", "grey"] = "rgb"
+    """"rgb": a file in colour is paint in colour; "grey": its brightness (luma) alone counts."""
 
 
 Pattern = Markers | Checker | Dots | Speckle | Picture | Target

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from .colors import Tint
 from .table import (
     SI,
     Length,
@@ -109,7 +110,7 @@ class Render(Table):
 
     error: Annotated[float, Field(gt=0, le=16)] = 0.25
     """Allowed error of a pixel, in grey levels of 8 bit; edges take as many samples as it needs."""
-    background: Annotated[float, Field(ge=0)] = 0.0
+    background: Tint = 0.0
     """Radiance where nothing is seen (W / (m2 sr); without lights: albedo)."""
 
 

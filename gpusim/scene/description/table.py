@@ -22,7 +22,6 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 __all__ = [
     "SI",
-    "Albedo",
     "Axis",
     "Count",
     "Direction",
@@ -36,6 +35,7 @@ __all__ = [
     "PositivePair",
     "Seed",
     "SeveralNames",
+    "Share",
     "SignedAxis",
     "Table",
     "Vec3",
@@ -107,7 +107,7 @@ Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
 Names = Annotated[tuple[Name, ...], Listed()]
 SeveralNames = Annotated[tuple[Name, ...], Listed(1)]
 Length = Annotated[float, Field(gt=0)]
-Albedo = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=100_000)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Numbers = Annotated[tuple[float, ...], Listed()]

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from .colors import Shade
 from .ground import Patterned
-from .table import SI, Albedo, Count, Length, Listed, Vec3, Vector, fault, in_si
+from .table import SI, Count, Length, Listed, Vec3, Vector, fault, in_si
 
 __all__ = ["Aruco", "Charuco", "Circles", "Lines", "RingCodes", "Star", "Target"]
 
@@ -49,8 +50,8 @@ def _one_each(key: str, values: tuple[int, ...], places: tuple[Vec3, ...]) -> No
 class _Centred(Target):
     positions_mm: Places
     """Their centres."""
-    dark: Albedo = 0.05
-    light: Albedo = 0.9
+    dark: Shade = 0.05
+    light: Shade = 0.9
 
 
 class Circles(_Centred):
@@ -106,7 +107,7 @@ class RingCodes(Target):
     """Of the disc; the ring reaches from twice to three times as far."""
     bits: Annotated[int, Field(ge=3, le=20)] = 12
     """Sectors of the ring."""
-    dot: Albedo = 0.9
+    dot: Shade = 0.9
     """Of the disc and of bits that are set; the ground (``albedo``) is darker, or lighter."""
 
     @model_validator(mode="after")
@@ -130,8 +131,8 @@ class Charuco(Target):
     origin_mm: Vector
     """The lower left corner of the board, seen from outside."""
     dictionary: str = "4X4_50"
-    dark: Albedo = 0.05
-    light: Albedo = 0.9
+    dark: Shade = 0.05
+    light: Shade = 0.9
 
     @model_validator(mode="after")
     def _check(self) -> Charuco:
@@ -152,7 +153,7 @@ class Lines(Target):
     """Pitches of the grid."""
     origin_mm: Vector
     """The crossing at the lower left, seen from outside."""
-    line: Albedo = 0.05
+    line: Shade = 0.05
 
     @property
     def values(self) -> dict[str, Any]:

@@ -135,6 +135,8 @@ def expected(schema: Node, many: bool = False) -> str:
     if kind == "array":
         text = _list(schema)
         return text.replace("a list", "lists", 1) if many else text
+    if "pattern" in schema and "examples" in schema:
+        return f"{'texts' if many else 'a text'} like {json.dumps(schema['examples'][0])}"
     if "pattern" in schema:
         return "names" if many else "a name of letters, digits, _ and -, a letter first"
     if kind == "boolean":

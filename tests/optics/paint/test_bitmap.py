@@ -181,7 +181,7 @@ def test_wrong_bitmaps_are_refused(tmp_path: object) -> None:
     good = np.full((5, 7), 9, np.uint8)
     assert gs.paint.Image(good, 2.0).size == (14.0, 10.0)
     with pytest.raises(gs.InputError, match="one grey picture"):
-        gs.paint.Image(np.zeros((3, 4, 3), np.uint8), 1.0)
+        gs.paint.Image(np.zeros((3, 4, 2), np.uint8), 1.0)
     with pytest.raises(gs.InputError, match="0 to 1"):
         gs.paint.Image(good.astype(float), 1.0)
     with pytest.raises(gs.InputError, match="0 to 1"):

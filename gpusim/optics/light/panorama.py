@@ -1,0 +1,67 @@
+"""Pictures of surroundings: radiances in files, equirectangular."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import InputFile, read_input
+from gpusim.files.picture_file import decode, decoding
+
+__all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
+
+PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
+LUMINANCE = np.array([0.0722, 0.7152, 0.2126])
+"""Of blue, green and red (ITU-R BT.709), in OpenCV's order."""
+
+
+def read_panorama(
+    path: str | os.PathLike[str] | InputFile, channels: str = "rgb"
+) -> npt.NDArray[np.float64]:
+    """A picture of radiances as float64: (H, W) if it is grey, else (H, W, 3) of red, green, blue.
+
+    Radiance (.hdr, .pic) and TIFF files of floats, and .npy arrays (H, W) or (H, W, 3) of red,
+    green and blue. Pictures of 8 or 16 bit are refused: lamps in them are cut off at white. With
+    the ``channels`` "grey", colours count by their luminance (ITU-R BT.709).
+
+    Raises
+    ------
+    InputError
+        Names the file: absent, damaged, of another kind, or values below 0 or not finite. Or other
+        ``channels``.
+    """
+    if channels not in ("rgb", "grey"):
+        raise InputError(f"panorama channels; got {channels!r}; expected 'rgb' or 'grey'")
+    file = path.path if isinstance(path, InputFile) else Path(path)
+    expected = f"a picture of radiances, one of {', '.join(PANORAMA_SUFFIXES)}"
+    if not isinstance(path, InputFile) and not file.exists():
+        raise InputError(f"{file}: no such file; expected {expected}")
+    suffix = file.suffix.lower()
+    if suffix not in PANORAMA_SUFFIXES:
+        raise InputError(f"{file}: unknown kind of picture; got {suffix!r}; expected {expected}")
+    whole = read_input(path, expected)
+    if suffix == ".npy":
+        with decoding(whole):
+            pixels = np.load(whole.stream(), allow_pickle=False)
+        if pixels.ndim == 3:
+            pixels = pixels[..., ::-1]
+    else:
+        pixels = decode(whole)
+        pixels = pixels[..., :3] if pixels.ndim == 3 else pixels
+    if pixels.dtype.kind != "f" or not (pixels.ndim == 2 or pixels.shape[2:] == (3,)):
+        raise InputError(
+            f"{file}: no radiances; got {pixels.dtype} of shape {pixels.shape}; expected floats, "
+            "grey or of three colours"
+        )
+    values: npt.NDArray[np.float64] = pixels.astype(np.float64)
+    if not (np.isfinite(values).all() and (values >= 0.0).all()):
+        raise InputError(f"{file}: radiances; got values below 0 or not finite; expected from 0 up")
+    if values.ndim == 2:
+        return values
+    if channels == "rgb" and (values != values[..., :1]).any():
+        return np.ascontiguousarray(values[..., ::-1])
+    return np.asarray(values @ LUMINANCE)
