@@ -52,9 +52,7 @@ def test_three_rendered_planes_make_a_colour_picture() -> None:
     camera = gs.Camera(WIDTH, HEIGHT, np.array([[40.0, 0, 20], [0, 40, 11], [0, 0, 1]]))
     albedo = color("#c0a080")
     assert isinstance(albedo, tuple)
-    walls = [
-        gs.Surface(corners, [[0, 3, 2, 1]], paints=[(None, gs.paint.Plain(a))]) for a in albedo
-    ]
+    walls = [gs.Surface(corners, [[0, 3, 2, 1]], paint=gs.paint.Plain(a)) for a in albedo]
     made = [gs.render([wall], camera, backend="numpy") for wall in walls]
     frame = gs.Frame.of_planes(made)
     linear = gs.Sensor(8, channels="rgb").expose(frame)
