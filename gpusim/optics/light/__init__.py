@@ -2,6 +2,8 @@
 
 In the order in which data passes:
 
+- `blackbody`: The colour of what glows: Planck's spectrum as the CIE 1931 standard observer sees
+  it.
 - `lights`: Lights, in radiometric units; `gpusim.optics.light.quadrature` turns them into what is
   summed up.
 - `quadrature`: Lamps reduced to tables of point emitters, and the faces that shadows are taken

@@ -190,9 +190,12 @@ class Sensor:
         """
         sensor = Sensor(bits) if like is None else like
         level = 0.0
-        for row, gain in zip(sensor._sensitivities, sensor._gains, strict=False):
+        for channel, row in enumerate(sensor._sensitivities):
+            lift = sensor._gains[channel]  # what white balance adds to filters of less response
+            if sensor.bayer is not None and sensor.white_balance is not None:
+                lift *= sensor.bayer_response[channel]
             with seen(frame, weights_of(row, frame)) as plane:
-                level = max(level, plane.brightest() * max(gain, 1.0))
+                level = max(level, plane.brightest() * max(lift, 1.0))
         if not level > 0.0:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
         return replace(sensor, full_scale=level / (AUTO_LEVEL * sensor._filled))

@@ -184,6 +184,9 @@ def test_auto_exposure_is_for_the_brightest_channel(device: Device, on_device: b
     # a gain may lift another channel above it
     lifted = exposed(channels="rgb", white_balance=(3.0, 1.0, 1.0)).max(axis=(0, 1))
     assert lifted.max() == pytest.approx(0.95 * 4095, abs=0.6) and lifted.argmax() == 0
+    # that of a weak filter lifts it to where it would be
+    weak = {"bayer": "RGGB", "bayer_response": (0.5, 1.0, 0.5), "white_balance": (2.0, 1.0, 2.0)}
+    assert exposed(**weak).max() == pytest.approx(0.95 * 4095, rel=0.03)
     assert exposed().max() == pytest.approx(0.95 * 4095, abs=0.6)
 
 
