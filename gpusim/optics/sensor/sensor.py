@@ -254,11 +254,9 @@ class Sensor:
 
     @property
     def saturation(self) -> int:
-        """The grey value, DN, that a pixel gets no brighter than (but for noise in its readout).
-
-        The full well or the largest digital number, whichever is reached first; in colour that of
-        the channel that gets brightest.
-        """
+        """The grey value, DN, that a pixel gets no brighter than (but for noise in its readout):
+        the full well or the largest digital number, whichever is reached first; in colour that of
+        the channel that gets brightest."""
         return int(self._tops.max())
 
     @property
@@ -325,10 +323,8 @@ class Sensor:
     def signal(
         self, seed: int = 0, number: int = 0, camera: str = "", chip: int = 0
     ) -> Signal | None:
-        """What the noise stage works with; None for a sensor that only scales.
-
-        Of several, every ``chip`` has noise of its own.
-        """
+        """What the noise stage works with; None for a sensor that only scales. Of several, every
+        ``chip`` has noise of its own."""
         plain = self.black_level == 0.0 and self.gamma == 1.0 and self.bayer is None
         if plain and not self.noisy:
             return None
