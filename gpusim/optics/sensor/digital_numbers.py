@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -11,15 +11,23 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
-if TYPE_CHECKING:
-    from gpusim.optics.sensor.sensor import Sensor
-
 __all__ = ["scaled", "scaled_on_device", "scaled_twin"]
 
 _CHUNK = 1 << 16  # pixels at a time, so that they stay in the cache
 
 
-def scaled(sensor: Sensor, device: Device, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
+class Scale(Protocol):
+    """What is needed of a sensor: `gpusim.optics.sensor.sensor.Sensor`."""
+
+    @property
+    def bits(self) -> int: ...
+    @property
+    def scale(self) -> np.float32: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+
+
+def scaled(sensor: Scale, device: Device, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
     """The image of the bands' rows, one below the other."""
     if device.transfer.direct:
         return _scaled_in_place(sensor, bands, width)
@@ -27,7 +35,7 @@ def scaled(sensor: Sensor, device: Device, bands: Sequence[Band], width: int) ->
 
 
 def scaled_on_device(
-    sensor: Sensor, device: Device, bands: Sequence[Band], width: int
+    sensor: Scale, device: Device, bands: Sequence[Band], width: int
 ) -> npt.NDArray[Any]:
     """The bands' rows one below the other."""
     kernel = device.kernel("optics/sensor/sensor", constants={"bits": float(sensor.bits)})
@@ -50,7 +58,7 @@ def scaled_on_device(
     return np.ascontiguousarray(image[:, :width])
 
 
-def _scaled_in_place(sensor: Sensor, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
+def _scaled_in_place(sensor: Scale, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
     """The same by NumPy, where bands lie in the host's memory: a kernel's lanes load words one by
     one, three times as slow."""
     image = np.empty((sum(band.rows for band in bands), width), sensor.dtype)
@@ -65,7 +73,7 @@ def _scaled_in_place(sensor: Sensor, bands: Sequence[Band], width: int) -> npt.N
     return image
 
 
-def scaled_twin(sensor: Sensor, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+def scaled_twin(sensor: Scale, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
     """The same in NumPy float32; values that aren't finite become full scale."""
     full = np.float32(2**sensor.bits - 1)
     values = np.clip(np.rint(radiance * sensor.scale), 0.0, full)

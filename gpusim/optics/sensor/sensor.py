@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 from zlib import crc32
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -379,9 +380,8 @@ class Sensor:
         if self.channels == "mono":
             return self._taken(frame, weights[0], self.signal(seed, number, name))
         signals = (self.signal(seed, number, name, chip) for chip in (1, 2, 3))
-        return np.stack(
-            [self._taken(frame, *each) for each in zip(weights, signals, strict=True)], axis=2
-        )
+        chips = [self._taken(frame, *each) for each in zip(weights, signals, strict=True)]
+        return np.asarray(cv2.merge(chips))
 
     def _taken(self, frame: Frame, weights: Weights, signal: Signal | None) -> npt.NDArray[Any]:
         """The image (H, W) of one channel."""
