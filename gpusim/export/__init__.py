@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpusim.export.images import read_image, write_image
     from gpusim.export.meshes import write_pvd, write_region_stls, write_stl, write_vtu
+    from gpusim.export.radiance import write_radiance
     from gpusim.export.truth import FrameWriter, TruthWriter
     from gpusim.files.atomic_files import atomic_path, atomic_stream, clean_leftovers, safe_name
 
@@ -21,6 +22,7 @@ __all__ = [
     "safe_name",
     "write_image",
     "write_pvd",
+    "write_radiance",
     "write_region_stls",
     "write_stl",
     "write_vtu",
@@ -31,6 +33,7 @@ _HOMES = {
     "files.atomic_files": ("atomic_path", "atomic_stream", "clean_leftovers", "safe_name"),
     "export.images": ("read_image", "write_image"),
     "export.meshes": ("write_pvd", "write_region_stls", "write_stl", "write_vtu"),
+    "export.radiance": ("write_radiance",),
     "export.truth": ("FrameWriter", "TruthWriter"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -1,4 +1,4 @@
-"""Grey images as PNG and TIFF, 8 and 16 bit, without loss.
+"""Images as PNG and TIFF, 8 and 16 bit, grey or in colour (red, green, blue), without loss.
 
 PNG is written here, not by a library: the rows are filtered ("up"), cut into bands and deflated
 in parallel threads with zlib's run-length strategy. A noisy 21 Mpx frame takes 0.2 s on two cores
@@ -16,7 +16,7 @@ import os
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Lock
@@ -30,7 +30,7 @@ from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import decode
 
-__all__ = ["GreyImage", "keep", "read_image", "write_colour", "write_image"]
+__all__ = ["Picture", "keep", "read_image", "write_image"]
 
 MOST_BYTES = 256 << 20
 
@@ -78,7 +78,7 @@ def _stamp(path: PathLike) -> _Stamp | None:
     return found.st_ino, found.st_size, found.st_mtime_ns
 
 
-GreyImage = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Picture = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY, _RGB = 0, 2  # PNG colour types
@@ -88,19 +88,19 @@ _BAND_BYTES = 2 << 20  # large enough to compress well, small enough to keep all
 
 def write_image(
     path: PathLike,
-    image: GreyImage,
+    image: Picture,
     *,
     pixels_per_metre: float | None = None,
     text: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a grey image in the format that the suffix of ``path`` names.
+    """Write an image in the format that the suffix of ``path`` names.
 
     Parameters
     ----------
     path
         Ends in ``.png``, ``.tif`` or ``.tiff``. Written atomically.
     image
-        (H, W) uint8 or uint16.
+        (H, W) or (H, W, 3), red, green and blue, uint8 or uint16.
     pixels_per_metre
         Resolution stored as metadata (on the sensor: 1 / pixel pitch), 1/m.
     text
@@ -126,42 +126,20 @@ def write_image(
 
 def write_png(
     path: PathLike,
-    image: GreyImage,
+    image: Picture,
     *,
     pixels_per_metre: float | None = None,
     text: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a grey PNG; parameters and errors as in `write_image`."""
+    """Write a PNG (W3C specification, 3rd edition); parameters and errors as in `write_image`."""
     _check(image, pixels_per_metre)
     notes = [_latin1(key, 79) + b"\0" + _latin1(value) for key, value in (text or {}).items()]
     data = _deflated(_filtered(image))
-    return _write_png(path, image, _GREY, data, pixels_per_metre, notes)
-
-
-def write_colour(path: PathLike, image: npt.NDArray[np.uint8], *, pixels_per_metre: float) -> Path:
-    """Write a drawing (H, W, 3), red, green and blue, as PNG.
-
-    Rows aren't filtered: what is drawn is mostly even, and packs better so, in a third of the time.
-    """
-    height, width, _ = image.shape
-    lines = np.zeros((height, 1 + 3 * width), np.uint8)
-    lines[:, 1:] = image.reshape(height, -1)
-    return _write_png(path, image, _RGB, [zlib.compress(lines.data, 1)], pixels_per_metre)
-
-
-def _write_png(
-    path: PathLike,
-    image: npt.NDArray[np.unsignedinteger],
-    colour_type: int,
-    data: Iterable[bytes],
-    pixels_per_metre: float | None,
-    notes: Sequence[bytes] = (),
-) -> Path:
-    """Format: PNG specification (W3C, 3rd edition), one IDAT chunk per part of ``data``."""
     height, width = image.shape[:2]
+    kind = _GREY if image.ndim == 2 else _RGB
     with atomic_stream(path) as stream:
         stream.write(_SIGNATURE)
-        head = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, colour_type, 0, 0, 0)
+        head = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, kind, 0, 0, 0)
         stream.write(_chunk(b"IHDR", head))
         if pixels_per_metre is not None:
             density = max(1, round(pixels_per_metre))
@@ -176,12 +154,12 @@ def _write_png(
 
 def write_tiff(
     path: PathLike,
-    image: GreyImage,
+    image: Picture,
     *,
     pixels_per_metre: float | None = None,
     text: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write a grey uncompressed TIFF; parameters and errors as in `write_image`."""
+    """Write an uncompressed TIFF; parameters and errors as in `write_image`."""
     import tifffile  # most pictures are PNG
 
     _check(image, pixels_per_metre)
@@ -192,7 +170,7 @@ def write_tiff(
         tifffile.imwrite(
             part,
             image.astype(image.dtype.newbyteorder("="), copy=False),
-            photometric="minisblack",
+            photometric="minisblack" if image.ndim == 2 else "rgb",
             metadata=None,
             software="gpusim",
             description=description or None,
@@ -202,11 +180,11 @@ def write_tiff(
     return Path(path)
 
 
-def read_image(source: PathLike | InputFile) -> GreyImage:
-    """Read a grey image as it is stored: (H, W) uint8 or uint16.
+def read_image(source: PathLike | InputFile) -> Picture:
+    """Read an image as it is stored: (H, W) or (H, W, 3), red, green and blue, uint8 or uint16.
 
     One that was read or written lately comes from memory (`gpusim.export.images`), so the array
-    can't be written to. Raises InputError if the file is missing, unreadable or not grey.
+    can't be written to. Raises InputError if the file is missing, unreadable or of another kind.
 
     Examples
     --------
@@ -216,30 +194,36 @@ def read_image(source: PathLike | InputFile) -> GreyImage:
            [128, 128, 128]], dtype=uint8)
     """
     if isinstance(source, InputFile):
-        return _grey(source)
+        return _decoded(source)
     known = recall(source)
     if known is not None:
-        return cast(GreyImage, known)
-    return cast(GreyImage, keep(source, _grey(source)))
+        return cast(Picture, known)
+    return cast(Picture, keep(source, _decoded(source)))
 
 
-def _grey(source: PathLike | InputFile) -> GreyImage:
+def _decoded(source: PathLike | InputFile) -> Picture:
     image = decode(source)
-    if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16):
+    if image.ndim == 3 and image.shape[2] == 3:
+        image = np.ascontiguousarray(image[..., ::-1])
+    if not _is_picture(image) or image.dtype not in (np.uint8, np.uint16):
         path = source.path if isinstance(source, InputFile) else source
         raise InputError(
-            f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey,"
-            " uint8 or uint16"
+            f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey or"
+            " (H, W, 3), uint8 or uint16"
         )
-    return cast(GreyImage, image)
+    return cast(Picture, image)
 
 
-def _check(image: GreyImage, pixels_per_metre: float | None) -> None:
-    grey = image.ndim == 2 and image.dtype.kind == "u" and image.itemsize <= 2
-    if not grey or 0 in image.shape:
+def _is_picture(image: npt.NDArray[Any]) -> bool:
+    return image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
+
+
+def _check(image: Picture, pixels_per_metre: float | None) -> None:
+    known = _is_picture(image) and image.dtype.kind == "u" and image.itemsize <= 2
+    if not known or 0 in image.shape:
         raise InputError(
-            f"image: got shape {image.shape}, {image.dtype}; expected (H, W), uint8 or uint16,"
-            " not empty"
+            f"image: got shape {image.shape}, {image.dtype}; expected (H, W) or (H, W, 3), uint8 or"
+            " uint16, not empty"
         )
     if pixels_per_metre is not None and not 0.0 < pixels_per_metre < 2.0**31:
         raise InputError(f"pixels_per_metre: got {pixels_per_metre}; expected 0 < value < 2^31")
@@ -262,7 +246,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", checksum)
 
 
-def _filtered(image: GreyImage) -> npt.NDArray[np.uint8]:
+def _filtered(image: Picture) -> npt.NDArray[np.uint8]:
     """Return the scan lines, (H, 1 + row bytes) uint8: filter type, then bytes minus those above.
 
     Samples are big-endian. The row above the first is zero, so every row takes the same filter.

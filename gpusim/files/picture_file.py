@@ -23,6 +23,7 @@ import numpy as np
 import numpy.typing as npt
 from cv2.utils import logging as messages
 
+from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.input_file import InputFile, read_input
@@ -187,9 +188,6 @@ def _begins(data: bytes) -> str:
     return f"{len(data)} bytes" + (f" that begin with {data[:8]!r}" if data else "")
 
 
-GREY_WEIGHTS = np.array([0.114, 0.587, 0.299])  # blue, green, red: ITU-R BT.601
-
-
 def picture_file(path: PathLike) -> tuple[Path, int | None]:
     """The file and the page, from 1, that ``path`` names: ``stack.tif#3`` is page 3 of stack.tif.
 
@@ -217,8 +215,8 @@ def pages_of(path: PathLike) -> list[Path]:
 def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
     """Read any picture as (H, W) grey, at the bit depth that it has.
 
-    Colour becomes luma (ITU-R BT.601) in float32, transparency is dropped. Of a TIFF with several
-    pages, ``file.tif#3`` is the third.
+    Of colour the luminance is taken (`gpusim.arrays.grey`), transparency is dropped. Of a TIFF with
+    several pages, ``file.tif#3`` is the third.
 
     Raises
     ------
@@ -241,10 +239,7 @@ def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
         raise InputError(f"image file: {file}: got page {page}; expected 1 to {count}")
     image = decode(data, 0 if page is None else page - 1)
     if image.ndim == 3 and image.shape[2] in (3, 4):
-        colour = image[..., :3]
-        if (colour == colour[..., :1]).all():
-            return np.ascontiguousarray(colour[..., 0])
-        return np.asarray(colour @ GREY_WEIGHTS, dtype=np.float32)
+        image = grey_of(image[..., 2::-1])
     if image.ndim == 3 and image.shape[2] in (1, 2):
         image = image[..., 0]
     if image.ndim != 2 or image.dtype.kind not in "uif":

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.validation import unmasked
@@ -67,14 +68,17 @@ def pixels_of(image: object) -> Image:
 
 
 def check_image(image: object, name: str) -> Image:
-    """Return ``image`` as an array after checking that it is one grey (H, W) picture.
+    """Return ``image`` as a grey array (H, W) after checking that it is one picture.
 
-    Any unsigned, signed or floating-point type and any bit depth; colour is refused, because a
-    mix of channels is a choice that belongs to the caller.
+    Any unsigned, signed or floating-point type and any bit depth, grey or (H, W, 3) in colour, of
+    which the luminance is taken (`gpusim.arrays.grey`).
     """
-    array = pixels_of(image)
+    array = grey_of(pixels_of(image))
     if array.ndim != 2:
-        raise InputError(f"{name}: not one grey image; got shape {array.shape}; expected (H, W)")
+        raise InputError(
+            f"{name}: not one image; got shape {array.shape}; expected (H, W), or (H, W, 3) in "
+            "colour"
+        )
     if array.dtype.kind not in "uif":
         raise InputError(
             f"{name}: wrong pixel type; got {array.dtype}; expected an integer or float type"

@@ -144,17 +144,17 @@ def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A picture for the page of `draw_overlay`: ``grey`` (h, w) uint8, the page's pixels, and the
-    ``size`` (width, height) px that it has itself."""
+    """A picture for the page of `draw_overlay`: ``pixels`` (h, w) or (h, w, 3) uint8, those of the
+    page, and the ``size`` (width, height) px that it has itself."""
 
-    grey: npt.NDArray[np.uint8]
+    pixels: npt.NDArray[np.uint8]
     size: tuple[int, int]
 
 
 def photo_of(overlay: Overlay) -> Photo:
     """The picture that ``overlay`` is drawn on. Raises InputError if it can't be read."""
     image = read_image(overlay.image)
-    height, width = image.shape
+    height, width = image.shape[:2]
     return Photo(reduced(image, page_pixels(_photo_inches(width, height))), (width, height))
 
 
@@ -170,7 +170,8 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
     factor = _round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
-        canvas.figimage(np.repeat(photo.grey[..., None], 3, axis=2), zorder=-1)
+        pixels = photo.pixels
+        canvas.figimage(pixels if pixels.ndim == 3 else np.dstack(3 * [pixels]), zorder=-1)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
         frame = (-0.5, width - 0.5, height - 0.5, -0.5)

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
-from gpusim.export.images import GreyImage, read_image
+from gpusim.export.images import Picture, read_image
 from gpusim.files.input_file import read_input
 from gpusim.files.picture_file import decode
 from gpusim.printable import printable
@@ -70,7 +70,7 @@ def page_pair(pair: FramePair) -> PagePair:
             f"frame pair of camera {pair.camera!r}: got {reference.shape} and {deformed.shape};"
             " expected two images of one size"
         )
-    height, width = reference.shape
+    height, width = reference.shape[:2]
     bits = pair.bits or max(_bits_of(reference), _bits_of(deformed))
     crops = tuple(
         (label, _crop_uri(reference, x0, y0, bits), _crop_uri(deformed, x1, y1, bits))
@@ -106,15 +106,15 @@ def photo_uri(path: Path) -> str:
     return _encoded(small, ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 88])
 
 
-def _frame_uri(image: GreyImage, bits: int) -> str:
-    """Down-scale by area average and encode as JPEG; grey levels of ``bits`` become 8."""
-    height, width = image.shape
+def _frame_uri(image: Picture, bits: int) -> str:
+    """Down-scale by area average and encode as JPEG; levels of ``bits`` become 8."""
+    height, width = image.shape[:2]
     scale = min(1.0, _PAGE_WIDTH / width)
     small = reduced(image, (max(1, round(width * scale)), max(1, round(height * scale))), bits)
-    return _encoded(small, ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86])
+    return _encoded(_opencv(small), ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86])
 
 
-def reduced(image: GreyImage, size: tuple[int, int], bits: int = 0) -> Bytes:
+def reduced(image: Picture, size: tuple[int, int], bits: int = 0) -> Bytes:
     """``image`` as 8 bit of ``size`` (width, height), by area average; of ``bits`` (0: as few as
     hold its grey levels).
 
@@ -130,18 +130,18 @@ def reduced(image: GreyImage, size: tuple[int, int], bits: int = 0) -> Bytes:
     return _eight_bit(cv2.resize(part, size, interpolation=cv2.INTER_AREA), bits)
 
 
-def _crop_uri(image: GreyImage, x: float, y: float, bits: int) -> str:
+def _crop_uri(image: Picture, x: float, y: float, bits: int) -> str:
     """Cut a square around (x, y) and enlarge each pixel to a square, so that pixels can be seen."""
-    height, width = image.shape
+    height, width = image.shape[:2]
     side = min(_CROP, height, width)
     left = min(max(round(x) - side // 2, 0), width - side)
     top = min(max(round(y) - side // 2, 0), height - side)
     part = _eight_bit(image[top : top + side, left : left + side], bits)
     large = part.repeat(_CROP_ZOOM, axis=0).repeat(_CROP_ZOOM, axis=1)
-    return _encoded(large, ".png", "image/png", [])
+    return _encoded(_opencv(large), ".png", "image/png", [])
 
 
-def _bits_of(image: GreyImage) -> int:
+def _bits_of(image: Picture) -> int:
     """8 to 16: as few as hold its grey levels, which cameras with 10, 12 or 14 don't shift up."""
     return max(8, int(image.max(initial=0)).bit_length())
 
@@ -150,6 +150,11 @@ def _eight_bit(image: npt.NDArray[Any], bits: int) -> Bytes:
     if image.dtype == np.uint8:
         return image.astype(np.uint8, copy=False)
     return np.asarray(np.minimum(image.astype(np.uint16) >> (bits - 8), 255), dtype=np.uint8)
+
+
+def _opencv(image: Bytes) -> Bytes:
+    """With colours in OpenCV's order."""
+    return image if image.ndim == 2 else image[..., ::-1]
 
 
 def _encoded(image: Bytes, suffix: str, media: str, options: list[int]) -> str:

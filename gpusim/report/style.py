@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gpusim.export.images import write_colour
+from gpusim.export.images import write_image
 from gpusim.files.atomic_files import PathLike
 from gpusim.printable import printable
 
@@ -131,7 +131,7 @@ def draw_png(
             (layout or Margins()).fit(canvas)
         # savefig would draw twice, the first time for a layout that drawing makes anyway
         page.draw()
-        write_colour(path, np.asarray(page.buffer_rgba())[..., :3], pixels_per_metre=_DPI / 0.0254)
+        write_image(path, np.asarray(page.buffer_rgba())[..., :3], pixels_per_metre=_DPI / 0.0254)
 
 
 def page_pixels(size: tuple[float, float]) -> tuple[int, int]:

@@ -102,7 +102,7 @@ def effects(scene: Scene, camera: Camera) -> str:
     words = words or ["pinhole"]
     if camera.shutter is not None:
         words += camera.shutter.words()
-    return ", ".join([*words, *scene.sensor_of(camera.name).words()])
+    return ", ".join([*words, *scene.sensor_of(camera.name).words(), *camera.color_words()])
 
 
 def compiled_for(scene: Scene, camera: Camera) -> dict[str, float]:

@@ -29,8 +29,9 @@ from gpusim.optics.lens.convolution import (
 from gpusim.optics.lens.psf import Disc, sample
 from gpusim.optics.light.lights import AreaLight, EnvironmentLight, Light, PointLight, SunLight
 from gpusim.optics.paint.checker_lines import BoardLines
+from gpusim.optics.sensor.digital_numbers import scaled_on_device, scaled_twin
 from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
-from gpusim.optics.sensor.sensor import Sensor, _expose, sensor_twin
+from gpusim.optics.sensor.sensor import Sensor
 from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import Array, SceneBuffers, TriangleRecords
 from gpusim.optics.shading.setup import TRIANGLE, Setup
@@ -291,9 +292,9 @@ def _sensor(device: Device) -> None:
     for bits in (8, 12):
         sensor = Sensor(bits, 0.9)
         buffer = device.buffer(radiance, "sensor.radiance")
-        got = _expose(device, sensor, [Band(0, 33, 64, (buffer,))], 57)
+        got = scaled_on_device(sensor, device, [Band(0, 33, 64, (buffer,))], 57)
         compare(
-            f"optics/sensor/sensor, {bits} bit", got, sensor_twin(sensor, radiance[:, :57]), "exact"
+            f"optics/sensor/sensor, {bits} bit", got, scaled_twin(sensor, radiance[:, :57]), "exact"
         )
 
 
@@ -303,8 +304,8 @@ def _emva1288(device: Device) -> None:
     radiance[:7] *= 0.01  # so dark that electrons are counted
     signal = Signal(12, 3000.0, 1.3, 40.0, 3100.0, True, 2.0, 2.5, 1.5, 0.01, 1.0,
                     (0.6, 1.0, 1.0, 0.5), 77, 5, 3)  # fmt: skip
-    got = expose_noisy(device, signal, device.buffer(radiance, "emva.radiance"), (29, 57), 64, 3,
-                       np.uint16)  # fmt: skip
+    band = Band(3, 29, 64, (device.buffer(radiance, "emva.radiance"),))
+    got = expose_noisy(device, signal, band, 57, np.uint16)
     want = emva_twin(signal, radiance[:, :57], 3)
     # logarithms and exponentials may differ in their last bit: a quantile may fall on the next
     # electron (1.3 grey values), which happens to one pixel in some thousands

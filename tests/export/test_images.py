@@ -1,4 +1,4 @@
-"""PNG and TIFF: every pixel comes back, by readers that aren't ours."""
+"""PNG and TIFF, grey and in colour: every pixel comes back, by readers that aren't ours."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from PIL import Image
 
 from gpusim.errors import InputError
 from gpusim.export import images
-from gpusim.export.images import GreyImage, read_image, write_colour, write_image
+from gpusim.export.images import Picture, read_image, write_image
 
 
-def noise(height: int, width: int, dtype: type[np.unsignedinteger]) -> GreyImage:
+def noise(height: int, width: int, dtype: type[np.unsignedinteger]) -> Picture:
     rng = np.random.default_rng(height * 7919 + width)
     return rng.integers(0, np.iinfo(dtype).max, (height, width), dtype, endpoint=True)
 
@@ -38,11 +38,30 @@ def test_round_trip_by_three_readers(
         assert np.array_equal(got, image)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+def test_colours_keep_their_order(
+    tmp_path: Path, dtype: type[np.unsignedinteger], suffix: str
+) -> None:
+    """Red comes first; OpenCV's arrays begin with blue, Pillow knows no 16-bit colour."""
+    image = np.dstack([noise(33, 57, dtype) // (k + 1) for k in range(3)])
+    path = write_image(tmp_path / f"a{suffix}", image)
+    others = [cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]]
+    if suffix == ".tif":
+        others.append(tifffile.imread(path))
+    elif dtype == np.uint8:
+        others.append(np.asarray(Image.open(path)))
+    images._kept.clear()
+    for got in (read_image(path), *others):
+        assert got.dtype == image.dtype
+        assert np.array_equal(got, image)
+
+
 def test_drawings_keep_their_colours_and_size(tmp_path: Path) -> None:
     drawing = np.dstack([noise(33, 57, np.uint8) for _ in range(3)])
     drawing[:, :, 1] //= 2
     drawing[:, :, 2] = 255 - drawing[:, :, 2]
-    path = write_colour(tmp_path / "a.png", drawing[:, ::-1], pixels_per_metre=200 / 0.0254)
+    path = write_image(tmp_path / "a.png", drawing[:, ::-1], pixels_per_metre=200 / 0.0254)
     with Image.open(path) as picture:
         picture.verify()
     with Image.open(path) as picture:
@@ -112,7 +131,7 @@ def test_metadata(tmp_path: Path) -> None:
     [
         (np.zeros((3, 4), np.uint8), ".jpg", {}, "expected .png, .tif or .tiff"),
         (np.zeros((3, 4)), ".png", {}, "float64; expected"),
-        (np.zeros((3, 4, 3), np.uint8), ".tif", {}, r"\(3, 4, 3\)"),
+        (np.zeros((3, 4, 2), np.uint8), ".tif", {}, r"\(3, 4, 2\)"),
         (np.zeros((0, 4), np.uint8), ".png", {}, "not empty"),
         (np.zeros((3, 4), np.uint8), ".png", {"pixels_per_metre": float("nan")}, "pixels_per"),
         (np.zeros((3, 4), np.uint8), ".png", {"text": {"k": "日"}}, "Latin-1"),
@@ -120,7 +139,7 @@ def test_metadata(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_writes_nothing(
-    tmp_path: Path, image: GreyImage, suffix: str, options: dict[str, object], message: str
+    tmp_path: Path, image: Picture, suffix: str, options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
         write_image(tmp_path / f"a{suffix}", image, **options)  # type: ignore[arg-type]
@@ -133,9 +152,9 @@ def test_unreadable_images(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no image")
     with pytest.raises(InputError, match="can't be read"):
         read_image(tmp_path / "text.png")
-    cv2.imwrite(str(tmp_path / "colour.png"), np.zeros((5, 4, 3), np.uint8))
-    with pytest.raises(InputError, match=r"\(5, 4, 3\)"):
-        read_image(tmp_path / "colour.png")
+    cv2.imwrite(str(tmp_path / "clear.png"), np.zeros((5, 4, 4), np.uint8))
+    with pytest.raises(InputError, match=r"\(5, 4, 4\)"):
+        read_image(tmp_path / "clear.png")
 
 
 def test_an_image_read_again_comes_from_memory_while_the_file_is_the_same(tmp_path: Path) -> None:

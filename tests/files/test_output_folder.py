@@ -104,6 +104,7 @@ ALLOWED = {
     "plan/machine_speed.py": "what is known of this machine's speed, in the cache folder",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",
+    "export/radiance.py": "into the temporary name that atomic_path gives",
     "files/hdf5_file.py": "into the temporary name that atomic_path gives",
     "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
     "pipeline/runner/stage_runner.py": "np.savez into a stream of atomic_stream",

@@ -75,7 +75,7 @@ def test_inside_is_false_for_nan_and_beyond_the_border() -> None:
     ("image", "words"),
     [
         (np.zeros((4, 57)), "too small"),
-        (np.zeros((33, 57, 3)), "not one grey image"),
+        (np.zeros((33, 57, 4)), "not one image"),
         (np.zeros((33, 57), dtype=bool), "wrong pixel type"),
         (np.full((33, 57), np.nan), "NaN"),
     ],

@@ -15,7 +15,7 @@ from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import Buffer
 from gpusim.optics.edge_pixels import resolve
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.sensor import sensor
+from gpusim.optics.sensor import digital_numbers, sensor
 from gpusim.optics.shading import setup
 from gpusim.optics.shading.setup import TRIANGLE
 from gpusim.optics.visibility_buffer import visibility_twin
@@ -135,12 +135,12 @@ def test_a_wrong_scale_is_seen_by_the_sensor(
         sensor.Sensor, "scale", property(lambda s: np.float32((2**s.bits - 1) / s.full_scale))
     )
     twin_checks()["optics/sensor/sensor"](device)
-    twin = sensor.sensor_twin
+    twin = digital_numbers.scaled_twin
 
     def other(s: sensor.Sensor, radiance: np.ndarray) -> np.ndarray:
         return twin(sensor.Sensor(s.bits, 1.001 * s.full_scale), radiance)
 
-    monkeypatch.setattr(import_module("gpusim.twin_checks.images"), "sensor_twin", other)
+    monkeypatch.setattr(import_module("gpusim.twin_checks.images"), "scaled_twin", other)
     with pytest.raises(TwinMismatch, match="optics/sensor/sensor"):
         twin_checks()["optics/sensor/sensor"](device)
 

@@ -54,6 +54,20 @@ def test_measured_deflection_is_the_true_one(done: tuple[gs.Report, Path]) -> No
     assert report.solution is not None and report.solution.converged
 
 
+def test_a_grey_scene_in_colour_is_measured_the_same(
+    scene: gs.Scene, done: tuple[gs.Report, Path], tmp_path: Path
+) -> None:
+    """Three equal channels; the report shows them."""
+    report = run(scene.replace("camera.side.channels", "rgb"), tmp_path / "out")
+    image = read_image(tmp_path / "out/images/side/0001.png")
+    grey = read_image(done[1] / "images/side/0001.png")
+    assert np.array_equal(image, np.repeat(grey[..., None], 3, axis=2))
+    assert [item.measured for item in report.measurements] == [
+        item.measured for item in done[0].measurements
+    ]
+    assert report.warnings == ()
+
+
 def test_output_folder(done: tuple[gs.Report, Path]) -> None:
     _, out = done
     report = json.loads((out / "report.json").read_text())

@@ -280,6 +280,22 @@ def test_grey_levels() -> None:
     assert "200 of 4095" in level_warnings(twelve, gs.Sensor(12))[0]
 
 
+def test_levels_of_colours() -> None:
+    """Each channel by itself: what white balance lifts is saturated at full scale, what it lowers
+    below."""
+    sensor = gs.Sensor(8, channels="rgb", white_balance=(0.5, 1.0, 1.5))
+    image = np.full((33, 57, 3), [60, 120, 180], np.uint8)
+    assert level_warnings(image, sensor)[0].startswith(
+        "shows nothing: every pixel is of one colour"
+    )
+    assert "is grey" in level_warnings(np.full((33, 57, 3), 90, np.uint8), sensor)[0]
+    image[3] += 20
+    assert level_warnings(image, sensor) == []
+    image[:, 5, 0] = 128  # half of full scale
+    assert level_warnings(image, sensor)[0].startswith("has 1.8 % of its red pixels saturated")
+    assert "grey values reach 20 of 255" in level_warnings(image // 10, sensor)[0]
+
+
 @pytest.mark.parametrize(
     ("changes", "most"),
     [

@@ -241,6 +241,19 @@ def test_crops_show_the_named_pixels_unchanged(tmp_path: Path, bits: int, said: 
     assert decoded(pair.reference).mean() == pytest.approx(eight.mean(), abs=1.5)
 
 
+def test_frames_and_crops_keep_their_colours(tmp_path: Path) -> None:
+    """In OpenCV's order, as they are decoded here; red comes first in the files."""
+    image = np.random.default_rng(1).integers(0, 4096, (190, 330, 3), np.uint16)
+    image[..., 0] //= 4
+    path = write_image(tmp_path / "a.png", image)
+    pair = page_pair(FramePair("front", path, path, "", (("inner", 100, 80, 100, 80),), 12))
+    assert (pair.width, pair.height) == (330, 190)
+    eight = (image[..., ::-1] >> 4).astype(np.uint8)
+    assert np.array_equal(decoded(pair.crops[0][1])[::4, ::4], eight[44:116, 64:136])
+    blue, _, red = decoded(pair.reference).mean(axis=(0, 1))  # noise, of which JPEG keeps little
+    assert red < 0.4 * blue
+
+
 def test_frames_of_two_sizes_are_refused(tmp_path: Path) -> None:
     a = write_image(tmp_path / "a.png", np.zeros((33, 57), np.uint8))
     b = write_image(tmp_path / "b.png", np.zeros((57, 33), np.uint8))

@@ -11,6 +11,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.export.images import read_image
+from gpusim.optics.light.blackbody import blackbody
 from gpusim.pipeline.build.cameras import build_camera, build_lens, build_sensor, build_shutter
 from gpusim.plan.plan import make_plan
 from gpusim.scene.description.sensor import CameraSensor, Sensor
@@ -182,3 +183,77 @@ def test_positions_and_samples_reach_the_optics(tmp_path: Path) -> None:
     lens, shutter = build_lens(camera), build_shutter(camera)
     assert lens is not None and lens.positions == 20
     assert shutter == gs.Shutter(2e-3, samples=400)
+
+
+COLOUR = CAMERA.format("one").rstrip() + '\nchannels = "rgb"\n'
+
+
+def test_a_camera_in_colour(tmp_path: Path) -> None:
+    """A grey wall in an rgb camera: three channels, chips with noise of their own."""
+    text = COLOUR + "[camera.sensor]\nbits = 12\n" + CAMERA.format("two")
+    found = scene(tmp_path, text)
+    assert "in colour" in make_plan(found)["render/one/0000"].detail
+    assert "in colour" not in make_plan(found)["render/two/0000"].detail
+    gs.run(found, tmp_path / "out", backend="numpy")
+    one, two = (read_image(tmp_path / f"out/images/{name}/0000.png") for name in ("one", "two"))
+    assert one.shape == (33, 57, 3) and one.dtype == np.uint16 and two.shape == (33, 57)
+    assert one.mean(axis=(0, 1)) == pytest.approx(0.4 * 4095, rel=5e-3)
+    assert abs(np.corrcoef(one[..., 0].ravel(), one[..., 1].ravel())[0, 1]) <= 0.1
+
+
+def test_white_balance_of_a_temperature(tmp_path: Path) -> None:
+    """Gains are the inverse of what the channels see of it, the smallest 1."""
+    text = COLOUR + "white_balance_K = 3000\n[camera.sensor]\n"
+    mixed = "sensitivities = [[0.9, 0.1, 0], [0.1, 0.8, 0.1], [0, 0.2, 0.7]]\n"
+    mosaic = 'bayer = "RGGB"\ndemosaic = "malvar"\nbayer_response = [0.5, 1, 0.7]\n'
+    mixing = np.array([[0.9, 0.1, 0], [0.1, 0.8, 0.1], [0, 0.2, 0.7]])
+    for extra, response in (("", np.eye(3)), (mixed, mixing), (mosaic, np.diag([0.5, 1, 0.7]))):
+        found = scene(tmp_path, text + extra)
+        assert "white balance for 3000 K" in make_plan(found)["render/one/0000"].detail
+        sensor = build_sensor(found.sensor_of("one"), found.cameras[0], 1.0)
+        assert sensor.white_balance is not None and sensor.channels == "rgb"
+        white = np.array(sensor.white_balance) * (response @ blackbody(3000.0))
+        assert white == pytest.approx(white[0]) and min(sensor.white_balance) == 1.0
+    found = scene(tmp_path, COLOUR + "white_balance = [1.5, 1, 2]\n")
+    assert build_sensor(found.sensor, found.cameras[0], 1.0).white_balance == (1.5, 1.0, 2.0)
+
+
+def test_a_mosaic_and_the_curve_of_viewers(tmp_path: Path) -> None:
+    raw = CAMERA.format("one") + '[camera.sensor]\nbayer = "GBRG"\ngamma = "srgb"\n'
+    clear = CAMERA.format("two").rstrip() + '\nchannels = "rgb"\n'
+    clear += '[camera.sensor]\nbayer = "GBRG"\ndemosaic = "bilinear"\ngamma = "srgb"\n'
+    found = scene(tmp_path, raw + clear)
+    gs.run(found, tmp_path / "out", backend="numpy")
+    one, two = (read_image(tmp_path / f"out/images/{name}/0000.png") for name in ("one", "two"))
+    assert one.shape == (33, 57) and two.shape == (33, 57, 3)
+    assert one.mean() == pytest.approx(255 * (1.055 * 0.4 ** (1 / 2.4) - 0.055), abs=1.5)
+    assert two.mean() == pytest.approx(one.mean(), abs=1.5)
+    assert gs.Scene.from_document(found.document).sensor_of("two") == found.sensor_of("two")
+    assert "bayer GBRG, demosaic bilinear, gamma srgb" in make_plan(found)["render/two/0000"].detail
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (COLOUR + '[camera.sensor]\nbayer = "RGGB"\n',
+         'camera.one.channels: its sensor makes a raw mosaic'),
+        (COLOUR + '[camera.sensor]\ndemosaic = "malvar"\n',
+         "camera.one.sensor.demosaic: no mosaic"),
+        (CAMERA.format("one") + "white_balance = [1, 1, 2]\n",
+         "camera.one.white_balance: needs pixels behind colour filters"),
+        (CAMERA.format("one") + "white_balance_K = 3200\n",
+         "camera.one.white_balance_K: needs pixels behind colour filters"),
+        (COLOUR + "white_balance_K = 3200\nwhite_balance = [1, 1, 2]\n",
+         "camera.one.white_balance: beside white_balance_K"),
+        (COLOUR + "white_balance_K = 300\n", "camera.one.white_balance_K"),
+        (COLOUR + "[camera.sensor]\nsensitivities = [1, 1, 1]\n",
+         "camera.one.channels: doesn't go with the sensor's sensitivities"),
+        (CAMERA.format("one") + "[camera.sensor]\nsensitivities = [1, 1]\n",
+         "camera.one.sensor.sensitivities: no sensitivities"),
+        (CAMERA.format("one") + '[camera.sensor]\ngamma = "log"\n',
+         'got "log"; expected "srgb" or a number > 0'),
+        (CAMERA.format("one").rstrip() + '\nchannels = "color"\n', "camera.one.channels"),
+    ],
+)  # fmt: skip
+def test_faults_of_colour(tmp_path: Path, text: str, message: str) -> None:
+    assert message in faults(tmp_path, text)

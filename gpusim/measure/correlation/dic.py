@@ -67,7 +67,8 @@ def dic(
 
     Parameters
     ----------
-    reference, deformed : (H, W) grey images, integer or float; NaN and infinity aren't used.
+    reference, deformed : (H, W) images, integer or float; NaN and infinity aren't used. Of
+        (H, W, 3) in colour the luminance is taken (`gpusim.arrays.grey`).
     subset : odd width of the square subsets, px.
     step : distance of the grid points, px (without ``points``).
     roi : (x0, y0, x1, y1), pixels included; the grid's subsets stay inside. Default: all.

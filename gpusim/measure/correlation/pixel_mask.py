@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.warp import basis
@@ -106,9 +107,10 @@ def masked_image(
 
     ``saturation`` is the lowest saturated grey level; None: ``full_scale`` of the image.
     """
-    array = pixels_of(image)
+    pixels = pixels_of(image)
+    array = grey_of(pixels)
     # of the type that the camera's have, and without what is masked
-    given_pixels = array
+    given_pixels = pixels
     if isinstance(image, np.ma.MaskedArray):
         given_pixels = np.where(np.ma.getmaskarray(image), 0, np.ma.getdata(image))
     bad: BoolArray | None = None
@@ -128,12 +130,13 @@ def masked_image(
         level = float(saturation)
     else:
         raise InputError(f"saturation: got {saturation!r}; expected a finite grey level or None")
-    if level is None or not float(array.max()) >= level:
+    # in colour, of any channel
+    brightest = array if pixels.ndim == 2 else pixels.max(axis=2)
+    if level is None or not (hot := brightest >= level).any():
         return MaskedImage(_scaled(array), bad, None)
     size = max(5, 2 * round(0.5 * BLOB * subset) + 1)
-    hot = (array >= level).astype(np.uint8)
     square = np.ones((size, size), dtype=np.uint8)
-    opened = cv2.morphologyEx(hot, cv2.MORPH_OPEN, square)
+    opened = cv2.morphologyEx(hot.astype(np.uint8), cv2.MORPH_OPEN, square)
     rim = np.ones((2 * RIM + 1, 2 * RIM + 1), dtype=np.uint8)
     area: BoolArray = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
     return MaskedImage(_scaled(array), bad, area if area.any() else None)

@@ -97,11 +97,12 @@ def dic_sequence(
         raise InputError(f"update_zncc: got {update_zncc!r}; expected -1..1")
     if points is not None:
         places = check_points(points, "points")
-    elif np.ndim(reference) == 2:
-        places = grid_points(np.shape(reference), subset=subset, step=step, roi=roi)
+    elif np.ndim(reference) in (2, 3):
+        places = grid_points(np.shape(reference)[:2], subset=subset, step=step, roi=roi)
     else:
         raise InputError(
-            f"reference: not one grey image; got shape {np.shape(reference)}; expected (H, W)"
+            f"reference: not one image; got shape {np.shape(reference)}; expected (H, W), or "
+            "(H, W, 3) in colour"
         )
     count = len(places)
     base = _Base(
@@ -167,7 +168,7 @@ def _moved(
     points = places[which] + displacement
     moved = None
     if mask is not None:
-        moved = _moved_mask(mask, np.shape(image), places[which], points, deformation)
+        moved = _moved_mask(mask, np.shape(image)[:2], places[which], points, deformation)
     variance = base.variance[ok] + found.sigma[ok] ** 2
     return _Base(image, points, which, displacement, deformation, variance, moved)
 

@@ -111,7 +111,7 @@ def stereo_shape(
 
     Parameters
     ----------
-    left, right : (H, W) grey images of the two cameras, sizes may differ.
+    left, right : (H, W) or (H, W, 3) images of the two cameras, sizes may differ.
     cameras : the two, as ``calibrate`` returns them or ``rig_camera`` makes them from arrays.
     match_shape : how a subset deforms between the views; "quadratic" follows perspective.
     epipolar_px : pairs further from the epipolar constraint are wrong (``EPIPOLAR``).

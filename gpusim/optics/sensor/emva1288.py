@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.gpu import Buffer, Device
+from gpusim.gpu import Device
+from gpusim.optics.frame import Band
 
 __all__ = [
     "CAMERAS",
@@ -190,32 +191,26 @@ def emva_twin(signal: Signal, radiance: F32, row0: int = 0) -> npt.NDArray[np.ui
 
 
 def expose_noisy(
-    device: Device,
-    signal: Signal,
-    radiance: Buffer,
-    shape: tuple[int, int],
-    stride: int,
-    row0: int,
-    dtype: npt.DTypeLike,
+    device: Device, signal: Signal, band: Band, width: int, dtype: npt.DTypeLike
 ) -> npt.NDArray[np.uint8] | npt.NDArray[np.uint16]:
-    """Grey values of a band of rows, ``shape``, in device memory."""
+    """Grey values of a band of rows, (rows, width)."""
     kernel = device.kernel("optics/sensor/emva1288", constants=signal.constants())
     per_word = 4 // np.dtype(dtype).itemsize
-    count = shape[0] * shape[1]
+    count = band.rows * width
     words = -(-count // per_word)
     out = device.empty(4 * words, "emva.words")
     params = {
-        "count": count, "width": shape[1], "stride": stride, "first": row0 * shape[1],
-        "row0": row0, "frame": signal.frame, "seed": signal.seed, "camera": signal.camera,
+        "count": count, "width": width, "stride": band.stride, "first": band.row0 * width,
+        "row0": band.row0, "frame": signal.frame, "seed": signal.seed, "camera": signal.camera,
         "electrons": signal.electrons, "dark": signal.dark, "full_well": signal.full_well,
         "read_noise": signal.read_noise, "dsnu": signal.dsnu, "prnu": signal.prnu,
         "gain": signal.gain, "black": signal.black, "exponent": 1.0 / signal.gamma,
         "tile": np.array(signal.tile),
     }  # fmt: skip
-    bindings = kernel.bind(params=params, radiance=radiance, words=out)
+    bindings = kernel.bind(params=params, radiance=band.buffer, words=out)
     with device.recording("optics.emva") as recording:
         recording.dispatch(kernel, bindings, threads=(words,))
-    return out.read(dtype, shape)
+    return out.read(dtype, (band.rows, width))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 Without noise (the default, which costs nothing) DN = round(radiance x scale + black level),
 clipped to [0, 2^bits - 1]. With a gain or a full well it is a camera by EMVA 1288
-(`gpusim.optics.sensor.emva1288`).
+(`gpusim.optics.sensor.emva1288`). A colour picture is taken channel by channel.
 """
 
 from __future__ import annotations
@@ -12,28 +12,39 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 from zlib import crc32
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu import Device
-from gpusim.optics.frame import Band, Frame
+from gpusim.optics.frame import Frame
+from gpusim.optics.sensor.channels import (
+    Weights,
+    check_sensitivities,
+    picked,
+    seen,
+    weights_of,
+)
+from gpusim.optics.sensor.demosaicing import METHODS, TILES
+from gpusim.optics.sensor.development import RAW_BITS, Development, at_least, check_gains
+from gpusim.optics.sensor.digital_numbers import scaled, scaled_twin
 from gpusim.optics.sensor.emva1288 import CAMERAS, Signal, emva_twin, expose_noisy
 from gpusim.validation import checked
 
-__all__ = ["Sensor", "sensor_twin"]
+__all__ = ["Sensor"]
 
 AUTO_LEVEL = 0.95
-TILES = {"RGGB": (0, 1, 1, 2), "BGGR": (2, 1, 1, 0), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1)}
 UNLIMITED = 1e30  # electrons
-CHUNK = 1 << 16  # pixels at a time, so that they stay in the cache
 PLANCK_TIMES_LIGHT = 6.62607015e-34 * 299_792_458.0
 
 
 @checked
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor with a linear response, grey unless it has a Bayer mosaic.
+    """A sensor with a linear response.
+
+    Its digital numbers are linear in the radiance unless ``gamma`` is given, in colour too: viewers
+    show linear pictures dark, and right with ``gamma="srgb"``.
 
     Parameters
     ----------
@@ -47,14 +58,23 @@ class Sensor:
     dsnu, prnu : standard deviations of the pixels' offsets (electrons) and gains (1).
     black_level : DN of a dark pixel.
     quantum_efficiency : electrons per photon; only `metered` needs it.
-    gamma : DN = full (linear DN / full)^(1 / gamma).
-    bayer : "RGGB", "BGGR", "GRBG" or "GBRG": a raw mosaic whose pixels see the grey scene with the
-        relative responses ``bayer_response`` (red, green, blue).
+    gamma : DN = full (linear DN / full)^(1 / gamma); or "srgb": by the curve of that standard.
+    bayer : "RGGB", "BGGR", "GRBG" or "GBRG": a raw mosaic whose pixels see the channel of their
+        filter with the relative responses ``bayer_response`` (red, green, blue).
+    channels : "mono": pictures (H, W); "rgb": (H, W, 3), of three chips, or of one with ``bayer``
+        and ``demosaic``.
+    sensitivities : in the bands red, green, blue of a coloured frame. 3 numbers of a mono sensor (a
+        third each by default), or 3 rows of 3, a channel each, of a colour sensor or mosaic
+        (by default each channel sees its band).
+    white_balance : gains of red, green and blue above the black level, on digital numbers with
+        their noise, then clipped; `gpusim.optics.sensor.development`.
+    demosaic : "bilinear" or "malvar" (`gpusim.optics.sensor.demosaicing`), after white balance;
+        makes a mosaic (H, W, 3). None leaves it raw.
 
     Raises
     ------
     InputError
-        Values out of range, or noise in electrons without a gain.
+        Values out of range, noise in electrons without a gain, or what doesn't go together.
 
     Examples
     --------
@@ -76,9 +96,13 @@ class Sensor:
     prnu: float = 0.0
     black_level: float = 0.0
     quantum_efficiency: float = 1.0
-    gamma: float = 1.0
+    gamma: float | str = 1.0
     bayer: str | None = None
     bayer_response: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    channels: str = "mono"
+    sensitivities: Sequence[float] | Sequence[Sequence[float]] | None = None
+    white_balance: tuple[float, float, float] | None = None
+    demosaic: str | None = None
 
     def __post_init__(self) -> None:
         if self.bits not in range(8, 17):
@@ -89,8 +113,11 @@ class Sensor:
             )
         for key in ("gain", "full_well", "gamma"):
             value = getattr(self, key)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"Sensor {key}; got {value}; expected above 0")
+            if value is None or (key == "gamma" and value == "srgb"):
+                continue
+            if isinstance(value, str) or not (np.isfinite(value) and value > 0.0):
+                more = " or 'srgb'" if key == "gamma" else ""
+                raise InputError(f"Sensor {key}; got {value!r}; expected above 0{more}")
         for key in ("read_noise", "dark_current", "exposure_time", "dsnu", "prnu", "black_level"):
             value = getattr(self, key)
             if not (np.isfinite(value) and value >= 0.0):
@@ -116,6 +143,27 @@ class Sensor:
                         f"Sensor {key}; got {getattr(self, key)} without gain and full_well; "
                         "expected one of them: noise is counted in electrons"
                     )
+        self._check_color()
+
+    def _check_color(self) -> None:
+        if self.channels not in ("mono", "rgb"):
+            raise InputError(f"Sensor channels; got {self.channels!r}; expected 'mono' or 'rgb'")
+        if self.demosaic is not None and (self.demosaic not in METHODS or self.bayer is None):
+            raise InputError(
+                f"Sensor demosaic; got {self.demosaic!r} with bayer {self.bayer!r}; expected one "
+                f"of {sorted(METHODS)}, and a bayer pattern"
+            )
+        if self.channels == "rgb" and self.bayer is not None and self.demosaic is None:
+            raise InputError(
+                f"Sensor demosaic; got None with channels 'rgb' and bayer {self.bayer!r}; expected "
+                f"one of {sorted(METHODS)}; a raw mosaic has channels 'mono'"
+            )
+        if self.sensitivities is not None:
+            rows = check_sensitivities(self.sensitivities, self._filtered)
+            object.__setattr__(self, "sensitivities", rows if self._filtered else rows[0])
+        if self.white_balance is not None:
+            gains = check_gains(self.white_balance, self._filtered)
+            object.__setattr__(self, "white_balance", gains)
 
     @staticmethod
     def preset(name: str, **changes: Any) -> Sensor:
@@ -135,16 +183,22 @@ class Sensor:
     @staticmethod
     def auto_exposed(frame: Frame, bits: int = 8, like: Sensor | None = None) -> Sensor:
         """A sensor exposed so that the brightest pixel of ``frame`` is at 95 % of full scale, or of
-        the full well where that is reached first.
+        the full well where that is reached first; in colour, that of the brightest channel.
 
         The maximum, not a quantile: the white of small markers is the first to saturate, and a
         clipped edge moves. Radiance has no noise, so that no outlier can decide. ``like`` gives
         everything but the exposure.
         """
-        level = frame.brightest()
+        sensor = Sensor(bits) if like is None else like
+        level = 0.0
+        for channel, row in enumerate(sensor._sensitivities):
+            lift = sensor._gains[channel]  # what white balance adds to filters of less response
+            if sensor.bayer is not None and sensor.white_balance is not None:
+                lift *= sensor.bayer_response[channel]
+            with seen(frame, weights_of(row, frame)) as plane:
+                level = max(level, plane.brightest() * max(lift, 1.0))
         if not level > 0.0:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
-        sensor = Sensor(bits) if like is None else like
         return replace(sensor, full_scale=level / (AUTO_LEVEL * sensor._filled))
 
     def metered(
@@ -201,13 +255,61 @@ class Sensor:
 
     @property
     def saturation(self) -> int:
-        """The grey value, DN, that a pixel gets no brighter than (but for noise in its readout).
+        """The grey value, DN, that a pixel gets no brighter than (but for noise in its readout):
+        the full well or the largest digital number, whichever is reached first; in colour that of
+        the channel that gets brightest."""
+        return int(self._tops.max())
 
-        The full well or the largest digital number, whichever is reached first.
-        """
+    @property
+    def _tops(self) -> npt.NDArray[Any]:
+        """(2, 2) or (2, 2, 3): the same of the pixels of a tile."""
         full = float(2**self.bits - 1)
         share = (self.black_level + self._filled * (full - self.black_level)) / full
-        return round(full * float(share ** (1.0 / self.gamma)))
+        shape = (2, 2, 3) if self.channels == "rgb" and self.bayer is None else (2, 2)
+        if self._development is not None:
+            return self._development.picture(np.full(shape, share * (2**RAW_BITS - 1)))
+        return np.full(shape, round(full * float(share ** (1.0 / float(self.gamma)))))
+
+    def saturated(self, image: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+        """Which pixels of an image that it took are as bright as they get, of the image's shape."""
+        return at_least(image, self._tops)
+
+    @property
+    def _filtered(self) -> bool:
+        """Whether pixels lie behind filters of red, green and blue."""
+        return self.channels == "rgb" or self.bayer is not None
+
+    @property
+    def _sensitivities(self) -> tuple[Weights, ...]:
+        """A row of three for every channel."""
+        return check_sensitivities(self.sensitivities, self._filtered)
+
+    @property
+    def _gains(self) -> tuple[float, float, float]:
+        return (1.0, 1.0, 1.0) if self.white_balance is None else self.white_balance
+
+    @property
+    def _development(self) -> Development | None:
+        """What is made of raw numbers; None where they are the picture."""
+        if self._gains == (1.0, 1.0, 1.0) and self.demosaic is None and self.gamma != "srgb":
+            return None
+        black = self.black_level / (2**self.bits - 1)
+        return Development(self.bits, black, self._gains, self.bayer, self.demosaic, self.gamma)
+
+    @property
+    def _raw(self) -> Sensor:
+        """The sensor whose linear numbers are developed."""
+        finer = (2**RAW_BITS - 1) / (2**self.bits - 1)
+        return replace(
+            self,
+            bits=RAW_BITS,
+            gain=None if self.gain is None else finer * self.gain,
+            black_level=finer * self.black_level,
+            gamma=1.0,
+            white_balance=None,
+            channels="mono" if self.bayer is not None else self.channels,
+            demosaic=None,
+        )
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -219,8 +321,11 @@ class Sensor:
         """Digital numbers per unit of radiance."""
         return np.float32((2**self.bits - 1 - self.black_level) / self.full_scale)
 
-    def signal(self, seed: int = 0, number: int = 0, camera: str = "") -> Signal | None:
-        """What the noise stage works with; None for a sensor that only scales."""
+    def signal(
+        self, seed: int = 0, number: int = 0, camera: str = "", chip: int = 0
+    ) -> Signal | None:
+        """What the noise stage works with; None for a sensor that only scales. Of several, every
+        ``chip`` has noise of its own."""
         plain = self.black_level == 0.0 and self.gamma == 1.0 and self.bayer is None
         if plain and not self.noisy:
             return None
@@ -239,17 +344,17 @@ class Sensor:
             read_noise=self.read_noise,
             dsnu=self.dsnu,
             prnu=self.prnu,
-            gamma=self.gamma,
+            gamma=1.0 if self.gamma == "srgb" else float(self.gamma),
             tile=(tile[0], tile[1], tile[2], tile[3]),
             seed=seed & 0xFFFFFFFF,
-            camera=(crc32(camera.encode()) ^ (seed >> 32)) & 0xFFFFFFFF,
+            camera=(crc32(camera.encode(), chip) ^ (seed >> 32)) & 0xFFFFFFFF,
             frame=number & 0xFFFFFFFF,
         )
 
     def expose(
         self, frame: Frame, seed: int = 0, number: int = 0, camera: str | None = None
     ) -> npt.NDArray[Any]:
-        """The image of ``frame``, (H, W) uint8 or uint16.
+        """The image of ``frame``, (H, W) or (H, W, 3) uint8 or uint16.
 
         Noise is that of (``seed``, ``camera``, ``number``), where ``camera`` is the name of the
         frame's camera unless given; DSNU and PRNU stay the same for every frame ``number``.
@@ -265,65 +370,28 @@ class Sensor:
             if not (isinstance(value, int | np.integer) and value >= 0):
                 raise InputError(f"Sensor expose {key}; got {value}; expected a whole number >= 0")
         name = frame.view.camera.name if camera is None else camera
-        signal = self.signal(seed, number, name)
-        if frame.device is None or not frame.bands:  # made by the twin, or released
-            if signal is not None:
-                return emva_twin(signal, frame.radiance).astype(self.dtype)
-            return sensor_twin(self, frame.radiance)
-        if signal is None:
-            if frame.device.transfer.direct:
-                return _expose_seen(self, frame.bands, frame.width)
-            return _expose(frame.device, self, frame.bands, frame.width)
-        return np.concatenate(
-            [
-                expose_noisy(
-                    frame.device, signal, band.buffer, (band.rows, frame.width), band.stride,
-                    band.row0, self.dtype,
-                )
-                for band in frame.bands
-            ]
-        )  # fmt: skip
+        if self._development is not None:
+            return self._development.picture(self._raw.expose(frame, seed, number, name))
+        weights = [weights_of(row, frame) for row in self._sensitivities]
+        if self.bayer is not None:  # the same chip through three filters
+            signal = self.signal(seed, number, name)
+            taken = {own: self._taken(frame, own, signal) for own in dict.fromkeys(weights)}
+            return picked([taken[own] for own in weights], self.bayer)
+        if self.channels == "mono":
+            return self._taken(frame, weights[0], self.signal(seed, number, name))
+        signals = (self.signal(seed, number, name, chip) for chip in (1, 2, 3))
+        chips = [self._taken(frame, *each) for each in zip(weights, signals, strict=True)]
+        return np.asarray(cv2.merge(chips))
 
-
-def _expose(device: Device, sensor: Sensor, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
-    """The bands' rows one below the other."""
-    kernel = device.kernel("optics/sensor/sensor", constants={"bits": float(sensor.bits)})
-    per_word = 4 // sensor.dtype.itemsize
-    columns = -(-width // per_word)
-    height = sum(band.rows for band in bands)
-    out = device.empty(4 * columns * height, "sensor.words")
-    with device.recording("optics.sensor") as recording:
-        row = 0
-        for band in bands:
-            bindings = kernel.bind(
-                params={"width": width, "rows": band.rows, "stride": band.stride,
-                        "first_word": row * columns, "scale": sensor.scale},
-                radiance=band.buffer,
-                words=out,
-            )  # fmt: skip
-            recording.dispatch(kernel, bindings, threads=(columns, band.rows))
-            row += band.rows
-    image = out.read(sensor.dtype, (height, columns * per_word))
-    return np.ascontiguousarray(image[:, :width])
-
-
-def _expose_seen(sensor: Sensor, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
-    """The same by NumPy, where bands lie in the host's memory: a kernel's lanes load words one by
-    one, three times as slow."""
-    image = np.empty((sum(band.rows for band in bands), width), sensor.dtype)
-    step, row = max(1, CHUNK // width), 0
-    for band in bands:
-        # what overflows is full scale, as what isn't finite
-        with band.seen() as values, np.errstate(over="ignore", invalid="ignore"):
-            for first in range(0, band.rows, step):
-                part = values[first : first + step, :width]
-                image[row + first : row + first + len(part)] = sensor_twin(sensor, part)
-        row += band.rows
-    return image
-
-
-def sensor_twin(sensor: Sensor, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
-    """The same in NumPy float32; values that aren't finite become full scale."""
-    full = np.float32(2**sensor.bits - 1)
-    values = np.clip(np.rint(radiance * sensor.scale), 0.0, full)
-    return np.where(np.isfinite(radiance), values, full).astype(sensor.dtype)
+    def _taken(self, frame: Frame, weights: Weights, signal: Signal | None) -> npt.NDArray[Any]:
+        """The image (H, W) of one channel."""
+        with seen(frame, weights) as plane:
+            if plane.device is None or not plane.bands:  # made by the twin, or released
+                if signal is not None:
+                    return emva_twin(signal, plane.radiance).astype(self.dtype)
+                return scaled_twin(self, plane.radiance)
+            device, width = plane.device, plane.width
+            if signal is None:
+                return scaled(self, device, plane.bands, width)
+            rows = [expose_noisy(device, signal, b, width, self.dtype) for b in plane.bands]
+            return np.concatenate(rows)

@@ -203,10 +203,25 @@ def build_sensor(scene_sensor: m.Sensor, camera: m.Camera, full_scale: float) ->
     values: dict[str, Any] = dict(scene_sensor.values)
     if camera.shutter is not None:
         values["exposure_time"] = camera.shutter.exposure
-    values |= {"bits": scene_sensor.bits, "full_scale": full_scale}
+    values |= {"bits": scene_sensor.bits, "full_scale": full_scale, "channels": camera.channels}
+    if camera.white_balance_K is not None:
+        values["white_balance"] = _gains_for(camera.white_balance_K, scene_sensor)
+    elif camera.white_balance is not None:
+        values["white_balance"] = camera.white_balance
     if scene_sensor.preset is not None:
         return Sensor.preset(scene_sensor.preset, **values)
     return Sensor(**values)
+
+
+def _gains_for(temperature: float, sensor: m.Sensor) -> tuple[float, ...]:
+    """Gains by which a grey surface in the light of ``temperature`` is grey; the smallest of them
+    is 1: what is saturated stays white."""
+    seen = np.array(blackbody(temperature))
+    if sensor.sensitivities is not None:
+        seen = np.array(sensor.sensitivities) @ seen
+    if sensor.bayer is not None:
+        seen *= sensor.bayer_response
+    return tuple((seen.max() / seen).tolist())
 
 
 def moving(

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim._version import __version__
+from gpusim.arrays.grey import grey_of
 from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import atomic_stream, safe_name
 from gpusim.files.input_file import Reader, read_input
@@ -100,13 +101,15 @@ def track_markers(
     """
     expected = camera.project(marks.position)
     widths = check_widths(what, marks, camera)
+    taken = reference, deformed
+    reference, deformed = map(grey_of, taken)
     found = find_crosses(reference, expected, widths)
     points, arms, known = found.points, found.arms.copy(), found.known
     if not known[: marks.count].any():
         raise GpusimError(
             f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
             f"the first image of camera {camera.name!r}; expected {marks.count}"
-            + "".join(f"; the image {text}" for text in level_warnings(reference, sensor))
+            + "".join(f"; the image {text}" for text in level_warnings(taken[0], sensor))
         )
     rows = np.flatnonzero(known)
     chains = _chains(rows, marks.count, len(points))
@@ -134,11 +137,11 @@ def track_markers(
     fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
     moved = np.where(fine[:, None], refined - points, matched)
     sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
-    full = sensor.saturation
+    before, after = (sensor.saturated(picture) for picture in taken)
     clipped = np.array(
         [
-            _clipped(reference, points[i], widths[i], full)
-            or _clipped(deformed, points[i] + matched[i], widths[i], full)
+            _clipped(before, points[i], widths[i])
+            or _clipped(after, points[i] + matched[i], widths[i])
             for i in range(len(points))
         ]
     )
@@ -210,14 +213,14 @@ def _unchanged(
     return same
 
 
-def _clipped(image: npt.NDArray[Any], at: Array, width: float, full: int) -> bool:
-    """Whether more than four pixels of a marker are saturated, at ``full`` or above."""
+def _clipped(saturated: npt.NDArray[np.bool_], at: Array, width: float) -> bool:
+    """Whether more than four pixels of a marker are ``saturated``, in any channel."""
     if not np.isfinite(at).all():
         return False
     x, y = np.rint(at).astype(int)
     half = int(0.6 * width) + 1
-    window = image[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
-    return int(np.count_nonzero(window >= full)) > 4
+    window = saturated[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1]
+    return int(np.count_nonzero(window.any(axis=2) if window.ndim == 3 else window)) > 4
 
 
 def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[int]]:

@@ -45,7 +45,7 @@ class Window:
 
     def placed(self, part: npt.NDArray[Any], whole: Camera) -> npt.NDArray[Any]:
         """The whole image, black around ``part``."""
-        image = np.zeros((whole.height, whole.width), part.dtype)
+        image = np.zeros((whole.height, whole.width, *part.shape[2:]), part.dtype)
         image[self.top : self.top + self.height, self.left : self.left + self.width] = part
         return image
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
@@ -56,6 +55,7 @@ __all__ = [
 
 MOST_CLIPPED = 1e-3
 """Share of the pixels; a highlight has fewer."""
+COLORS = ("red", "green", "blue")
 LEAST_LEVEL = 0.1
 """Of full scale: rounding to whole grey values then is more than 1 % of the contrast in 8 bit."""
 
@@ -64,17 +64,24 @@ def level_warnings(image: npt.NDArray[Any], sensor: Sensor) -> list[str]:
     """Sentences on the grey values of a picture that ``sensor`` took; none for one that is well
     exposed."""
     full, black, most = 2**sensor.bits - 1, sensor.black_level, sensor.saturation
-    low, high = int(image.min()), int(image.max())
-    if low == high:
-        word = "black" if high <= black else "white" if high >= most else "grey"
+    channels = [image] if image.ndim == 2 else [image[..., k] for k in range(3)]
+    lows = [int(channel.min()) for channel in channels]
+    highs = [int(channel.max()) for channel in channels]
+    high = max(highs)
+    if lows == highs:
+        word = "black" if high <= black else "white" if min(lows) >= most else "grey"
+        if len(set(lows)) > 1:
+            word = "of one colour"
         return [f"shows nothing: every pixel is {word}, {high} of {full}"]
-    if high >= most:
-        share = float(np.count_nonzero(image >= most)) / image.size
-        if share > MOST_CLIPPED:
+    saturated = sensor.saturated(image)
+    if saturated.any():
+        shares = saturated.reshape(-1, len(channels)).mean(axis=0)
+        if shares.max() > MOST_CLIPPED:
+            color = " " if len(channels) == 1 else f" {COLORS[shares.argmax()]} "
             well = f" (at {most} of {full}: the full well)" if most < full else ""
             return [
-                f"has {100 * share:.2g} % of its pixels saturated{well}: lower [sensor] exposure "
-                "or the lamps' power"
+                f"has {100 * shares.max():.2g} % of its{color}pixels saturated{well}: lower "
+                "[sensor] exposure or the lamps' power"
             ]
     elif high - black < LEAST_LEVEL * (full - black):
         return [

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from .lens import Lens, Shutter
-from .sensor import CameraSensor, Sensor
+from .sensor import CameraSensor, Gains, Sensor, merged
 from .table import (
     SI,
     Direction,
@@ -92,6 +92,12 @@ class Camera(Table):
     """Without it a pinhole."""
     shutter: Shutter | None = None
     """Without it an instant."""
+    channels: Literal["mono", "rgb"] = "mono"
+    """Of its pictures: grey, or red, green and blue."""
+    white_balance: Gains | None = None
+    """Gains of the digital numbers of red, green and blue."""
+    white_balance_K: Annotated[float, Field(ge=2000, le=40_000)] | None = None
+    """The temperature of the light in which a grey surface shall be grey, in their place."""
     own_sensor: Annotated[CameraSensor | None, Field(alias="sensor")] = None
     """What differs from [sensor] in this camera."""
     _electronics: Sensor | None = None
@@ -128,15 +134,45 @@ class Camera(Table):
         """Its sensor, where it isn't the scene's."""
         return self._electronics
 
-    def equip(self, sensor: Sensor) -> None:
-        """Enter what its own table makes of the scene's sensor."""
-        self._electronics = sensor
+    def equip(self, common: Sensor, where: str) -> None:
+        """Enter what its own table makes of the scene's sensor. Raises a fault of the key ``where``
+        if both, or a sensor and what the camera says of colour, don't go together."""
+        if self.own_sensor is not None:
+            self._electronics = merged(common, self.own_sensor, f"{where}.sensor")
+        sensor = self.electronics or common
+        filtered = self.channels == "rgb" or sensor.bayer is not None
+        for key in ("white_balance", "white_balance_K"):
+            value = getattr(self, key)
+            if value is not None and not filtered:
+                raise fault(f"{where}.{key}", "needs pixels behind colour filters", value,
+                            'channels = "rgb", or a sensor with bayer')  # fmt: skip
+        if self.channels == "rgb" and sensor.bayer is not None and sensor.demosaic is None:
+            raise fault(f"{where}.channels", "its sensor makes a raw mosaic", "rgb",
+                        'demosaic beside bayer, or channels = "mono"')  # fmt: skip
+        rows = sensor.sensitivities
+        if rows is not None and isinstance(rows[0], tuple) != filtered:
+            expected = "3 rows of 3 numbers" if filtered else "3 numbers"
+            raise fault(f"{where}.channels", "doesn't go with the sensor's sensitivities",
+                        Words(f"{self.channels}, and {rows}"), expected)  # fmt: skip
+
+    def color_words(self) -> list[str]:
+        """What it does to colours; nothing if it is grey."""
+        words = ["in colour"] if self.channels == "rgb" else []
+        if self.white_balance is not None:
+            words.append("white balance " + " ".join(f"{gain:g}" for gain in self.white_balance))
+        if self.white_balance_K is not None:
+            words.append(f"white balance for {self.white_balance_K:g} K")
+        return words
 
     @model_validator(mode="after")
     def _check(self) -> Camera:
         self._check_lens()
         self._check_pose()
         self._check_blur()
+        if self.white_balance is not None and self.white_balance_K is not None:
+            raise fault(
+                "white_balance", "beside white_balance_K", self.white_balance, "one of them"
+            )
         return self
 
     def _check_blur(self) -> None:

@@ -16,7 +16,7 @@ from .mesh import BeamMesh, BoxMesh, FieldMesh, MeshRecipe, MeshTable, NotchReci
 from .paint import Paint, PaintTable
 from .processing import Analysis, MeasureTable, Output, Render, Solver, Variant
 from .prop import Calibration, PropTable
-from .sensor import Sensor, merged
+from .sensor import Sensor
 from .table import Listed, Name, Table, Words, fault
 
 __all__ = ["Body", "Part", "SceneTable"]
@@ -154,8 +154,7 @@ class SceneTable(Table):
     def _complete(self) -> SceneTable:
         """What tables take from others where they don't say it themselves."""
         for index, camera in enumerate(self.camera):
-            if camera.own_sensor is not None:
-                camera.equip(merged(self.sensor, camera.own_sensor, f"camera.{index}.sensor"))
+            camera.equip(self.sensor, f"camera.{index}")
         if self.calibration is not None:
             self.calibration.photographed(tuple(camera.name for camera in self.camera))
         return self

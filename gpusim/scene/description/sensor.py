@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
 
-from .table import Listed, Seed, Table, fault
+from .table import Length, Listed, Seed, Table, fault
 
-__all__ = ["CameraSensor", "Sensor", "merged"]
+__all__ = ["CameraSensor", "Gains", "Sensor", "merged"]
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
@@ -21,15 +21,50 @@ def _exposure(value: Any) -> Any:
     raise fault("", "not an exposure", value, '"auto" or a number > 0')
 
 
+def _sensitivities(value: Any) -> Any:
+    def numbers(row: Any) -> bool:
+        real = isinstance(row, list | tuple) and len(row) == 3 and all(
+            isinstance(v, float | int) and not isinstance(v, bool) and 0 <= v <= 1e30 for v in row
+        )  # fmt: skip
+        return real and any(row)
+
+    if numbers(value):
+        return tuple(float(v) for v in value)
+    if isinstance(value, list | tuple) and len(value) == 3 and all(map(numbers, value)):
+        return tuple(tuple(float(v) for v in row) for row in value)
+    raise fault("", "no sensitivities", value, "3 numbers from 0, or 3 rows of them, none all zero")
+
+
+def _gamma(value: Any) -> Any:
+    number = isinstance(value, float | int) and not isinstance(value, bool)
+    if value == "srgb" or (number and 0 < value <= 1e30):
+        return value if value == "srgb" else float(value)
+    raise fault("", "not a gamma", value, '"srgb" or a number > 0')
+
+
 Bits = Literal[8, 10, 12, 14, 16]
 Exposure = Annotated[
     Any,
     BeforeValidator(_exposure),
     WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
 ]
+Gamma = Annotated[
+    Any,
+    BeforeValidator(_gamma),
+    WithJsonSchema({"anyOf": [{"const": "srgb"}, {"type": "number", "exclusiveMinimum": 0}]}),
+]
+_THREE: dict[str, Any] = {"type": "array", "minItems": 3, "maxItems": 3}
+_ROW = _THREE | {"items": {"type": "number", "minimum": 0}}
+Sensitivities = Annotated[
+    Any,
+    BeforeValidator(_sensitivities),
+    WithJsonSchema({"anyOf": [_ROW, _THREE | {"items": _ROW}]}),
+]
 Preset = Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"]
 Mosaic = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
+Demosaic = Literal["bilinear", "malvar"]
 Share = Annotated[float, Field(ge=0)]
+Gains = Annotated[tuple[Length, Length, Length], Listed()]
 Response = Annotated[tuple[Share, Share, Share], Listed()]
 _NOISE = {
     "gain_DN_per_e": "gain", "full_well_e": "full_well", "read_noise_e": "read_noise",
@@ -71,12 +106,18 @@ class Sensor(Table):
     """Standard deviation of the pixels' gains."""
     black_level_DN: Some = None
     """Grey value of a dark pixel."""
-    gamma: Most = None
-    """Grey value = full scale x (linear share)^(1 / gamma); without it linear."""
+    gamma: Gamma | None = None
+    """Grey value = full scale x (linear share)^(1 / gamma), or by the curve of "srgb", as viewers
+    expect it; without it linear, in colour too."""
     bayer: Mosaic | None = None
-    """A raw colour mosaic of the grey scene."""
+    """A colour mosaic before the pixels, raw unless demosaiced."""
     bayer_response: Response = (1.0, 1.0, 1.0)
     """Relative responses of red, green and blue pixels."""
+    demosaic: Demosaic | None = None
+    """How the mosaic becomes a picture in colour."""
+    sensitivities: Sensitivities | None = None
+    """In the bands red, green, blue: 3 numbers of a mono camera (by default a third each), or 3
+    rows of them, for the red, green and blue channel (by default each sees its band)."""
 
     @model_validator(mode="after")
     def _check(self) -> Sensor:
@@ -88,6 +129,8 @@ class Sensor(Table):
         black = self.black_level_DN
         if black is not None and not black < 2**self.bits - 1:
             raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
+        if self.demosaic is not None and self.bayer is None:
+            raise fault("demosaic", "no mosaic", self.demosaic, "bayer beside it")
         return self
 
     @property
@@ -96,12 +139,13 @@ class Sensor(Table):
         return None if self.exposure_ == "auto" else float(self.exposure_)
 
     @property
-    def values(self) -> dict[str, float | str | tuple[float, ...]]:
+    def values(self) -> dict[str, Any]:
         """By name of `gpusim.optics.sensor.sensor.Sensor`, what is given beside the preset."""
         given = {name: getattr(self, key) for key, name in (*_NOISE.items(), ("gamma", "gamma"))}
         given["prnu"] = None if self.prnu_percent is None else 0.01 * self.prnu_percent
         if self.bayer is not None:
             given |= {"bayer": self.bayer, "bayer_response": self.bayer_response}
+        given |= {"demosaic": self.demosaic, "sensitivities": self.sensitivities}
         return {name: value for name, value in given.items() if value is not None}
 
     @property
@@ -113,7 +157,10 @@ class Sensor(Table):
         """What it does beside counting light."""
         done = [self.preset or "noise by EMVA 1288"] if self.noisy else ["no noise"]
         own = self.values
-        return [*done, *(f"{name} {own[name]}" for name in ("bayer", "gamma") if name in own)]
+        return [
+            *done,
+            *(f"{name} {own[name]}" for name in ("bayer", "demosaic", "gamma") if name in own),
+        ]
 
 
 class CameraSensor(Table):
@@ -142,12 +189,16 @@ class CameraSensor(Table):
     """Spread of the pixels' gains."""
     black_level_DN: Some = None
     """Grey value of a dark pixel."""
-    gamma: Most = None
+    gamma: Gamma | None = None
     """As in [sensor]."""
     bayer: Mosaic | None = None
-    """A raw colour mosaic."""
+    """A colour mosaic."""
     bayer_response: Response | None = None
     """Of red, green and blue pixels."""
+    demosaic: Demosaic | None = None
+    """How it becomes a picture in colour."""
+    sensitivities: Sensitivities | None = None
+    """In the bands red, green, blue."""
 
 
 def merged(common: Sensor, own: CameraSensor, where: str) -> Sensor:

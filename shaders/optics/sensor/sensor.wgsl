@@ -1,5 +1,5 @@
 // Digital numbers from linear radiance: scaled, rounded to nearest and packed, 4 or 2 a word. Rows
-// begin with a word.
+// begin with a word. The NumPy form is gpusim/optics/sensor/digital_numbers.py.
 override bits: u32;
 
 struct Params {

@@ -78,5 +78,5 @@ def test_nothing_and_nonsense() -> None:
     assert len(find_aruco(small)) == 0
     with pytest.raises(InputError, match="dictionary"):
         find_aruco(image, "9X9")
-    with pytest.raises(InputError, match="not one grey image"):
-        find_aruco(np.zeros((20, 20, 3), np.uint8))
+    with pytest.raises(InputError, match="not one image"):
+        find_aruco(np.zeros((20, 20, 4), np.uint8))

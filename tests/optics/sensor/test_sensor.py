@@ -13,7 +13,11 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
-from gpusim.optics.sensor.sensor import _expose, _expose_seen, sensor_twin
+from gpusim.optics.sensor.digital_numbers import (
+    _scaled_in_place,
+    scaled_on_device,
+    scaled_twin,
+)
 
 
 def frame_of(device: Device, radiance: npt.NDArray[np.float32], stride: int) -> gs.Frame:
@@ -35,8 +39,8 @@ def exposures(sensor: gs.Sensor, frame: gs.Frame) -> list[npt.NDArray[Any]]:
     assert frame.device is not None
     return [
         sensor.expose(frame),
-        _expose(frame.device, sensor, frame.bands, frame.width),
-        _expose_seen(sensor, frame.bands, frame.width),
+        scaled_on_device(sensor, frame.device, frame.bands, frame.width),
+        _scaled_in_place(sensor, frame.bands, frame.width),
     ]
 
 
@@ -48,7 +52,7 @@ def test_device_equals_twin_exactly(device: Device, bits: int, width: int) -> No
     for image in exposures(sensor, frame_of(device, radiance, 64)):
         assert image.shape == (33, width)
         assert image.dtype == (np.uint8 if bits == 8 else np.uint16)
-        np.testing.assert_array_equal(image, sensor_twin(sensor, radiance))
+        np.testing.assert_array_equal(image, scaled_twin(sensor, radiance))
         assert image.min() == 0 and image.max() == 2**bits - 1
     want = np.clip(np.rint(radiance * (2**bits - 1) / 0.9), 0, 2**bits - 1)
     assert np.abs(image - want).max() <= 1  # float64 may fall on the other side of one half
@@ -59,7 +63,7 @@ def test_halves_round_to_even(device: Device) -> None:
     sensor = gs.Sensor(8, 255.0)
     want = (np.floor(halves / 2 + 0.25) * 2).astype(np.uint8)
     made = exposures(sensor, frame_of(device, halves, 64))
-    for image in (*made, sensor_twin(sensor, halves)):
+    for image in (*made, scaled_twin(sensor, halves)):
         np.testing.assert_array_equal(image, want)
 
 
@@ -70,7 +74,7 @@ def test_values_that_are_not_finite_become_full_scale(device: Device) -> None:
     for bits in (8, 12):
         sensor = gs.Sensor(bits, 1.0)
         with np.errstate(over="ignore", invalid="ignore"):
-            twin = sensor_twin(sensor, radiance)
+            twin = scaled_twin(sensor, radiance)
         for image in exposures(sensor, frame_of(device, radiance, 64)):
             np.testing.assert_array_equal(image, twin)
             assert (image == 2**bits - 1).sum() == 4

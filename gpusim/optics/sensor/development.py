@@ -1,0 +1,98 @@
+"""From a sensor's raw numbers to the picture: white balance, demosaicing, gamma.
+
+The raw numbers have 16 bits, whatever the picture has, as those of cameras have more than their
+pictures; what is made of them is rounded once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.optics.sensor.demosaicing import TILES, demosaiced
+from gpusim.validation import real_numbers
+
+__all__ = ["RAW_BITS", "Development", "at_least", "check_gains", "encoded"]
+
+F32 = npt.NDArray[np.float32]
+RAW_BITS = 16
+RAW_FULL = 2**RAW_BITS - 1
+
+
+@dataclass(frozen=True)
+class Development:
+    """``black``: the black level as a share of full scale; ``gains`` of red, green and blue above
+    it; the others as of `gpusim.optics.sensor.sensor.Sensor`."""
+
+    bits: int
+    black: float
+    gains: tuple[float, float, float]
+    bayer: str | None
+    demosaic: str | None
+    gamma: float | str
+
+    def picture(self, raw: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """The picture, uint8 or uint16, of raw numbers (H, W) or (H, W, 3): (H, W, 3) where a
+        mosaic is demosaiced, else of their shape."""
+        share = raw * np.float32(1.0 / RAW_FULL)
+        if self.gains != (1.0, 1.0, 1.0):
+            share -= np.float32(self.black)
+            for part, gain in self._channels(share):
+                part *= np.float32(gain)
+            share += np.float32(self.black)
+            np.clip(share, 0.0, 1.0, out=share)
+        if self.bayer is not None and self.demosaic is not None:
+            share = np.clip(demosaiced(share, self.bayer, self.demosaic), 0.0, 1.0)
+        full = np.float32(2**self.bits - 1)
+        kind = np.uint8 if self.bits <= 8 else np.uint16
+        return np.asarray(np.rint(encoded(share, self.gamma) * full), kind)
+
+    def _channels(self, share: F32) -> Iterator[tuple[F32, float]]:
+        """What belongs to a channel, and its gain."""
+        if share.ndim == 3:
+            for channel, gain in enumerate(self.gains):
+                yield share[..., channel], gain
+        else:
+            for place, channel in enumerate(TILES[self.bayer or ""]):
+                yield share[place // 2 :: 2, place % 2 :: 2], self.gains[channel]
+
+
+def at_least(image: npt.NDArray[Any], tops: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Which pixels of an image reach those of a tile ``tops``, (2, 2) or (2, 2, 3)."""
+    if (tops == tops.flat[0]).all():
+        return np.asarray(image >= tops.flat[0])
+    result = np.empty(image.shape, np.bool_)
+    for row, column in np.ndindex(2, 2):
+        at = np.s_[row::2, column::2]
+        result[at] = image[at] >= tops[row, column]
+    return result
+
+
+def check_gains(given: object, filtered: bool) -> tuple[float, float, float]:
+    """Gains of a white balance; ``filtered``: whether pixels see colours. Raises InputError."""
+    gains = real_numbers(given, "Sensor white_balance")
+    if not (gains.shape == (3,) and np.isfinite(gains).all() and (gains > 0.0).all()):
+        raise InputError(
+            f"Sensor white_balance; got {given}; expected gains of red, green and blue above 0"
+        )
+    if not filtered:
+        raise InputError(
+            f"Sensor white_balance; got {given} with channels 'mono'; expected channels 'rgb' or a "
+            "bayer pattern"
+        )
+    red, green, blue = gains.tolist()
+    return red, green, blue
+
+
+def encoded(share: F32, gamma: float | str) -> F32:
+    """Shares of full scale, 0 to 1, as they are stored: share^(1 / gamma), or by the curve of sRGB
+    (IEC 61966-2-1)."""
+    if gamma == "srgb":
+        bright = np.float32(1.055) * share ** np.float32(1.0 / 2.4) - np.float32(0.055)
+        return np.where(share <= np.float32(0.0031308), np.float32(12.92) * share, bright)
+    return share if gamma == 1.0 else share ** np.float32(1.0 / float(gamma))

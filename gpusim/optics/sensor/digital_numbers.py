@@ -1,0 +1,80 @@
+"""Digital numbers without noise: radiance scaled, rounded to nearest and clipped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device
+from gpusim.optics.frame import Band
+
+__all__ = ["scaled", "scaled_on_device", "scaled_twin"]
+
+_CHUNK = 1 << 16  # pixels at a time, so that they stay in the cache
+
+
+class Scale(Protocol):
+    """What is needed of a sensor: `gpusim.optics.sensor.sensor.Sensor`."""
+
+    @property
+    def bits(self) -> int: ...
+    @property
+    def scale(self) -> np.float32: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+
+
+def scaled(sensor: Scale, device: Device, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
+    """The image of the bands' rows, one below the other."""
+    if device.transfer.direct:
+        return _scaled_in_place(sensor, bands, width)
+    return scaled_on_device(sensor, device, bands, width)
+
+
+def scaled_on_device(
+    sensor: Scale, device: Device, bands: Sequence[Band], width: int
+) -> npt.NDArray[Any]:
+    """The bands' rows one below the other."""
+    kernel = device.kernel("optics/sensor/sensor", constants={"bits": float(sensor.bits)})
+    per_word = 4 // sensor.dtype.itemsize
+    columns = -(-width // per_word)
+    height = sum(band.rows for band in bands)
+    out = device.empty(4 * columns * height, "sensor.words")
+    with device.recording("optics.sensor") as recording:
+        row = 0
+        for band in bands:
+            bindings = kernel.bind(
+                params={"width": width, "rows": band.rows, "stride": band.stride,
+                        "first_word": row * columns, "scale": sensor.scale},
+                radiance=band.buffer,
+                words=out,
+            )  # fmt: skip
+            recording.dispatch(kernel, bindings, threads=(columns, band.rows))
+            row += band.rows
+    image = out.read(sensor.dtype, (height, columns * per_word))
+    return np.ascontiguousarray(image[:, :width])
+
+
+def _scaled_in_place(sensor: Scale, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
+    """The same by NumPy, where bands lie in the host's memory: a kernel's lanes load words one by
+    one, three times as slow."""
+    image = np.empty((sum(band.rows for band in bands), width), sensor.dtype)
+    step, row = max(1, _CHUNK // width), 0
+    for band in bands:
+        # what overflows is full scale, as what isn't finite
+        with band.seen() as values, np.errstate(over="ignore", invalid="ignore"):
+            for first in range(0, band.rows, step):
+                part = values[first : first + step, :width]
+                image[row + first : row + first + len(part)] = scaled_twin(sensor, part)
+        row += band.rows
+    return image
+
+
+def scaled_twin(sensor: Scale, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+    """The same in NumPy float32; values that aren't finite become full scale."""
+    full = np.float32(2**sensor.bits - 1)
+    values = np.clip(np.rint(radiance * sensor.scale), 0.0, full)
+    return np.where(np.isfinite(radiance), values, full).astype(sensor.dtype)
