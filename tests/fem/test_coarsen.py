@@ -70,7 +70,7 @@ def test_nodes_between_equal_layers_are_alike_and_no_others() -> None:
     assert lattice is not None
     group = lattice_group(model, lattice, {"hex8": "incompatible"})
     rows = assemble_lattice(group, lattice)
-    around = lattice.around(lattice.grid(group.kind))
+    around = lattice.around(lattice.grid(group.matrix_of))
     distinct, number = np.unique(around, axis=0, return_inverse=True)
     assert rows.class_count == len(distinct) < mesh.node_count
     # one class of ours to each of theirs
