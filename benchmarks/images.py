@@ -20,7 +20,8 @@ from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.setup import Setup
-from gpusim.pipeline.build.cameras import build_camera, build_lights
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from tests.support.optics_reference import Plate, difference, pattern, reference
 

@@ -8,6 +8,35 @@ Every layer is usable alone: solve a mesh, render a displacement field, measure 
 
 Names are imported when they are first used, so that ``import gpusim`` is quick. Examples in
 docstrings take ``import gpusim as gs`` and ``import numpy as np`` for granted.
+
+Its parts, in the order in which they import each other:
+
+- `_version`: Where the version stands.
+- `errors`: Every error that is raised on purpose.
+- `validation`: Arguments of the Python API, checked before any work.
+- `interrupts`: Ctrl-C while a command starts.
+- `printable`: Texts of other people, shown without what commands a terminal.
+- `field_summary`: How objects with arrays show themselves at a prompt.
+- `arrays`: What NumPy lacks, or does slowly.
+- `files`: Read once, written whole.
+- `parallel`: Processors, processes and memory of this machine.
+- `gpu`: The device: programs, buffers, recordings, the check against NumPy.
+- `scene`: Scene files, and what they say in SI.
+- `mesh`: Points and cells, builders, readers, selections.
+- `fem`: Linear elastic finite elements.
+- `field`: Displacement fields of other programs.
+- `deck`: Input decks of Abaqus and CalculiX.
+- `surface`: What cameras see: surfaces and their paint.
+- `optics`: Images: cameras, lights, shading, shadows, sensor, ground truth.
+- `measure`: Measuring images; sees pictures only.
+- `export`: Files that other programs read.
+- `plan`: The stages of a run, and their costs.
+- `report`: What a run found.
+- `pipeline`: From a scene to an output folder.
+- `bench`: Run time against error, on this machine.
+- `twin_checks`: Each shader against its NumPy twin.
+- `cli`: The command line.
+- `__main__`: Where it begins.
 """
 
 import importlib as _importlib

@@ -1,4 +1,4 @@
-"""Lists of lists laid out one after another, boxes of cells, and running sums over them."""
+"""Lists of lists laid out one after another, and running sums over cells and paths."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ __all__ = [
     "WORKGROUP",
     "along_paths",
     "batches",
-    "cells_of",
-    "covered",
     "dealt",
     "expand",
     "in_boxes",
@@ -29,15 +27,6 @@ def expand(count: Numbers) -> tuple[Numbers, Numbers]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def cells_of(first: Numbers, last: Numbers, columns: int) -> tuple[Numbers, Numbers]:
-    """Owner and number of every cell, row by row, of the boxes ``first`` … ``last`` (2, n), column
-    and row, of a grid with so many ``columns``; boxes that end before they begin have none."""
-    wide, tall = np.maximum(last - first + 1, 0)
-    own, step = expand(wide * tall)
-    down, across = np.divmod(step, wide[own])
-    return own, (first[1][own] + down) * columns + first[0][own] + across
-
-
 def batches(count: Numbers, most: int) -> Iterator[slice]:
     """Slices of owners with at most so many items together, or of one that has more."""
     stops = np.cumsum(count)
@@ -46,17 +35,6 @@ def batches(count: Numbers, most: int) -> Iterator[slice]:
         stop = max(int(np.searchsorted(stops, done + most, side="right")), start + 1)
         yield slice(start, stop)
         start, done = stop, int(stops[stop - 1])
-
-
-def covered(first: Numbers, last: Numbers, shape: tuple[int, int]) -> npt.NDArray[np.bool_]:
-    """Cells (rows, columns) of boxes from ``first`` to before ``last`` (n, 2), column and row."""
-    # the number of boxes over a cell is a sum over their corners
-    across, steps = shape[1] + 1, np.zeros((shape[0] + 1) * (shape[1] + 1), np.int64)
-    for x, y, sign in ((first, first, 1), (last, first, -1), (first, last, -1), (last, last, 1)):
-        steps += sign * np.bincount(y[:, 1] * across + x[:, 0], minlength=len(steps))
-    steps = steps.reshape(-1, across).cumsum(axis=0).cumsum(axis=1)
-    result: npt.NDArray[np.bool_] = steps[:-1, :-1] > 0
-    return result
 
 
 def summed(cells: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Numbers:

@@ -3,6 +3,16 @@
 Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
 device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
 them, so that help and plan are quick.
+
+The other commands are below. Its modules:
+
+- `console`: Options, messages, progress, and errors as one message with an exit code.
+- `decks`: ``gpusim solve``.
+- `measuring`: The commands that measure pictures, as they are typed.
+- `correlation`: What ``gpusim dic`` does.
+- `calibrating`: What ``gpusim calibrate`` does.
+- `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
+- `bench`: ``gpusim bench``.
 """
 
 from __future__ import annotations

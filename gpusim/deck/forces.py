@@ -56,9 +56,14 @@ def face_points(kind: str, formulation: str, face: str) -> int:
     """
     if face in ("tri3", "tri6"):
         return 3
-    if face == "quad4" or kind == "wedge15" or formulation == "reduced":
-        return 4
-    return 9
+    return 4 if face == "quad4" else _QUADRATIC_POINTS[kind, formulation]
+
+
+_QUADRATIC_POINTS = {
+    ("hex20", "full"): 9, ("hex20", "reduced"): 4, ("wedge15", "full"): 4,
+    ("hex27", "full"): 9, ("pyramid13", "full"): 9,
+}  # fmt: skip
+"""On faces with eight or nine nodes; CalculiX hasn't the last two."""
 
 
 Int = npt.NDArray[np.int64]

@@ -1,4 +1,13 @@
-"""Files that other programs read: images, meshes, surfaces, truth."""
+"""Files that other programs read: images, meshes, surfaces, truth.
+
+Its modules:
+
+- `images`: Grey images as PNG and TIFF, without loss.
+- `meshes`: Surfaces as STL, solids and results as VTU.
+- `layers`: The truth layers: what each one holds, and how it is stored.
+- `truth`: truth.h5: the exact fields behind every pixel.
+- `correlation`: Measured displacements and strains as CSV, NPZ and HDF5.
+"""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 In the order in which data passes:
 
-- `elements`: Shape functions at integration points, stiffness, strain.
+- `elements`: Formulations and their rules (shape functions are in `gpusim.mesh`), stiffness,
+  strain.
 - `model`: Material, supports, loads, and the solution.
 - `assembly`: From elements to a matrix of 3x3 blocks, and its products.
 - `lattice`: Rectilinear bricks, whose rows repeat.

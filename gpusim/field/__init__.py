@@ -1,4 +1,11 @@
-"""Displacement fields that another program computed: read, interpolated in time, rendered."""
+"""Displacement fields that another program computed: read, interpolated in time, rendered.
+
+In the order in which data passes:
+
+- `field`: A mesh, growing times, and each node's displacement at them.
+- `frd`: CalculiX result files.
+- `read`: Reading fields, by the ending of their name.
+"""
 
 from __future__ import annotations
 

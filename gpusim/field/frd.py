@@ -18,6 +18,7 @@ from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
+from gpusim.mesh.formats.numbering import from_upright_first
 
 __all__ = ["read_frd"]
 
@@ -28,10 +29,6 @@ _TYPES = {
     6: ("tet10", 10), 7: ("tri3", 3), 8: ("tri6", 6), 9: ("quad4", 4), 10: ("quad8", 8),
     11: ("line2", 2), 12: ("line3", 3),
 }  # fmt: skip
-_ORDER = {
-    "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
-    "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
-}
 _VALUE = 12
 
 
@@ -225,7 +222,6 @@ def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBloc
             nodes_of = index_of(labels, names.astype(np.int64))
         except ValueError:
             raise InputError(f"{path}: an element of type {kind} lacks nodes") from None
-        if kind in _ORDER:
-            nodes_of = nodes_of[:, _ORDER[kind]]
+        nodes_of = from_upright_first(kind, nodes_of)
         blocks.append(RawBlock(kind, nodes_of))
     return blocks

@@ -1,4 +1,4 @@
-"""Cell types: node order (VTK = Abaqus), edges, faces, and parents of midside nodes. Pure data.
+"""Cell types: node order (VTK's), edges, faces, and parents of midside nodes. Pure data.
 
 Linear types are written out; a quadratic type is its linear one plus a list of midside nodes, so
 that corners, edges and faces agree between the two by construction.
@@ -32,7 +32,8 @@ class CellType:
     edges : (E,2) int32 corners.
     faces : (F,w) int32 local node numbers, counter-clockwise seen from outside. Columns 0-3 are
         corners, a triangle has -1 in column 3; w = 8 with midsides: column 4+i lies between
-        corner i and the next one (column 7 of a triangle is -1); w = 9: column 8 is the middle.
+        corner i and the next one (column 7 of a triangle is -1); w = 9: column 8 is the middle, -1
+        of a face without.
     corner_neighbours : (C,3) int32, for the Jacobian at each of the first C corners its three
         neighbours in right-handed order. A pyramid's apex, where four edges meet, has none.
 
@@ -51,6 +52,11 @@ class CellType:
     faces: Int
     corner_neighbours: Int
     __repr__ = field_summary
+
+    @property
+    def serendipity(self) -> bool:
+        """Whether all further nodes lie on edges, none within faces or the cell."""
+        return all(len(group) == 2 for group in self.parents)
 
 
 def _int32(rows: list[list[int]]) -> Int:
@@ -75,8 +81,9 @@ def _quadratic(name: str, base: CellType, parents: list[tuple[int, ...]]) -> Cel
         ring = [corner for corner in face if corner >= 0]
         middles = [number[frozenset(pair)] for pair in zip(ring, ring[1:] + ring[:1], strict=True)]
         row = face + middles + [-1] * (4 - len(middles))
-        centre = number.get(frozenset(ring))
-        faces.append(row if centre is None else [*row, centre])
+        faces.append([*row, number.get(frozenset(ring), -1)])
+    if all(row[8] < 0 for row in faces):
+        faces = [row[:8] for row in faces]
     return CellType(
         name,
         base.corners + len(parents),
@@ -140,3 +147,7 @@ CELL_TYPES: dict[str, CellType] = {
         _quadratic("pyramid13", _PYRAMID5, _midsides(_PYRAMID5)),
     )
 }
+"""By name. What else belongs to a type stands in tables beside what uses it: shape functions
+(`_POWERS` of `gpusim.mesh.shape_functions`), integration rules (`FULL_POINTS` of
+`gpusim.mesh.quadrature`; formulations and mass in `gpusim.fem.elements.element`), partners
+(`gpusim.mesh.builders.conversion`), orders of other programs (`gpusim.mesh.formats.numbering`)."""

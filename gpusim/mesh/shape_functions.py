@@ -114,7 +114,9 @@ def shape_gradients(kind: str, xi: Float) -> Float:
 @cache
 def _coefficients(kind: str) -> Float:
     exact = np.linalg.inv(_monomials(kind, reference_nodes(kind)))
-    return np.asarray(np.round(8.0 * exact) / 8.0)
+    eighths = np.asarray(np.round(8.0 * exact) / 8.0)
+    assert np.abs(eighths - exact).max() < 1e-12, f"{kind}: coefficients that are no eighths"
+    return eighths
 
 
 def _monomials(kind: str, xi: Float, axis: int | None = None) -> Float:

@@ -7,7 +7,7 @@ In the order in which data passes:
 - `geometry`: Surfaces as one camera sees them.
 - `light`: Lamps, surroundings, and materials that reflect them.
 - `paint`: Means of patterns over what a pixel sees of them.
-- `raster`: Which triangle each pixel sees.
+- `visibility_buffer`: Which triangle each pixel sees.
 - `shadow`: Which share of each lamp receivers of light see, found on the device.
 - `ambient`: Which surroundings points of surfaces see.
 - `shading`: The light of pixels that lie inside one triangle.

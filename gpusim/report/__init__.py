@@ -1,4 +1,17 @@
-"""What a run found: report.json, report.html and its figures."""
+"""What a run found: report.json, report.html and its figures.
+
+In the order in which data passes:
+
+- `model`: What a run found, as plain data.
+- `findings`: Parts of that: mesh, forces and stress, errors.
+- `text`: Numbers as a reader sees them, and as JSON has them.
+- `style`: One look for all figures.
+- `figures`: Deflection line, convergence, tracked markers, errors.
+- `measurement_figures`: A rig and its points in space, its calibration; states compared.
+- `html`: report.html: one self-contained page.
+- `write`: report.json, figures and report.html in the output folder.
+- `correlation`: The summary of a correlation, and a page with it.
+"""
 
 from __future__ import annotations
 

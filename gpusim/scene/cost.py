@@ -14,6 +14,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import ceil, log
 from pathlib import Path
+from typing import NamedTuple
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
@@ -181,12 +182,23 @@ def estimate(scene: Scene) -> Cost:
 
 _GROWTH = 0.25  # of the element size with the distance from a notch, as the builder has it
 _BYTES_PER_NODE = 150  # of a mesh file, roughly
-# Per cell type: elements of each brick, and which of a grid's edges, faces (all, or only those
-# across the layers) and cells get a node of their own.
-_KINDS = {
-    "hex8": (1, 0, 0, 0, 0), "hex20": (1, 1, 0, 0, 0), "hex27": (1, 1, 1, 1, 1),
-    "tet4": (6, 0, 0, 0, 0), "tet10": (6, 1, 1, 1, 1), "wedge6": (2, 0, 0, 0, 0),
-    "wedge15": (2, 1, 1, 0, 0),
+
+
+class _Nodes(NamedTuple):
+    """Of a cell type: ``elements`` of each brick, and which edges, faces across the layers
+    (``layers``) and along them (``sides``) and cells of a grid get a node of their own."""
+
+    elements: int
+    edges: int = 0
+    layers: int = 0
+    sides: int = 0
+    inside: int = 0
+
+
+_BUILT_NODES = {
+    "hex8": _Nodes(1), "hex20": _Nodes(1, edges=1), "hex27": _Nodes(1, 1, 1, 1, 1),
+    "tet4": _Nodes(6), "tet10": _Nodes(6, 1, 1, 1, 1), "wedge6": _Nodes(2),
+    "wedge15": _Nodes(2, edges=1, layers=1),
 }  # fmt: skip
 
 
@@ -213,15 +225,15 @@ def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
         return _file_counts(Path(recipe.path), 1)
     plane, layers = _plane(recipe)
     across = plane.cells * (layers + 1)  # faces that layers lie on
-    per_cell, on_edges, on_layers, on_sides, inside = _KINDS[recipe.cells]
+    kind = _BUILT_NODES[recipe.cells]
     nodes = (
         plane.nodes * (layers + 1)
-        + on_edges * (plane.edges * (layers + 1) + plane.nodes * layers)
-        + on_layers * across
-        + on_sides * plane.edges * layers
-        + inside * plane.cells * layers
+        + kind.edges * (plane.edges * (layers + 1) + plane.nodes * layers)
+        + kind.layers * across
+        + kind.sides * plane.edges * layers
+        + kind.inside * plane.cells * layers
     )
-    return nodes, per_cell * plane.cells * layers
+    return nodes, kind.elements * plane.cells * layers
 
 
 def mesh_words(recipe: MeshRecipe) -> str:

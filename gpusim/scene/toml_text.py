@@ -109,11 +109,6 @@ def _broken(text: str) -> bool:
     return any("\ud800" <= one <= "\udfff" for one in text)
 
 
-def _too_deep(key: str, line: str = "") -> Fault:
-    expected = f"at most {DEEPEST} levels of tables, lists and dots"
-    return Fault(key, f"nested too deeply{line}", f"more than {DEEPEST}", expected)
-
-
 def document_fault(document: Mapping[str, Any]) -> Fault | None:
     """The same for a document that was read, or came from Python."""
     tables = 0

@@ -193,7 +193,10 @@ _NUMBERS: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def check_paint(paint: Any) -> None:
-    """Refuse fields of a paint that can't be what their names say; make ``centres`` an array."""
+    """Refuse fields of a paint that can't be what their names say; make ``centres`` an array.
+
+    Names that `_NUMBERS` hasn't, but for ``origin`` and ``centres``, are left to the paint's class.
+    """
     what = type(paint).__name__
     for field in fields(paint):
         name, value = field.name, getattr(paint, field.name)

@@ -37,6 +37,7 @@ from gpusim.optics.shading.scene_buffers import Array, SceneBuffers, TriangleRec
 from gpusim.optics.shading.setup import TRIANGLE, Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass, light_tiles_twin
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import VertexBuffers, VisibilityBuffer, visibility_twin
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
@@ -110,8 +111,8 @@ def _compare_relit(device: Device, setup: Setup) -> None:
     want = shade_twin(setup, visibility_twin(setup.view))
     inside = np.ones(want[0].size, bool)
     inside[find_edge_pixels(setup.view).pixel] = False
-    # one sample of 512 may fall to the other side of an outline
-    atol = 2.5 / 512 * float(want.max())
+    # one sample may fall to the other side of an outline
+    atol = 2.5 / SAMPLES * float(want.max())
     compare(
         "optics/shading/relighting",
         got.reshape(len(got), -1)[:, inside],

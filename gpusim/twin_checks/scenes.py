@@ -25,7 +25,7 @@ from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import PixelReceivers, Receivers
 from gpusim.optics.shadow.single_layer import wound_once
 from gpusim.optics.visibility_buffer import visibility_twin
-from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle
+from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle, Star
 from gpusim.surface.surface import Surface
 
 __all__ = [
@@ -175,6 +175,7 @@ def probe_setup(fine: bool = True, coloured: bool = False) -> Setup:
         Checker(0.31, 5, 4, (0.17, 0.21), 0.1, 0.8, 0.4),
         Dots(0.22, 0.4, None, None, (0.11, 0.05)),
         Markers(np.array([[0.6, 0.7], [1.4, 1.2]]), 0.5, angle=0.4),
+        Star(np.array([[1.6, 1.0]]), 1.1, 5, 0.2),
         Plain(0.7, bump=Bump(0.011, 0.13)),
         Speckle(
             0.23, 0.5, 0.03, "lognormal", 0.25, seed=3, bump=Bump(0.02, 0.3, (1, 2, 0), 3.0, 4)
@@ -185,8 +186,8 @@ def probe_setup(fine: bool = True, coloured: bool = False) -> Setup:
         Image(_ripples(300, 200), 0.002, (-0.01, 0.05), 0.2, 0.7, 0.5),
     )
     places = ((-1.1, -0.6, 5.0, 0.3), (1.0, -0.7, 5.5, -0.5), (-0.8, 1.0, 5.2, 0.2),
-              (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2), (0.4, -1.6, 5.9, 0.35),
-              (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
+              (2.4, 0.3, 5.2, -0.2), (0.9, 1.1, 6.0, 0.6), (-0.1, 0.2, 7.5, -0.2),
+              (0.4, -1.6, 5.9, 0.35), (0.1, -0.1, 4.4, 0.9), (-0.3, 1.9, 6.4, -1.0))  # fmt: skip
     if not fine:
         paints = tuple(
             Plain(0.7) if isinstance(paint, Image) or getattr(paint, "bump", None) else paint

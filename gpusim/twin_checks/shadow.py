@@ -8,12 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
-from gpusim.optics.ambient.hemisphere_mask import (
-    COLUMNS,
-    ROWS,
-    hemisphere_masks,
-    hemisphere_masks_twin,
-)
+from gpusim.optics.ambient import hemisphere_mask
+from gpusim.optics.ambient.hemisphere_mask import hemisphere_masks, hemisphere_masks_twin
 from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, SilhouetteBVH
 from gpusim.optics.ambient.silhouette_search import (
     SilhouetteBuffers,
@@ -46,6 +42,7 @@ from gpusim.optics.shadow.receiver_groups import (
     record_groups,
 )
 from gpusim.optics.shadow.receivers import NO_OWNER, on_device, plane_words
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.twin_checks.scenes import (
     block,
     fields_setup,
@@ -142,8 +139,8 @@ def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.
     least, most = np.ones(len(states)), np.zeros(len(states))
     np.minimum.at(least, entry, shares)
     np.maximum.at(most, entry, shares)
-    # one sample of the 512 may lie on an outline
-    sample = 1.5 / 512.0
+    # one sample may lie on an outline
+    sample = 1.5 / SAMPLES
     want = np.where(least > 1.0 - sample, LIT, np.where(most < sample, UMBRA, HALF))
     used = np.isin(np.arange(len(states)), entry)
     return np.where((states == HALF) | ~used, states, want)
@@ -239,8 +236,8 @@ def _penumbra_mask(device: Device) -> None:
         got = VisibleShares(device, occluders, receivers).find(points, spaces)
         number, own, _, _ = entries_of(receivers)
         want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
-        # one or two samples of 512 may fall to the other side of an outline
-        compare("optics/shadow/penumbra_mask", got[number], want, atol=2.5 / 512.0)
+        # one or two samples may fall to the other side of an outline
+        compare("optics/shadow/penumbra_mask", got[number], want, atol=2.5 / SAMPLES)
 
 
 @twin_check("optics/ambient/hemisphere_mask")
@@ -263,7 +260,7 @@ def _hemisphere_mask(device: Device) -> None:
     # a few of 2048 samples may fall to the other side of an edge
     compare(
         "optics/ambient/hemisphere_mask", got.open_share, want.open_share, "single",
-        atol=3.5 / (ROWS * COLUMNS),
+        atol=3.5 / (hemisphere_mask.ROWS * hemisphere_mask.COLUMNS),
     )  # fmt: skip
     compare("optics/ambient/hemisphere_mask", got.inside, want.inside, "exact")
 

@@ -206,7 +206,7 @@ def test_matrices_that_are_not_wanted_soon_are_formed_again() -> None:
     wanted = block_matrix(assembled.rows) @ u.ravel()
     assert np.abs(by_elements.ravel() - wanted).max() <= 1e-12 * np.abs(wanted).max()
     # what a model gives for good stays
-    whole = Group("hex8", group.cells, group.kind, kept.matrices)
+    whole = Group("hex8", group.cells, group.matrix_of, kept.matrices)
     whole.forget()
     assert whole.matrices is kept.matrices
 

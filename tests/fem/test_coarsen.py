@@ -18,7 +18,7 @@ from gpusim.fem.assembly.matrix_product import RowsProduct
 from gpusim.fem.lattice.lattice import find_lattice
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides, drop_planes
 from gpusim.fem.multigrid.transfer import NodeTransfer
-from gpusim.mesh import Mesh, box, crane, quadratic, split
+from gpusim.mesh import CELL_TYPES, Mesh, box, crane, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)
 
@@ -70,7 +70,7 @@ def test_nodes_between_equal_layers_are_alike_and_no_others() -> None:
     assert lattice is not None
     group = lattice_group(model, lattice, {"hex8": "incompatible"})
     rows = assemble_lattice(group, lattice)
-    around = lattice.around(lattice.grid(group.kind))
+    around = lattice.around(lattice.grid(group.matrix_of))
     distinct, number = np.unique(around, axis=0, return_inverse=True)
     assert rows.class_count == len(distinct) < mesh.node_count
     # one class of ours to each of theirs
@@ -241,7 +241,7 @@ def test_midsides_left_out_give_the_galerkin_matrix(kind: str) -> None:
     linear = box((1.0, 0.9, 0.8), (3, 2, 2))
     if kind in ("tet10", "wedge15"):
         linear = split(linear, {"tet10": "tet4", "wedge15": "wedge6"}[kind])
-    mesh = quadratic(linear, serendipity=kind != "hex27")
+    mesh = quadratic(linear, serendipity=CELL_TYPES[kind].serendipity)
     assert set(mesh.cells) == {kind}
     free = ~held(mesh)
     model = Model(mesh, [STEEL], ~free)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build.cameras import build_camera, build_lights
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import build_prop
 from gpusim.pipeline.stages.image_window import window_of

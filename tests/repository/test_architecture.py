@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -223,6 +224,30 @@ def test_modules_import_each_other_in_no_circle() -> None:
 def test_no_folder_holds_too_many_modules() -> None:
     folders = Counter(path.parent for path in python_files() if path.name != "__init__.py")
     assert {folder.name: count for folder, count in folders.items() if count > MOST_MODULES} == {}
+
+
+def list_faults(folder: Path) -> set[str]:
+    """Modules and folders in a package that its docstring doesn't list, and listed ones that aren't
+    there."""
+    text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+    heads = re.findall(r"^- (`[^:]*):", text, re.MULTILINE)
+    listed = {name for head in heads for name in re.findall(r"`(\w+)`", head)}
+    modules = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+    return listed ^ (modules | {path.parent.name for path in folder.glob("*/__init__.py")})
+
+
+def test_every_folder_lists_its_modules() -> None:
+    folders = [path.parent for path in python_files() if path.name == "__init__.py"]
+    faults = {folder.relative_to(PACKAGE).as_posix(): list_faults(folder) for folder in folders}
+    assert {folder: names for folder, names in faults.items() if names} == {}
+
+
+def test_a_module_that_is_not_listed_is_seen(tmp_path: Path) -> None:
+    listed = "- `one`: First.\n- `two`, `three`: More."
+    (tmp_path / "__init__.py").write_text(f'"""Parts.\n\n{listed}\n"""\n', encoding="utf-8")
+    for name in ("one", "two", "four"):
+        (tmp_path / f"{name}.py").touch()
+    assert list_faults(tmp_path) == {"three", "four"}
 
 
 def test_public_names_are_importable_and_sorted() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from pathlib import Path
 
@@ -32,11 +33,56 @@ def shader_texts() -> dict[str, str]:
     return found
 
 
+def head_of(text: str) -> str:
+    """A shader's first comment, in one line."""
+    (head,) = re.findall(r"\A(?://[^\n]*\n)*", text)
+    return " ".join(line.removeprefix("//").strip() for line in head.splitlines())
+
+
 def twin_of(name: str) -> Path:
-    """The module of a shader's NumPy form: of the same stem, or the one that its head names."""
-    text = (shader_folder() / f"{name}.wgsl").read_text(encoding="utf-8")
-    said = re.search(r"^// .*\bgpusim/(\S+\.py)", text, re.MULTILINE)
-    return PACKAGE / (said.group(1) if said else f"{name}.py")
+    """The module of a shader's NumPy form: the one that its head names, or that of its stem."""
+    head = head_of((shader_folder() / f"{name}.wgsl").read_text(encoding="utf-8"))
+    said = re.search(r"NumPy form\b.*?\bgpusim/(\S+\.py)|\bgpusim/(\S+\.py)", head)
+    return PACKAGE / (said.group(1) or said.group(2) if said else f"{name}.py")
+
+
+def names_defined(path: Path) -> set[str]:
+    """``shares_of`` and ``EdgeFunctions.hidden``: functions, classes, methods of a module."""
+    found = set()
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            found.add(node.name)
+            inner = node.body if isinstance(node, ast.ClassDef) else []
+            found |= {f"{node.name}.{v.name}" for v in inner if isinstance(v, ast.FunctionDef)}
+    return found
+
+
+def head_faults(text: str) -> list[str]:
+    """Modules that a shader's head names and that aren't there, nor the function named in them."""
+    faults = []
+    for name, place in re.findall(r"(?:`([\w.]+)` in )?\bgpusim/(\S+?\.py)", head_of(text)):
+        if not (PACKAGE / place).is_file():
+            faults.append(f"no module gpusim/{place}")
+        elif name and name not in names_defined(PACKAGE / place):
+            faults.append(f"no {name} in gpusim/{place}")
+    return faults
+
+
+def test_heads_name_what_there_is() -> None:
+    root = shader_folder()
+    assert [
+        f"{path.relative_to(root)}: {fault}"
+        for path in sorted(root.rglob("*.wgsl"))
+        for fault in head_faults(path.read_text(encoding="utf-8"))
+    ] == []
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["gpusim/optics/shadow/brute.py", "`shares` in gpusim/optics/shadow/brute_force.py"],
+)
+def test_a_wrong_head_is_seen(place: str) -> None:
+    assert len(head_faults(f"// Shares.\n// The NumPy form is {place}.\nfn f() {{}}\n")) == 1
 
 
 def test_every_stage_has_a_module_and_a_registered_twin_check() -> None:

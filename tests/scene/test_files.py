@@ -16,7 +16,7 @@ from gpusim.cli import app
 from gpusim.errors import InputError, SceneError
 from gpusim.optics.light.lights import EnvironmentLight
 from gpusim.optics.light.panorama import PANORAMA_SUFFIXES, read_panorama
-from gpusim.pipeline.build.cameras import build_lights
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.checks.resources import check_files
 from gpusim.scene.description import lights as light_tables
 

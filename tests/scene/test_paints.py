@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -14,6 +14,7 @@ from gpusim.errors import SceneError
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.scene import Scene
 from gpusim.scene.cost import compiled_for, describe
+from gpusim.scene.description.paint import Paint, PaintTable
 
 HEAD = """
 schema = 1
@@ -50,7 +51,8 @@ def load(tmp_path: Path, text: str) -> Scene:
 
 def paint_of(tmp_path: Path, text: str) -> Any:
     scene = load(tmp_path, plate(text))
-    return build_prop(scene.props[0]).paints["paint"]
+    (paint,) = build_prop(scene.props[0]).paints.values()
+    return paint
 
 
 def test_targets_lie_where_the_scene_says(tmp_path: Path) -> None:
@@ -77,42 +79,55 @@ def test_targets_lie_where_the_scene_says(tmp_path: Path) -> None:
 
 def test_ring_codes_lie_where_the_scene_says(tmp_path: Path) -> None:
     place = "positions_mm = [[-40.0, 0.0, -15.0], [60.0, 0.0, 25.0]]"
-    rings = 'type = "ring_codes"\ndiameter_mm = 8.0\ncodes = [5, 177]\nbits = 10\n' + place
-    paint = paint_of(tmp_path, rings)
+    ring_codes = 'type = "ring_codes"\ndiameter_mm = 8.0\ncodes = [5, 177]\nbits = 10\n' + place
+    paint = paint_of(tmp_path, ring_codes)
     assert isinstance(paint, gs.paint.RingCodes)
     assert (paint.codes, paint.bits, paint.diameter) == ((5, 177), 10, 0.008)
     assert (paint.dot, paint.ground) == (0.9, 0.8)
     np.testing.assert_allclose(paint.centres, [[0.05, 0.04], [0.15, 0.08]])
     for text, words in (
-        (rings.replace("[5, 177]", "[5]"), "codes: not one per position"),
-        (rings.replace("bits = 10", "bits = 7"), "codes: more than 7 bits"),
-        (rings.replace("bits = 10", "bits = 21"), "bits: out of range"),
+        (ring_codes.replace("[5, 177]", "[5]"), "codes: not one per position"),
+        (ring_codes.replace("bits = 10", "bits = 7"), "codes: more than 7 bits"),
+        (ring_codes.replace("bits = 10", "bits = 21"), "bits: out of range"),
     ):
         with pytest.raises(SceneError) as caught:
             load(tmp_path, plate(text))
         assert f"prop.plate.paint.paint.{words}" in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        'type = "speckle"\ndiameter_mm = 3.0',
-        'type = "circles"\ndiameters_mm = [20.0, 10.0]\npositions_mm = [[0.0, 0.0, 0.0]]',
-        'type = "star"\ndiameter_mm = 30.0\npositions_mm = [[0.0, 0.0, 0.0]]',
-        'type = "aruco"\nsize_mm = 25.0\nids = [7]\npositions_mm = [[0.0, 0.0, 0.0]]',
-        'type = "ring_codes"\ndiameter_mm = 8.0\ncodes = [5]\npositions_mm = [[0.0, 0.0, 0.0]]',
-        'type = "lines"\npitch_mm = 20.0\nwidth_mm = 2.0\norigin_mm = [-70.0, 0.0, -45.0]\n'
-        "columns = 5\nrows = 4",
-        'type = "charuco"\nsquare_mm = 20.0\nmarker_mm = 14.0\norigin_mm = [-70.0, 0.0, -45.0]\n'
-        "columns = 5\nrows = 4",
-        'type = "image"\nfile = "p.png"\ntexel_mm = 2.0\norigin_mm = [-90.0, 0.0, -55.0]',
-    ],
-)
-def test_every_pattern_may_lie_on_glossy_ground(tmp_path: Path, kind: str) -> None:
+PLACED = "positions_mm = [[0.0, 0.0, 0.0]]"
+BOARD = "origin_mm = [-70.0, 0.0, -45.0]\ncolumns = 5\nrows = 4"
+EVERY = {
+    "plain": "",
+    "checker": f"cell_mm = 12.0\n{BOARD}",
+    "dots": f"diameter_mm = 6.0\npitch_mm = 12.0\n{BOARD}",
+    "lines": f"pitch_mm = 20.0\nwidth_mm = 2.0\n{BOARD}",
+    "markers": f"size_mm = 25.0\n{PLACED}",
+    "circles": f"diameters_mm = [20.0, 10.0]\n{PLACED}",
+    "star": f"diameter_mm = 30.0\n{PLACED}",
+    "aruco": f"size_mm = 25.0\nids = [7]\n{PLACED}",
+    "charuco": f"square_mm = 20.0\nmarker_mm = 14.0\n{BOARD}",
+    "ring_codes": f"diameter_mm = 8.0\ncodes = [5]\n{PLACED}",
+    "speckle": "diameter_mm = 3.0",
+    "image": 'file = "p.png"\ntexel_mm = 2.0\norigin_mm = [-90.0, 0.0, -55.0]',
+}
+"""Keys of every paint of a scene."""
+
+
+def test_every_paint_of_the_schema_is_among_these() -> None:
+    tables = get_args(get_args(PaintTable)[0])
+    assert set(EVERY) == {get_args(v.model_fields["type"].annotation)[0] for v in tables}
+    assert all(issubclass(table, get_args(Paint)) for table in tables)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_every_paint_is_built_and_may_be_glossy(tmp_path: Path, name: str) -> None:
     cv2.imwrite(str(tmp_path / "p.png"), np.full((8, 15), 90, np.uint8))
+    kind = f'type = "{name}"\n{EVERY[name]}'
     plain, shiny = (
         paint_of(tmp_path, kind + more) for more in ("", "\nroughness = 0.35\nmetallic = 1.0")
     )
+    assert type(plain).__name__ == name.title().replace("_", "")
     assert (plain.roughness, plain.metallic) == (1.0, 0.0)
     assert (shiny.roughness, shiny.metallic) == (0.35, 1.0)
     assert plain.bump is None

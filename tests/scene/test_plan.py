@@ -11,7 +11,7 @@ import pytest
 
 from gpusim.errors import InputError, SceneError
 from gpusim.optics.light.lights import EnvironmentLight
-from gpusim.pipeline.build.cameras import build_lights
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.plan.plan import Plan, make_plan
 from gpusim.plan.stages import START_SECONDS
 from gpusim.plan.state import StateFile

@@ -62,7 +62,7 @@ def bar(kind: str, size: tuple[float, float, float], divisions: tuple[int, int, 
         grid = pyramids(hexahedra)
     else:
         grid = hexahedra if linear == "hex8" else split(hexahedra, linear)
-    return grid if kind == linear else quadratic(grid, serendipity=kind != "hex27")
+    return grid if kind == linear else quadratic(grid, serendipity=CELL_TYPES[kind].serendipity)
 
 
 def pyramids(mesh: Mesh) -> Mesh:

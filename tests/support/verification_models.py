@@ -48,7 +48,7 @@ def unit_block(kind: str, divisions: tuple[int, int, int]) -> Mesh:
     linear = CELL_TYPES[kind].linear
     if linear != "hex8":
         mesh = split(mesh, linear)
-    return mesh if kind == linear else quadratic(mesh, serendipity=kind != "hex27")
+    return mesh if kind == linear else quadratic(mesh, serendipity=CELL_TYPES[kind].serendipity)
 
 
 def mapped(mesh: Mesh, place: Callable[[Float], Float], straight: bool) -> Mesh:

@@ -7,9 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.identical_cases import PAINTS
 from gpusim.errors import InputError
 from gpusim.optics.geometry.view import RegionPaint
 from gpusim.optics.paint.feature_grid import FeatureGrid
+from gpusim.surface import paint
 from gpusim.surface.paint import Checker, Dots, Features, Markers, Plain
 
 LOW, HIGH = np.array([0.0, 0.0]), np.array([1.0, 0.7])
@@ -52,6 +54,12 @@ def test_faults_say_what_got_and_expected(
         make()
     for part in parts:
         assert part in str(caught.value)
+
+
+def test_every_paint_is_among_the_cases_of_identical() -> None:
+    """`python -m benchmarks.identical` hashes pictures of all of them."""
+    made = {type(make()).__name__ for make in PAINTS.values()}
+    assert made == set(paint.__all__) - {"Bump", "Features", "Paint"}
 
 
 def test_plain_has_no_features() -> None:

@@ -114,7 +114,7 @@ def group_matrix(groups: Sequence[Elements], count: int) -> bsr_matrix:
 
 def _lattice_rows(group: Group, lattice: Lattice) -> tuple[Long, Long, Float]:
     """(first node of each class, class of each node, its 27 blocks (C,27,3,3))."""
-    around, representative, row_class = _rows_around(lattice.grid(group.kind), lattice)
+    around, representative, row_class = _rows_around(lattice.grid(group.matrix_of), lattice)
     blocks = np.zeros((len(representative), 27, 3, 3))
     split = group.matrices.reshape(-1, 8, 3, 8, 3).transpose(0, 1, 3, 2, 4)
     # in lattice order, so that either end of an edge adds its cells up in the same order: K_ij and

@@ -47,18 +47,19 @@ _LOOK = 8
 
 
 class Group:
-    """Elements of one cell type: ``cells`` (M,k) node numbers, ``kind`` (M,) int64 number of each
-    element's matrix in ``matrices`` (C,3k,3k) float64, symmetric; ``form`` gives these again."""
+    """Elements of one cell type ``name``: ``cells`` (M,k) node numbers, ``matrix_of`` (M,) int64
+    number of each element's matrix in ``matrices`` (C,3k,3k) float64, symmetric; ``form`` gives
+    these again."""
 
     def __init__(
         self,
         name: str,
         cells: Int,
-        kind: Long,
+        matrix_of: Long,
         matrices: Float,
         form: Callable[[], Float] | None = None,
     ) -> None:
-        self.name, self.cells, self.kind = name, cells, kind
+        self.name, self.cells, self.matrix_of = name, cells, matrix_of
         self.distinct, self._form = len(matrices), form
         self._matrices: Float | None = matrices
 
@@ -81,7 +82,7 @@ class Group:
 
     def at(self, which: Long) -> Float:
         """(m,3k,3k) matrices of the elements ``which``."""
-        return np.asarray(self.matrices[self.kind[which]])
+        return np.asarray(self.matrices[self.matrix_of[which]])
 
     def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
         """Blocks (P,m,9) of the pairs a < b of nodes, and the diagonal ones (k,m,9) if wanted."""
@@ -296,12 +297,12 @@ def held_matrices(group: Group, free: Bool, touching: Bool | None = None) -> tup
     bits = np.zeros((len(touched), -(-width // 62)), dtype=np.int64)
     for column in range(width):
         bits[:, column // 62] |= held[:, column].astype(np.int64) << (column % 62)
-    key = np.concatenate([group.kind[touched, None], bits], axis=1)
+    key = np.concatenate([group.matrix_of[touched, None], bits], axis=1)
     representative, number = unique_rows(key)
     keep = ~held[representative]
-    extra = group.matrices[group.kind[touched[representative]]]
+    extra = group.matrices[group.matrix_of[touched[representative]]]
     extra = extra * keep[:, :, None] * keep[:, None, :]
-    kind = group.kind.copy()
+    kind = group.matrix_of.copy()
     kind[touched] = len(group.matrices) + number
     return kind, extra
 

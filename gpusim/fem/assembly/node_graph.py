@@ -225,7 +225,7 @@ class NodeGraph:
             assert isinstance(group, Group)
             a, b = np.triu_indices(group.cells.shape[1], 1)
             distinct = len(group.matrices) * len(a)
-            number = group.kind * len(a) + np.arange(len(a))[:, None]
+            number = group.matrix_of * len(a) + np.arange(len(a))[:, None]
             number += np.where(group.cells[:, a] > group.cells[:, b], distinct, 0).T
             numbers.append((offset + number).ravel())
             offset += 2 * distinct

@@ -104,8 +104,8 @@ class Deformation:
         result = np.ones(len(self._points))
         for group in self._groups:
             if isinstance(group, Group):
-                _, first = np.unique(group.kind, return_index=True)
-                own = condition(group.name, self._points[group.cells[first]])[group.kind]
+                _, first = np.unique(group.matrix_of, return_index=True)
+                own = condition(group.name, self._points[group.cells[first]])[group.matrix_of]
             else:
                 parts = shared(partial(self._of, group), _parts(group))
                 own = np.concatenate(parts)
@@ -171,8 +171,8 @@ def _parts(group: Elements) -> list[Long]:
     order = np.arange(len(group.cells))
     bounds = [0, len(order)]
     if isinstance(group, Group) and _alike(group):
-        order = np.argsort(group.kind, kind="stable")
-        ends = np.cumsum(np.bincount(group.kind, minlength=group.distinct))
+        order = np.argsort(group.matrix_of, kind="stable")
+        ends = np.cumsum(np.bincount(group.matrix_of, minlength=group.distinct))
         bounds = [0, *ends.tolist()]
     return [
         order[start : min(start + _PORTION, last)]

@@ -1,5 +1,7 @@
 """The solver on a device: texels, operators, smoothing, the V-cycle.
 
+It knows no elements but the quadratic tetrahedron: all others come as rows of a matrix.
+
 In the order in which data passes:
 
 - `node_texels`: Device memory of one solve, and nodal vectors in it as texels.

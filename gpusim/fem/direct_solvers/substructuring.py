@@ -79,7 +79,7 @@ def cut_slabs(group: Group, lattice: Lattice, free: Bool) -> Slabs | None:
     so that the body falls apart there."""
     axis = int(np.argmax(lattice.cell.shape))
     layers = lattice.cell.shape[axis]
-    kind = lattice.grid(group.kind)
+    kind = lattice.grid(group.matrix_of)
     held = np.full((*lattice.node.shape, 3), -1, dtype=np.int64)
     held[tuple(lattice.place.T)] = free
     layer = np.moveaxis(kind, axis, 0).reshape(layers, -1)
@@ -154,7 +154,7 @@ class SubstructuredFactor:
     _joins: list[list[_Join]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._kind = self.lattice.grid(self.group.kind)
+        self._kind = self.lattice.grid(self.group.matrix_of)
         current = shared(self._slab, self.slabs.first.tolist())
         for one in self.slabs.rounds:
             done = shared(lambda pair: _join(*pair), self._pairs(one, current))

@@ -133,7 +133,7 @@ def _joined(groups: list[Group]) -> list[Group]:
             group = Group(
                 group.name,
                 np.concatenate([old.cells, group.cells]),
-                np.concatenate([old.kind, group.kind + len(old.matrices)]),
+                np.concatenate([old.matrix_of, group.matrix_of + len(old.matrices)]),
                 np.concatenate([old.matrices, group.matrices]),
             )
         result[group.name] = group
@@ -212,7 +212,7 @@ def _inside(lattice: Lattice, coarse: Lattice, keep: list[Long], group: Group) -
     """Coarse elements: sums over the one to eight fine ones inside each."""
     at, nodes = coarse.corner_nodes()
     place = np.stack(np.unravel_index(at, coarse.cell.shape), axis=1)
-    kind = lattice.grid(group.kind)
+    kind = lattice.grid(group.matrix_of)
     first = [keep[axis][place[:, axis]] for axis in range(3)]
     double = [np.diff(keep[axis])[place[:, axis]] == 2 for axis in range(3)]
     columns = []

@@ -236,7 +236,7 @@ def _on_lattice(coarser: Coarser, points: Float) -> Coarser:
     order = lattice.cell.ravel()[at]
     if not (group.cells[order] == nodes).all():
         return coarser  # corners in another order than the lattice's
-    group = Group("hex8", nodes, group.kind[order], group.matrices)
+    group = Group("hex8", nodes, group.matrix_of[order], group.matrices)
     return Coarser(coarser.interpolation, coarser.kept, [group], lattice)
 
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.formats.numbering import FLAT_CORNERS, dimension_of
+from gpusim.mesh.formats.numbering import FLAT_CORNERS, REFUSED_SOLIDS, dimension_of
 from gpusim.mesh.mesh import Mesh
 
 __all__ = [
@@ -129,7 +129,7 @@ def solid_nodes(raw: RawMesh) -> npt.NDArray[np.bool_]:
 
 
 def _advice(counts: Mapping[str, int]) -> str:
-    if counts.keys() <= {"wedge18", "pyramid14"}:
+    if counts.keys() <= REFUSED_SOLIDS.keys():
         return " (without nodes in the faces: Gmsh's Mesh.SecondOrderIncomplete = 1)"
     return ""
 

@@ -21,7 +21,7 @@ from gpusim.mesh.formats.cell_blocks import (
 )
 from gpusim.mesh.formats.coordinate_systems import Frame, from_cylindrical, from_spherical
 from gpusim.mesh.formats.nastran_cards import (
-    ELEMENTS,
+    NASTRAN_ELEMENTS,
     SYSTEMS,
     BdfCard,
     check_card,
@@ -160,7 +160,7 @@ def read_bdf(source: Source) -> Mesh:
             default = card
         elif card.name in SYSTEMS:
             systems.read(card)
-        elif card.name in ELEMENTS:
+        elif card.name in NASTRAN_ELEMENTS:
             label = integer(card.field(0), card)
             if label in elements:
                 card.fail(
@@ -201,7 +201,7 @@ def _points(
 
 
 def _add_element(card: BdfCard, cells: dict[str, _Cells]) -> None:
-    kinds = ELEMENTS[card.name]
+    kinds = NASTRAN_ELEMENTS[card.name]
     nodes = card.fields[2 : 2 + max(kinds)]
     while nodes and not nodes[-1]:
         nodes.pop()

@@ -22,7 +22,7 @@ from gpusim.mesh.formats.abaqus.cards import LARGEST
 from gpusim.mesh.formats.text import Includes, text_lines
 
 __all__ = [
-    "ELEMENTS",
+    "NASTRAN_ELEMENTS",
     "SYSTEMS",
     "BdfCard",
     "check_card",
@@ -165,7 +165,7 @@ def _free(words: list[str], width: int) -> tuple[list[str], str]:
             words = words[1:]
 
 
-ELEMENTS: dict[str, dict[int, str]] = {
+NASTRAN_ELEMENTS: dict[str, dict[int, str]] = {
     "CTETRA": {4: "tet4", 10: "tet10"},
     "CHEXA": {8: "hex8", 20: "hex20"},
     "CPENTA": {6: "wedge6", 15: "wedge15"},
@@ -245,7 +245,7 @@ _FAMILIES = (
     "BGADD", "BEDGE", "BSQUEAL", "CONCT", "FRF",
 )  # fmt: skip
 
-_READ = {"GRID", "GRDSET", *SYSTEMS, *ELEMENTS}
+_READ = {"GRID", "GRDSET", *SYSTEMS, *NASTRAN_ELEMENTS}
 
 
 def check_card(card: BdfCard) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = [
@@ -20,11 +21,13 @@ __all__ = [
     "GMSH_KINDS",
     "MED_KINDS",
     "NODES",
+    "REFUSED_SOLIDS",
     "VTK_KINDS",
     "dimension_of",
     "from_gmsh_order",
     "from_upright_first",
     "local_faces",
+    "middles_in_order",
     "right_handed_cells",
     "right_handed_wedges",
 ]
@@ -38,13 +41,14 @@ FLAT_CORNERS = {
     "quad9": 4,
 }  # fmt: skip
 """Corners of the kinds below solids."""
+REFUSED_SOLIDS = {"wedge18": 18, "pyramid14": 14}
+"""Nodes of solids that files may have, and that are refused."""
 NODES = {
     **{kind: int(kind[-1]) for kind in FLAT_CORNERS},
     **{kind: cell.nodes for kind, cell in CELL_TYPES.items()},
-    "wedge18": 18,
-    "pyramid14": 14,
+    **REFUSED_SOLIDS,
 }
-"""Nodes of every kind; the last two are Gmsh's, and refused as unknown solids."""
+"""Nodes of every kind."""
 
 GMSH_KINDS = {
     1: "line2", 2: "tri3", 3: "quad4", 4: "tet4", 5: "hex8", 6: "wedge6", 7: "pyramid5",
@@ -78,6 +82,8 @@ EXODUS_SIDES: Sides = {
 
 # Exodus and Nastran count upright edges before those on top, and faces of a hex27 after its centre.
 _UPRIGHT_FIRST = {
+    "tet10": [*range(10)],
+    "pyramid13": [*range(13)],
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
     "hex27": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15, 23, 24, 25, 26, 21, 22, 20],
     "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
@@ -121,14 +127,47 @@ def local_faces(kind: str, sides: Sides) -> Long:
 
 def from_gmsh_order(kind: str, nodes: Long) -> Long:
     """(M,k) node numbers of a kind, from Gmsh's order to gpusim's."""
-    if kind not in _GMSH_BETWEEN:
+    if not _quadratic_solid(kind):
         return nodes
     return nodes[:, _order(kind, [*range(CELL_TYPES[kind].corners)], _GMSH_BETWEEN[kind])]
 
 
 def from_upright_first(kind: str, nodes: Long) -> Long:
     """(M,k) node numbers of a kind, from the order of Exodus and Nastran to gpusim's."""
-    return nodes[:, _UPRIGHT_FIRST[kind]] if kind in _UPRIGHT_FIRST else nodes
+    return nodes[:, _UPRIGHT_FIRST[kind]] if _quadratic_solid(kind) else nodes
+
+
+def _quadratic_solid(kind: str) -> bool:
+    """Whether a kind has nodes whose order differs: a table without it is an error then."""
+    return kind in CELL_TYPES and bool(CELL_TYPES[kind].parents)
+
+
+def middles_in_order(points: Float, nodes: Long) -> Long:
+    """(M,27) bricks with the nodes in faces and middle, which programs count in different orders,
+    as ours: each where serendipity shapes have it, the nearest of them.
+
+    Raises
+    ------
+    InputError
+        One of these nodes is the nearest to two places.
+    """
+    cell = CELL_TYPES["hex27"]
+    places = []
+    for group in cell.parents[12:]:
+        edges = [8 + k for k, pair in enumerate(cell.parents[:12]) if {*pair} <= {*group}]
+        corners = points[nodes[:, list(group)]].sum(axis=1)
+        share = 2.0 / len(group)
+        places.append(share * points[nodes[:, edges]].sum(axis=1) - 0.25 * corners)
+    given = points[nodes[:, 20:]]
+    away = np.linalg.norm(np.stack(places, axis=1)[:, :, None] - given[:, None], axis=3)
+    nearest = away.argmin(axis=2)
+    wrong = int((np.sort(nearest, axis=1) != np.arange(7)).any(axis=1).sum())
+    if wrong:
+        raise InputError(
+            f"bricks of 27 nodes; got {wrong} whose nodes from the 21st on don't lie one in each "
+            "face and one in the middle; expected them there, in any order"
+        )
+    return np.concatenate([nodes[:, :20], np.take_along_axis(nodes[:, 20:], nearest, axis=1)], 1)
 
 
 def right_handed_wedges(kind: str, points: Float, nodes: Long) -> Long:

@@ -31,7 +31,7 @@ __all__ = [
     "NormalCones",
     "SamplePoints",
     "SilhouetteBVH",
-    "facing",
+    "direction_cells",
     "in_order",
     "levels",
     "tangent",
@@ -281,7 +281,7 @@ def in_order(at: Array, *keys: Numbers) -> Numbers:
     return np.argsort(key, kind="stable")
 
 
-def facing(normal: Array) -> Numbers:
+def direction_cells(normal: Array) -> Numbers:
     """Which of 27 ways vectors (N, 3) of length 1 or 0 look."""
     whole = np.rint(normal).astype(np.int64) + 1
     return np.asarray((whole[:, 0] * 3 + whole[:, 1]) * 3 + whole[:, 2])
@@ -314,7 +314,7 @@ class SilhouetteBVH:
         planes, kind = _beside(facets)
         edge = in_order(
             facets.ends.mean(axis=1), kind[:, 0], kind[:, 1],
-            *(facing(planes[:, k, :3]) for k in (0, 1)),
+            *(direction_cells(planes[:, k, :3]) for k in (0, 1)),
         )  # fmt: skip
         facets = facets.ordered(edge, in_order(facets.balls[:, :3]))
         planes, kind = _beside(facets)

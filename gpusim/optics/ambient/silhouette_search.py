@@ -29,7 +29,7 @@ from gpusim.optics.ambient.silhouette_bvh import (
     NormalCones,
     SamplePoints,
     SilhouetteBVH,
-    facing,
+    direction_cells,
     in_order,
     tangent,
     traverse,
@@ -202,7 +202,7 @@ def _upward(groups: _Groups, spheres: BoundingSpheres, group: Numbers, cluster: 
 
 def in_groups(points: SamplePoints) -> Numbers:
     """The order (N,) in which points that look the same way and lie together follow each other."""
-    return in_order(points.at, facing(points.normal))
+    return in_order(points.at, direction_cells(points.normal))
 
 
 NOTHING = 0xFFFFFFFF

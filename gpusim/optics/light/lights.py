@@ -98,8 +98,8 @@ class PointLight(ColoredLight):
 class SpotLight(ColoredLight):
     """A small lamp whose beam has a ``cone`` (full angle, rad) around the way to ``target``.
 
-    Within the cone less ``penumbra`` (the share of the half angle over which it fades, 0 to 1) the
-    intensity is even; ``power`` (W) is the flux of the whole beam.
+    Within the cone less ``penumbra`` (the share of the half angle over which it fades, 0 to 1;
+    nothing to do with shadows) the intensity is even; ``power`` (W) is the flux of the whole beam.
 
     Examples
     --------
@@ -142,7 +142,8 @@ class AreaLight(ColoredLight):
     """A lamp of ``size`` (width, height) that faces ``target`` and emits by Lambert's law.
 
     ``shape`` is ``"rectangle"`` or ``"ellipse"`` (a disc where both sizes are equal). Its width
-    runs level. ``power`` is its radiant flux (W); its radiance is power / (pi x its area).
+    runs level. ``power`` is its radiant flux (W); its radiance is power / (pi x its area). The
+    larger it is, the softer are its shadows.
 
     Examples
     --------

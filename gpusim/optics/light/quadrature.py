@@ -38,6 +38,8 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 MOST_ACROSS = 8
+"""Emitting points along one side of a lamp; shadows have samples of their own, `sample_mask`."""
+
 MOST_LAMPS = 16
 
 

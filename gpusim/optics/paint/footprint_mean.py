@@ -1,7 +1,7 @@
 """The exact mean albedo of a pattern over what a pixel sees of it.
 
-Twin of ``shaders/lib/paint/feature_grid.wgsl`` and of the polygon forms in
-``shaders/optics/edge_pixels/resolve.wgsl``.
+Twin of ``shaders/lib/paint/feature_grid.wgsl``, and of ``polygon_mean.wgsl`` beside it, the polygon
+forms that edge pixels take.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The light of a view: emitters, surroundings and shadows, as the shaders read them and in NumPy.
 
-Twin of ``shaders/lib/light/lighting.wgsl``.
+Twin of ``shaders/lib/light/lighting.wgsl`` and ``lamp_shares.wgsl``.
 """
 
 from __future__ import annotations

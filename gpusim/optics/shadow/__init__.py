@@ -2,8 +2,8 @@
 
 In the order in which data passes:
 
-- `light_space`: A lamp's light space, the frame in which what hides it is looked for, and its
-  sample mask.
+- `sample_mask`: The samples in which receivers look at a lamp, the bits of a mask.
+- `light_space`: A lamp's light space, the frame in which what hides it is looked for.
 - `occluders`: Occluders: the triangles of all surfaces in Morton order, and a tree over them for
   each lamp.
 - `scene`: What hides the lamps of a view: occluders, where they are now, and the lamps' light
@@ -15,5 +15,5 @@ In the order in which data passes:
 - `lamp_visibility`: What receivers see of lamps: all stages of one lamp after the other, in one
   submission.
 - `brute_force`: What is seen of lamps, receiver by receiver and occluder by occluder, without a
-  tree.
+  tree: what ``backend="numpy"`` lights pictures by.
 """

@@ -1,8 +1,9 @@
 """What is seen of lamps, receiver by receiver and occluder by occluder, without a tree.
 
-This says what is true, not how it is found: a sample of a lamp is hidden by an occluder that the
+With ``backend="numpy"`` every picture is lit by this; the stages on the device are compared with
+it. It says what is true, not how it is found: a sample of a lamp is hidden by an occluder that the
 way to it enters from outside (of closed bodies) or passes through (of open surfaces). Where an
-occluder's plane passes through the pixel itself, `gpusim.optics.shadow.light_space` says what
+occluder's plane passes through the pixel itself, `gpusim.optics.shadow.sample_mask` says what
 counts.
 """
 
@@ -15,27 +16,23 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.light.quadrature import Lamp
-from gpusim.optics.shadow.light_space import (
-    AGAINST,
-    BESIDE,
-    COLUMNS,
-    ROWS,
-    STEP_A,
-    STEP_B,
-    TOLERANCE,
-    LightSpace,
-    lamp_masks,
-    lamp_numbers,
-    lattice,
-)
+from gpusim.optics.shadow.light_space import TOLERANCE, LightSpace, lamp_numbers
 from gpusim.optics.shadow.occluders import Occluders, planes_of, single_sheets
 from gpusim.optics.shadow.receivers import Receivers
+from gpusim.optics.shadow.sample_mask import COLUMNS, ROWS, STEP_A, STEP_B, lamp_masks, lattice
 
 __all__ = ["EdgeFunctions", "edge_functions", "shares_of", "shares_twin", "visible_footprint"]
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]
+
+AGAINST = -0.5
+"""Cosine between the normals of face and receiver below which they may lie against each other."""
+
+BESIDE = 0.5
+"""Cosine between the normals of face and receiver, up to their signs, above which the receiver may
+be part of a sheet that goes on with the face. What stands on it or cuts it is steeper."""
 
 BEYOND = 1e-5
 """Sine by which what lies beyond an edge may overlap it from rounding."""

@@ -13,7 +13,7 @@ sheet that they lie on is listed. Most of it is below the planes that they see, 
 what is left is tested receiver by receiver.
 
 *Mask*: the share of a lamp that receivers in penumbra see, on the mask of
-`gpusim.optics.shadow.light_space`. Ends of what hides the lamp as a whole are wound round its
+`gpusim.optics.shadow.sample_mask`. Ends of what hides the lamp as a whole are wound round its
 samples: as often as layers hide them, modulo 64. Those behind occluders that stand alone are taken
 off besides.
 """

@@ -1,4 +1,4 @@
-"""From a scene to meshes, models, surfaces and cameras.
+"""From a scene to meshes, models, surfaces, cameras and lights.
 
 In the order in which data passes:
 
@@ -9,5 +9,6 @@ In the order in which data passes:
   loads.
 - `scene_objects`: What stands in front of the cameras, where it is in each frame, and the bodies'
   solution.
-- `cameras`: Cameras, lenses, shutters, sensors and lights of a scene as the optics take them.
+- `cameras`: Cameras, lenses, shutters and sensors of a scene as the optics take them.
+- `lights`: Lights of a scene as the optics take them.
 """

@@ -84,7 +84,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
     grid = mesh.split(bricks, _SPLIT[cells]) if cells in _SPLIT else bricks
     if cells in grid.cells:
         return grid
-    return mesh.quadratic(grid, serendipity=cells != "hex27")
+    return mesh.quadratic(grid, serendipity=mesh.CELL_TYPES[cells].serendipity)
 
 
 def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:

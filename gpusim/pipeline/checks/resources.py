@@ -11,7 +11,8 @@ from gpusim.field import Field
 from gpusim.files.output_folder import check_below, inside
 from gpusim.mesh import check_gmsh
 from gpusim.parallel.machine import host_memory
-from gpusim.pipeline.build.cameras import build_camera, build_lens, build_lights
+from gpusim.pipeline.build.cameras import build_camera, build_lens
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.meshing import build_mesh, read_given_field, size_warnings_of
 from gpusim.plan.plan import Plan
 from gpusim.plan.state import variant_folder

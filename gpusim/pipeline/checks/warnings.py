@@ -18,7 +18,8 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import PointLight, SpotLight
 from gpusim.optics.light.quadrature import MOST_ACROSS
 from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
-from gpusim.pipeline.build.cameras import build_camera, build_lights
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.measurability import axial_loads, disc_warnings, marker_warnings

@@ -22,7 +22,7 @@ from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device, default_device
 from gpusim.gpu.warmup import compile_during
-from gpusim.pipeline.build.cameras import build_lights
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, solver_seconds
 from gpusim.pipeline.build.surfaces import build_body, build_prop

@@ -100,7 +100,7 @@ class Spot(_Aimed):
     """The full angle of the beam."""
     cone = SI[float]("deg")
     penumbra: Annotated[float, Field(ge=0, le=1)] = 0.2
-    """Share of the half angle over which the beam fades."""
+    """Share of the half angle over which the beam fades (nothing to do with shadows)."""
 
 
 class Area(_Aimed):
@@ -108,7 +108,7 @@ class Area(_Aimed):
 
     type: Literal["area"]
     size_mm: PositivePair
-    """Width (level) and height."""
+    """Width (level) and height: how soft its shadows are."""
     size = SI[tuple[float, float]]("mm")
     shape: Literal["rectangle", "ellipse"] = "rectangle"
 

@@ -109,7 +109,7 @@ class Render(Table):
     """How exact the images are."""
 
     error: Annotated[float, Field(gt=0, le=16)] = 0.25
-    """Allowed error of a pixel, in grey levels of 8 bit; edges take as many samples as it needs."""
+    """Allowed error of a pixel, in grey levels of 8 bit: so many lens positions and moments."""
     background: Tint = 0.0
     """Radiance where nothing is seen (W / (m2 sr); without lights: albedo)."""
 

@@ -1,4 +1,4 @@
-// Forces of one quadratic tetrahedron, in the arithmetic of the `real` that the importer names,
+// Forces of one quadratic tetrahedron, the only element that the device knows, in the arithmetic of the `real` that the importer names,
 // which also has ``cells`` (three texels per element: its nodes, its first texel of ``roots``),
 // load_node, load_shape and store_forces.
 //

@@ -1,4 +1,4 @@
-// Glossy reflection. The NumPy forms are gpusim/optics/light/microfacet_material.py, microfacet_material.py and environment.py.
+// Glossy reflection. The NumPy forms are gpusim/optics/light/microfacet_material.py and gpusim/optics/light/environment.py.
 #import lib/light/color
 #import lib/numeric/texel
 

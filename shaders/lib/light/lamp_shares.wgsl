@@ -1,5 +1,5 @@
 // Light that falls on a point whose shares of the lamps are known (optics/shadow).
-// The NumPy form is gpusim/optics/shading/lighting.py.
+// The NumPy form is `Lighting.reflect` in gpusim/optics/shading/lighting.py.
 #import lib/light/lighting
 
 // per receiver, one lamp after the other

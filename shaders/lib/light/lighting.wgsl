@@ -1,5 +1,5 @@
 // Light that falls on a point: emitters and surroundings.
-// The NumPy form is gpusim/optics/shading/lighting.py.
+// The NumPy form is `Lighting.reflect` in gpusim/optics/shading/lighting.py.
 #import lib/light/brdf
 #import lib/light/sky_visibility
 

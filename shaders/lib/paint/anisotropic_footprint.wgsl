@@ -1,5 +1,5 @@
 // Speckle under footprints that may be large, as where a surface is seen at a grazing angle.
-// The NumPy form is grazing_cover in gpusim/optics/paint/disc_coverage.py.
+// The NumPy form is `grazing_cover` in gpusim/optics/paint/disc_coverage.py.
 #import lib/paint/disc_coverage
 #import lib/numeric/texel
 

@@ -1,5 +1,5 @@
 // The mean of a bitmap over what a pixel sees of a triangle that ends within it.
-// The NumPy form is mean_over_polygons in gpusim/optics/paint/bitmap.py.
+// The NumPy form is `mean_over_polygons` in gpusim/optics/paint/bitmap.py.
 #import lib/paint/bitmap
 
 const POLYGON: f32 = 1.2;   // texels that a triangle may span before it is cut

@@ -1,4 +1,4 @@
-// Paint: a ground albedo and features (checker patches, discs) found through a grid of cells.
+// Paint: a ground albedo and features (checker patches, discs, sectors) found through a grid of cells.
 // Features of one layer don't overlap (the host checks it), and what lies on another says how much
 // it changes: so their shares add.
 //
@@ -314,7 +314,9 @@ fn paint_pixel(
             printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
-            albedo += (f.even - ground) * sector_share(f, p, ex, ey, q);
+            let share = sector_share(f, p, ex, ey, q);
+            albedo += (f.even - ground) * share;
+            printed += share * f.c.w;
         }
         i++;
         if (i >= list.y) { break; }

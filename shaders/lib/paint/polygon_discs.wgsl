@@ -1,4 +1,4 @@
-// Speckle inside clipped pixels. The NumPy form is polygon_cover in gpusim/optics/paint/disc_coverage.py.
+// Speckle inside clipped pixels. The NumPy form is `polygon_cover` in gpusim/optics/paint/disc_coverage.py.
 #import lib/raster/polygon_clipping
 #import lib/paint/disc_coverage
 #import lib/light/surface

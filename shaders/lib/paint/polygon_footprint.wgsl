@@ -1,5 +1,5 @@
 // The same as polygon_speckle where polygons may be large on the paint.
-// The NumPy form is polygon_cover in gpusim/optics/paint/disc_coverage.py.
+// The NumPy form is `polygon_cover` in gpusim/optics/paint/disc_coverage.py.
 #import lib/paint/anisotropic_footprint
 #import lib/raster/polygon_clipping
 #import lib/paint/polygon_discs

@@ -242,7 +242,9 @@ fn paint_polygon(t: Triangle, d: vec2f, polygon: ptr<function, Polygon>, centroi
             printed += share * f.c.w;
         }
         if (sectors != 0u && f.c.z == 2.0) {
-            albedo += (f.even - ground) * polygon_sector(f, &local);
+            let share = polygon_sector(f, &local);
+            albedo += (f.even - ground) * share;
+            printed += share * f.c.w;
         }
         i++;
         if (i >= list.y) { break; }

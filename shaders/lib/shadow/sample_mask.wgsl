@@ -1,5 +1,6 @@
 // Samples on a lamp's face: those on one side of a plane through a receiver, as bits of 16 rows of 32.
-// The NumPy form is gpusim/optics/shadow/light_space.py, which explains the lattice.
+// The NumPy form is gpusim/optics/shadow/sample_mask.py, which explains the lattice, and of what lies on
+// one side `EdgeFunctions.hidden` in gpusim/optics/shadow/brute_force.py.
 
 // centre (w: 1 if it is near, 0 for a direction), half sides u (w: 1 if it has a size, else a
 // direction across its axis) and v (w: the number of its samples), samples on its face.

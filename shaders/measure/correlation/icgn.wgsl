@@ -1,5 +1,5 @@
 // Match one subset per workgroup: inverse-compositional Gauss-Newton with ZNSSD.
-// Same steps as correlate_numpy in gpusim/measure/correlation/icgn.py; see the formulas there.
+// Same steps as `correlate_numpy` in gpusim/measure/correlation/icgn.py; see the formulas there.
 //
 // float32 is enough because everything it touches is small: grey values have range 1, positions
 // are offsets from whole pixels, and the sums are taken over f - scale (g - offset), not over g.

@@ -1,6 +1,7 @@
 // Pixels that don't see all of every lamp: their light again, with its visible shares.
 // What forward_pass.wgsl found is scaled by how much less light matte surfaces get; with glossy ones in view
-// it left the paint's albedo in `marks`. The NumPy form is gpusim/optics/shading/relighting.py.
+// it left the paint's albedo in `marks`. Driven by gpusim/optics/shading/relighting.py; the NumPy form is
+// `Lighting.reflect` in gpusim/optics/shading/lighting.py.
 #import lib/numeric/index
 #import lib/light/lamp_shares
 #import lib/light/surface

@@ -1,6 +1,7 @@
 // Drops single occluders that hide nothing from any receiver of an entry: at first those that are below the
 // planes in which receivers lie, or beside, a thread for each entry; then receiver by receiver, a workgroup
-// for each. The NumPy form is gpusim/optics/shadow/lamp_visibility.py.
+// for each. Driven by gpusim/optics/shadow/lamp_visibility.py; the NumPy form of all stages is
+// `shares_of` in gpusim/optics/shadow/brute_force.py.
 #import lib/numeric/index
 #import optics/shadow/single_occluder
 #import optics/shadow/lists

@@ -2,7 +2,8 @@
 // ends of what hides it as a whole. Where no such end may cross the lamp and nothing is alone, all
 // receivers see as much of it as the middle of them: all or nothing, which a winding number tells
 // (Laine et al., "Soft shadow volumes for ray tracing", 2005, with a box of receivers for a point).
-// The NumPy form is gpusim/optics/shadow/lamp_visibility.py.
+// Driven by gpusim/optics/shadow/lamp_visibility.py; the NumPy form of all stages is
+// `shares_of` in gpusim/optics/shadow/brute_force.py.
 #import lib/numeric/index
 #import optics/shadow/lists
 #import optics/shadow/shaft

@@ -1,6 +1,7 @@
 // The share of the lamp that receivers of entries in penumbra see, on a mask of 16 x 32 samples: those that ends
 // of what hides it wind round, and those behind single occluders.
-// The NumPy form is gpusim/optics/shadow/lamp_visibility.py.
+// Driven by gpusim/optics/shadow/lamp_visibility.py; the NumPy form of all stages is
+// `shares_of` in gpusim/optics/shadow/brute_force.py.
 #import lib/numeric/index
 #import optics/shadow/single_occluder
 #import optics/shadow/lists

@@ -1,4 +1,4 @@
-// What a receiver sees of single occluders. The NumPy form is gpusim/optics/shadow/brute_force.py.
+// What a receiver sees of single occluders. The NumPy form is `edge_functions` in gpusim/optics/shadow/brute_force.py.
 #import lib/shadow/sample_mask
 #import optics/shadow/receiver
 

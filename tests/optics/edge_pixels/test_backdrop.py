@@ -20,6 +20,7 @@ from gpusim.optics.geometry.polygon_clipping import (
 from gpusim.optics.geometry.view import FIXED, look
 from gpusim.optics.light.lights import Light
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shadow.sample_mask import SAMPLES
 
 Array = npt.NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def test_pictures_are_those_of_pieces(
         away = np.abs(by_rest - by_pieces) / by_pieces.max()
         # in half shadow one rectangle stands for several, and the lattice of samples lies elsewhere
         # on the lamp: by itself it tells shares to 0.008
-        assert away.max() < (6 / 512 if lights else 1e-6)
+        assert away.max() < (6 / SAMPLES if lights else 1e-6)
         assert np.sqrt(np.mean(away**2)) < (1e-4 if lights else 1e-7)
 
 

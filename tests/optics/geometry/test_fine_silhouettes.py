@@ -11,6 +11,7 @@ from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.visible_polygons import visible_polygons
 from gpusim.optics.geometry.polygon_clipping import clip_square, half_planes, moments
 from gpusim.optics.light.lights import Light
+from gpusim.optics.shadow.sample_mask import SAMPLES
 
 Array = npt.NDArray[np.float64]
 
@@ -74,4 +75,4 @@ def test_the_device_follows_where_neighbours_take_far_more_turns(
     got = np.array(gs.render(surfaces, camera, lights, device=device).radiance, np.float64)
     want = np.array(gs.render(surfaces, camera, lights, backend="numpy").radiance, np.float64)
     # two samples of the lamp
-    assert np.abs(got - want).max() < 2.5 / 512 * want.max()
+    assert np.abs(got - want).max() < 2.5 / SAMPLES * want.max()

@@ -12,6 +12,7 @@ from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.paint import checker_lines
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.shading.setup import Setup, footprint
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Checker, Plain
 from gpusim.surface.surface import Surface
@@ -79,7 +80,7 @@ def test_a_board_is_the_same_with_and_without(
     # where two strips overlap either may be seen, each as its own triangle has it
     assert off.max() <= 5e-5 * scale
     assert np.count_nonzero(off > 2e-6 * scale) <= 9
-    assert np.abs(part - twin).max() <= max(3.0 / 512, 1e-4) * scale
+    assert np.abs(part - twin).max() <= max(3.0 / SAMPLES, 1e-4) * scale
     assert np.ptp(twin) > 0.5 * scale
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.surface.features import Paint
+from gpusim.surface.features import SECTOR, Features, Paint, Stack
 
 Array = npt.NDArray[np.float64]
 CAMERA = gs.Camera.from_lens((36, 24), 42, (67, 45), (0.3, -0.9, 1.4), (0.05, 0, 0))
@@ -57,8 +58,28 @@ def lines(**finish: float) -> Paint:
     return gs.paint.Lines(0.37, 0.11, "both", 3, 3, (0.4, 0.42), ground=GROUND, **finish)
 
 
-def rings(**finish: float) -> Paint:
+def ring_codes(**finish: float) -> Paint:
     return gs.paint.RingCodes(CENTRES, (5, 177), 0.17, dot=0.9, ground=GROUND, **finish)
+
+
+@dataclass(frozen=True)
+class Fan:
+    """A user's paint: sectors that lie on bare ground, not on a disc as those of stars do."""
+
+    ground: float = GROUND
+    dark: float = 0.1
+    roughness: float = 1.0
+    metallic: float = 0.0
+    bump: None = None
+
+    def features(self, low: Array, high: Array) -> Features | None:
+        stack = Stack(self.ground)
+        stack.add(SECTOR, CENTRES, 0.4, self.dark, self.ground, 0, angle=0.3, width=2.6)
+        return stack.features()
+
+
+def fan(**finish: float) -> Paint:
+    return Fan(**finish)
 
 
 # What of the ground is bare is the albedo of the same outlines in black on white, without light.
@@ -68,7 +89,8 @@ BARE: dict[Callable[..., Paint], Paint] = {
     aruco: gs.paint.Aruco(CENTRES, (3, 17), 0.5, angle=0.3, dark=0.0, light=0.0, ground=1.0),
     charuco: gs.paint.Checker(0.3, 4, 3, (0.4, 0.5), dark=0.0, light=0.0, ground=1.0),
     lines: gs.paint.Lines(0.37, 0.11, "both", 3, 3, (0.4, 0.42), albedo=0.0, ground=1.0),
-    rings: gs.paint.Circles(CENTRES, (0.51,), dark=0.0, ground=1.0),
+    ring_codes: gs.paint.Circles(CENTRES, (0.51,), dark=0.0, ground=1.0),
+    fan: Fan(ground=1.0, dark=0.0),
 }
 
 
@@ -116,7 +138,7 @@ def test_speckle_and_pictures_lie_under_the_gloss(
 
 
 def test_finishes_that_cannot_be() -> None:
-    makers: list[Callable[..., Any]] = [circles, star, aruco, charuco, lines, rings, speckle,
+    makers: list[Callable[..., Any]] = [circles, star, aruco, charuco, lines, ring_codes, speckle,
                                         bitmap]  # fmt: skip
     for make in makers:
         with pytest.raises(InputError, match=r"roughness; got -0\.1; expected 0 to 1"):

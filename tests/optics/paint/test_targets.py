@@ -66,7 +66,7 @@ def star(s: Array, t: Array) -> Array:
     return np.where(np.hypot(x, y) < 0.205, np.where(phase < 1.0, 0.1, 0.7), 0.5)
 
 
-def rings(s: Array, t: Array) -> Array:
+def coded(s: Array, t: Array) -> Array:
     value = np.full(np.shape(s), RINGS.ground)
     for (x, y), code in zip(CENTRES, RINGS.codes, strict=True):
         r = np.hypot(s - x, t - y) / 0.071
@@ -78,8 +78,8 @@ def rings(s: Array, t: Array) -> Array:
 
 @pytest.mark.parametrize(
     ("paint", "value"),
-    [(CIRCLES, circles), (LINES, lines), (ALONG, along), (STAR, star), (RINGS, rings)],
-    ids=["circles", "lines", "along", "star", "rings"],
+    [(CIRCLES, circles), (LINES, lines), (ALONG, along), (STAR, star), (RINGS, coded)],
+    ids=["circles", "lines", "along", "star", "ring_codes"],
 )
 def test_targets_against_sampling(
     device: Device, paint: gs.paint.Paint, value: Callable[[Array, Array], Array]

@@ -13,6 +13,7 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, small_triangles
+from gpusim.optics.shadow.sample_mask import SAMPLES
 
 CAMERA = gs.Camera.from_lens((36.0, 24.0), 40.0, (90, 61), (0.12, -1.0, 0.08), (0.02, 0, 0))
 LAMP = gs.AreaLight((-0.4, -1.2, 0.7), (0.0, 0.0, 0.0), (0.2, 0.1), 20.0)
@@ -93,8 +94,8 @@ def test_shadows_on_small_triangles_are_those_of_the_twin(
     bare = gs.render(surfaces, camera, [replace(LAMP, shadows=False)], device=device).radiance
     # many pixels lie in the shadow on the wall
     assert np.count_nonzero(np.abs(got - bare) > 0.02 * want.max()) > 125
-    # one sample of 512 may fall to the other side of an outline
-    assert np.abs(got - want).max() <= 2.5 / 512 * want.max()
+    # one sample may fall to the other side of an outline
+    assert np.abs(got - want).max() <= 2.5 / SAMPLES * want.max()
 
 
 def test_large_triangles_are_shaded_one_by_one() -> None:

@@ -14,6 +14,7 @@ from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shading.lighting import find_shadows
 from gpusim.optics.shadow.lamp_visibility import VisibleShares
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import visibility_twin
 from tests.support.optics_rays import brute_share, triangles_of
 from tests.support.optics_skins import skin_of
@@ -394,4 +395,4 @@ def test_how_finely_a_flat_sheet_is_cut_changes_no_shadow(device: Device, cut: i
         for v in (whole, fine)
     )
     changed = np.abs(one - other) / one.max()
-    assert changed.max() <= 3.0 / 512 and (changed > 1e-6).mean() < 0.05
+    assert changed.max() <= 3.0 / SAMPLES and (changed > 1e-6).mean() < 0.05

@@ -15,6 +15,7 @@ from gpusim.optics.shadow.brute_force import shares_twin
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import NO_OCCLUDER, Occluders, relative_points
 from gpusim.optics.shadow.receivers import Receivers
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from tests.support.shadow_rays import box, by_rays, found, on_plane, sheet
 
 AREA = AreaLight((-0.6, -0.3, 1.0), (0.0, 0.0, 0.1), (0.3, 0.2), 5.0)
@@ -52,7 +53,7 @@ def agree(
     spaces = light_spaces(lamps_of(lights), points, eye)
     moved = Receivers(own.at - eye, own.normal, own.across, own.down, own.on)
     flat = shares_twin(Occluders.of(surfaces), points[:, :3].astype(float), spaces, moved)
-    assert np.abs(got - flat).max() <= 2.5 / 512.0
+    assert np.abs(got - flat).max() <= 2.5 / SAMPLES
     return want
 
 

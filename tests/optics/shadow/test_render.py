@@ -14,6 +14,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight, SunLight
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.twin_checks.scenes import shadow_scene
 from tests.support.shadow_rays import box, sheet
 
@@ -27,7 +28,7 @@ LAMPS: dict[str, Light] = {
     "sun": SunLight((0.4, 0.3, -1.0), 0.6, diameter=0.05),
 }
 
-SAMPLES = 2.5 / 512.0
+TOLERANCE = 2.5 / SAMPLES
 """One or two samples of a lamp may fall to the other side of an outline."""
 
 
@@ -42,7 +43,7 @@ def shown(
     return gs.render(surfaces, camera, lights, device=device, backend=backend).radiance
 
 
-def differ(got: Image, want: Image, most: float = SAMPLES, rms: float = 1e-3) -> None:
+def differ(got: Image, want: Image, most: float = TOLERANCE, rms: float = 1e-3) -> None:
     """Both are alike relative to white."""
     difference = np.abs(got.astype(np.float64) - want) / float(want.max())
     assert np.isfinite(difference).all()
@@ -142,7 +143,7 @@ def test_another_body_in_a_small_picture(device: Device) -> None:
     lights = [LAMPS["disc"], LAMPS["spot"]]
     small = Camera.from_lens((36.0, 24.0), 30.0, (61, 43), (0.3, -1.4, 0.95), (0.03, 0.05, 0.05))
     more = [*surfaces, box((-0.55, 0.3, 0.2), (0.1, 0.07, 0.1), 3)]
-    differ(shown(more, small, lights, device), shown(more, small, lights), 2 * SAMPLES)
+    differ(shown(more, small, lights, device), shown(more, small, lights), 2 * TOLERANCE)
 
 
 def test_moving_and_with_too_small_a_pool(device: Device) -> None:

@@ -19,8 +19,8 @@ from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.shading.lighting import find_shadows
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import small_triangles
-from gpusim.optics.shadow.light_space import lattice
 from gpusim.optics.shadow.receivers import Receivers
+from gpusim.optics.shadow.sample_mask import SAMPLES, lattice
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import block, shadow_scene
 from tests.support.optics_rays import brute_share, triangles_of
@@ -256,7 +256,7 @@ def test_pixels_across_the_facets_of_a_bent_open_sheet_are_lit(
         )
         seen = plain > 0.0
         assert seen.sum() > 2000
-        assert np.abs(lit[seen] / plain[seen] - 1.0).max() <= 2.0 / 512
+        assert np.abs(lit[seen] / plain[seen] - 1.0).max() <= 2.0 / SAMPLES
 
 
 def test_the_shader_has_the_lattice_of_the_twin() -> None:

@@ -17,6 +17,7 @@ from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import LightSpace, light_spaces
 from gpusim.optics.shadow.occluders import SHEETS, Occluders, relative_points, single_sheets
 from gpusim.optics.shadow.receivers import PixelReceivers
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.shadow.single_layer import wound_once
 from gpusim.optics.visibility_buffer import visibility_twin
 from tests.optics.shadow.test_single_layer import CAMERA, LAMP, MATTE, ribbon, wavy
@@ -61,7 +62,7 @@ def test_a_bent_sheet_before_a_wall(device: Device, light: Light) -> None:
     (with_it, without), (few, many) = found(device, surfaces, [space, replace(space, sheets=0)])
     assert few < 0.5 * many
     # what sifting lets through of a sheet's own triangles hides single samples of pixels at most
-    assert np.abs(with_it - without).max() <= 4.0 / 512.0
+    assert np.abs(with_it - without).max() <= 4.0 / SAMPLES
     # the box hides the lamp from the sheet nevertheless, and the sheet from the wall
     assert (with_it < 0.5).sum() > 100
 

@@ -16,6 +16,7 @@ from gpusim.optics.shadow.lamp_visibility import VisibleShares
 from gpusim.optics.shadow.light_space import light_spaces
 from gpusim.optics.shadow.occluders import Occluders, relative_points
 from gpusim.optics.shadow.receivers import DevicePixels, PixelReceivers, Receivers
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import probe_pieces, probe_pixels, probe_points
 from tests.support.shadow_rays import box, found, on_plane, sheet
@@ -62,7 +63,7 @@ def test_any_scale_and_offset(device: Device, scale: float, offset: float) -> No
     there = [gs.Surface(moved(v.points), v.faces, gs.paint.Plain(0.5)) for v in surfaces]
     pieces = Receivers(moved(own.at), own.normal, scale * own.across, scale * own.down, own.on)
     got = found(device, there, lights(scale, moved), pieces, moved(eye))
-    assert np.abs(got - want).max() <= 1.5 / 512.0
+    assert np.abs(got - want).max() <= 1.5 / SAMPLES
 
 
 def test_surfaces_in_any_order(device: Device) -> None:
@@ -104,7 +105,7 @@ def test_vertices_move(device: Device) -> None:
     spaces = light_spaces(lamps_of(lights), higher, eye)
     moved = surfaces[0].moved(surfaces[0].points + np.array([0.05, 0.0, 0.1]))
     want = VisibleShares(device, Occluders.of([moved]), own).find(higher, spaces)
-    assert np.abs(shares.find(higher, spaces) - want).max() <= 1.5 / 512.0
+    assert np.abs(shares.find(higher, spaces) - want).max() <= 1.5 / SAMPLES
 
 
 def test_pixels_through_a_bent_lens(device: Device) -> None:
@@ -125,11 +126,11 @@ def test_pixels_through_a_bent_lens(device: Device) -> None:
     got = VisibleShares(device, occluders, pixels).find(points, spaces)
     pixel, own = pixels.receivers()
     want = shares_twin(occluders, points[:, :3].astype(float), spaces, own)
-    assert np.abs(got[pixel] - want).max() <= 2.5 / 512.0
+    assert np.abs(got[pixel] - want).max() <= 2.5 / SAMPLES
     assert ((want > 0.1) & (want < 0.9)).any()
     # pieces of the same size in the same places see the same
     pieces = VisibleShares(device, occluders, own).find(points, spaces)
-    assert np.abs(pieces - want).max() <= 2.5 / 512.0
+    assert np.abs(pieces - want).max() <= 2.5 / SAMPLES
 
 
 def test_receivers_beyond_the_terminator(device: Device) -> None:

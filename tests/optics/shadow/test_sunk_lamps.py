@@ -13,6 +13,7 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.light.quadrature import lamps_of
+from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.twin_checks.scenes import block
 from tests.support.optics_rays import brute_share, triangles_of
 
@@ -65,4 +66,4 @@ def test_half_of_a_lamp_that_is_half_sunk_is_seen(
     front &= (np.abs(truth.reference - [0.0, 0.1, 0.3]) < [0.36, 0.01, 0.26]).all(axis=1)
     seen = truth.row[front], truth.column[front]
     assert len(seen[0]) > 300
-    np.testing.assert_allclose(lit.radiance[seen] / plain.radiance[seen], 0.5, atol=2 / 512)
+    np.testing.assert_allclose(lit.radiance[seen] / plain.radiance[seen], 0.5, atol=2 / SAMPLES)

@@ -17,7 +17,8 @@ __all__ = ["SOLID_TYPES", "ElementBlock", "read_elements"]
 
 Int = npt.NDArray[np.int64]
 
-# Solid element types that share nodes and node order with ours.
+# Solid element types that share nodes and node order with ours, but for the middles of C3D27, which
+# are told by where they lie.
 SOLID_TYPES = {
     "C3D8": "hex8", "C3D8I": "hex8", "C3D8R": "hex8", "C3D8H": "hex8",
     "C3D8IH": "hex8", "C3D8RH": "hex8",
@@ -41,7 +42,7 @@ _LINE_TYPES = {
     "CONN3D2": 2, "GAPUNI": 2, "MASS": 1, "ROTARYI": 1, "DCOUP3D": 1, "R3D3": 3, "R3D4": 4,
 }  # fmt: skip
 
-NODES = {
+ABAQUS_NODES = {
     **{name: CELL_TYPES[kind].nodes for name, kind in SOLID_TYPES.items()},
     **_FLAT_TYPES,
     **_LINE_TYPES,
@@ -101,7 +102,7 @@ def read_elements(cards: Sequence[Card]) -> tuple[list[ElementBlock], list[tuple
 
 def _elements(card: Card) -> ElementBlock:
     written = card.parameters.get("TYPE", "").upper()
-    width = NODES.get(written, 0)
+    width = ABAQUS_NODES.get(written, 0)
     if not width:
         raise InputError(
             f"{card.where()}: element type; got TYPE={written or '(none)'}; expected one of "

@@ -14,7 +14,7 @@ from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES, ElementBlock
 from gpusim.mesh.formats.abaqus.keywords import check_mesh_cards
 from gpusim.mesh.formats.cell_blocks import in_numbers_of_file, index_of, match_faces, padded
-from gpusim.mesh.formats.numbering import ABAQUS_SIDES, local_faces
+from gpusim.mesh.formats.numbering import ABAQUS_SIDES, local_faces, middles_in_order
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["LabelledMesh", "label_mesh", "read_inp"]
@@ -95,6 +95,8 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
     solid = [block for blocks in parts.values() for block in blocks]
     labels = np.concatenate([block.labels for block in solid])
     try:
+        if "hex27" in cells:
+            cells["hex27"] = middles_in_order(content.points, cells["hex27"])
         plain = LabelledMesh(Mesh(content.points, cells), content.node_labels, labels)
     except InputError as error:
         text = in_numbers_of_file(str(error), lambda cell: _shown(cell, solid))
