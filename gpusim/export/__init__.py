@@ -2,7 +2,8 @@
 
 Its modules:
 
-- `images`: Grey images as PNG and TIFF, without loss.
+- `images`: Images as PNG and TIFF, without loss.
+- `radiance`: Linear radiance as OpenEXR and float TIFF.
 - `meshes`: Surfaces as STL, solids and results as VTU.
 - `layers`: The truth layers: what each one holds, and how it is stored.
 - `truth`: truth.h5: the exact fields behind every pixel.

@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline.build.cameras import build_lights
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.surfaces import build_prop
 from gpusim.scene import Scene, json_schema
 from gpusim.scene.cost import describe
