@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["notebook_html", "notebook_png", "plotted"]
+__all__ = ["notebook_html", "notebook_png", "notebook_view", "plotted"]
 
 
 def notebook_html(kind: str, thing: object) -> str | None:
@@ -35,6 +35,11 @@ def plotted(kind: str, thing: object, ax: Axes | None, **options: Any) -> Axes:
     """The ``plot`` of a ``thing``, by the module ``kind``. Raises what that raises."""
     axes: Axes = _module(kind).plot(thing, ax, **options)
     return axes
+
+
+def notebook_view(scene: object, camera: str | None, size: tuple[int, int]) -> Any:
+    """The view of a ``scene`` that a notebook shows. Raises what that raises."""
+    return _module("view").view(scene, camera, size)
 
 
 def _module(kind: str) -> Any:

@@ -15,4 +15,5 @@
 - `correlation`: Maps of displacement and strain.
 - `deflection`: A deflection line: measured, with its uncertainties, and true.
 - `report`: What a run found.
+- `view`: ``scene.view()``: the preview window in a notebook, or a still picture.
 """

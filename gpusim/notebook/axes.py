@@ -20,6 +20,7 @@ METAL = (0.42, 0.52, 0.62)
 """Linear; of what has no paint."""
 _LAMP = np.array([-0.3, -0.6, 0.74])
 _METAL = "#a9bbc9"
+_SIZE = (7.6, 4.6)  # inches
 _ELEVATION, _AZIMUTH = 24.0, -58.0  # degrees
 
 
@@ -39,7 +40,7 @@ def space_axes(ax: Axes | None, unit: str) -> Any:
     if ax is None:
         from matplotlib import pyplot
 
-        ax = pyplot.figure().add_subplot(projection="3d")
+        ax = pyplot.figure(figsize=_SIZE).add_subplot(projection="3d")
     space: Any = ax
     if getattr(space, "name", "") != "3d":
         raise InputError(
@@ -68,6 +69,23 @@ def draw_faces(
     if not {"linewidth", "edgecolor"} & set(style) and not own["linewidth"]:
         own["edgecolor"] = rgba  # without gaps between faces
     space.add_collection3d(Poly3DCollection(points[corner], facecolor=rgba, **{**own, **style}))
-    low, high = points.min(axis=0), points.max(axis=0)
-    space.auto_scale_xyz(*np.stack([low, high], axis=1))
-    space.set_aspect("equal")
+    _frame(space, points)
+
+
+def _frame(space: Any, points: Array) -> None:
+    """Limits around all that there is, lengths alike along all axes, and ticks that fit."""
+    from matplotlib.ticker import MaxNLocator
+
+    limits = [points.min(axis=0), points.max(axis=0)]
+    if len(space.collections) > 1:
+        limits.append(np.array([space.get_xlim(), space.get_ylim(), space.get_zlim()]).T)
+    low, high = np.vstack(limits).min(axis=0), np.vstack(limits).max(axis=0)
+    longest = float((high - low).max())
+    thin = np.maximum(0.12 * longest - (high - low), 0.0)  # room for a tick label
+    low, high = low - 0.5 * thin, high + 0.5 * thin
+    space.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    space.set_box_aspect(high - low, zoom=1.1)
+    for axis, side in zip((space.xaxis, space.yaxis, space.zaxis), high - low, strict=True):
+        share = side / longest
+        axis.set_major_locator(MaxNLocator(max(1, round(5 * share)), steps=[1, 2, 5, 10]))
+        axis.labelpad = 14.0 if share > 0.5 else 4.0

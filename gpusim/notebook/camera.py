@@ -50,7 +50,8 @@ def html(camera: Camera) -> str:
         moved = np.linalg.norm(_grid(camera) - _grid(camera.without_distortion()), axis=2)
         rows.append(("… moves by up to", quantity(np.nanmax(moved), "px")))
     sketch = partial(_sketch, camera)
-    return page(f"Camera {camera.name}", rows, [sketch], ["Positions are in the world's unit."])
+    title = "Camera" if camera.name == "camera" else f"Camera {camera.name}"
+    return page(title, rows, [sketch], ["Positions are in the world's unit."])
 
 
 def plot(
@@ -69,7 +70,7 @@ def plot(
     draw_camera(ax, camera, plane, reach, 1.0, **style)
     across, up = PLANES[plane_of(plane)]
     ax.set(xlabel=f"{'xyz'[across]} ({unit})", ylabel=f"{'xyz'[up]} ({unit})", aspect="equal")
-    ax.set_title(f"camera {camera.name}, {quantity(reach, unit, 3)} of its view")
+    ax.set_title(f"{camera.name}, up to {quantity(reach, unit, 3)} away")
     return ax
 
 
@@ -99,7 +100,8 @@ def draw_camera(
         ax.plot(*np.stack([at, end]).T, color=colour, linewidth=0.7, alpha=0.8)
     ax.plot(*np.stack([at, at + axis]).T, color=colour, linewidth=1.0, linestyle="-.")
     ax.plot(*at, "s", color=colour, **{"markersize": 6, "label": camera.name, **style})
-    ax.annotate(camera.name, (at[0], at[1]), xytext=(6, 6), textcoords="offset points", color=colour)
+    place = at[0], at[1]
+    ax.annotate(camera.name, place, xytext=(6, 6), textcoords="offset points", color=colour)
 
 
 def _forward(camera: Camera) -> Array:

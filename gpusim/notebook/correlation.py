@@ -142,6 +142,7 @@ def plot(
     mapped = isinstance(result, MappedResult)
     unit = "unit of the mapping" if mapped else "px"
     ax.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal")
+    ax.grid(visible=False)
     return ax
 
 

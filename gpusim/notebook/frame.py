@@ -17,12 +17,12 @@ from gpusim.optics.frame import Frame
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["html", "plot", "png"]
+__all__ = ["html", "plot", "png", "toned"]
 
 _WIDTH, _HEIGHT = 640, 480  # px, at most
 _WHITE = 0.998
 """Share of the pixels that aren't cut off at white: lamps and glints may be."""
-_UNIT = "W/(m² sr); albedo where there are no lights"
+_UNIT = "W/(m² sr), or albedo without lights"
 
 
 def html(frame: Frame) -> str:
@@ -35,21 +35,21 @@ def html(frame: Frame) -> str:
     ]
     if frame.released:
         return page("Frame", rows, notes=["It was released: its picture is gone."])
-    rows.insert(2, ("radiance", f"{span(frame.radiance)} ({_UNIT})"))
+    rows.insert(2, ("radiance", f"{span(frame.radiance)} {_UNIT}"))
     rows += list(frame.facts.items())
     return page("Frame", rows, [partial(_picture, frame)], frame.warnings)
 
 
 def png(frame: Frame) -> bytes | None:
     """The picture as a file; None of a released frame."""
-    return None if frame.released else png_bytes(_toned(_small(frame.radiance)))
+    return None if frame.released else png_bytes(toned(_small(frame.radiance)))
 
 
 def plot(frame: Frame, ax: Axes | None, **style: Any) -> Axes:
     """The radiance with its scale where it is grey, else the picture; axes in px."""
     ax = flat_axes(ax)
     if frame.coloured:
-        ax.imshow(_toned(frame.radiance), **style)
+        ax.imshow(toned(frame.radiance), **style)
     else:
         drawn = ax.imshow(frame.radiance, **{"cmap": "gray", "vmin": 0.0, **style})
         ax.figure.colorbar(drawn, ax=ax, shrink=0.8).set_label("radiance (W/(m² sr))")
@@ -58,7 +58,7 @@ def plot(frame: Frame, ax: Axes | None, **style: Any) -> Axes:
 
 
 def _picture(frame: Frame) -> Picture:
-    pixels = _toned(_small(frame.radiance))
+    pixels = toned(_small(frame.radiance))
     width, height = pixels.shape[1], pixels.shape[0]
     factor = min(_WIDTH / width, _HEIGHT / height)
     # a tiny picture is shown by squares that can be seen
@@ -81,7 +81,7 @@ def _small(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return np.asarray(cv2.resize(radiance, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def _toned(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+def toned(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     """sRGB; white is what all but a few pixels stay below."""
     known = radiance[np.isfinite(radiance)]
     white = float(np.quantile(known, _WHITE)) if known.size else 0.0

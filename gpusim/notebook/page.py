@@ -27,6 +27,7 @@ __all__ = ["Legend", "Picture", "Rows", "page", "png_bytes", "quantity", "span"]
 Rows = Sequence[tuple[str, ...]]
 """Of a table: what a row is of, and its values."""
 DIGITS = 4
+_WIDTH = 480  # px on the page
 
 _CELL = "padding: 2px 14px 2px 0; border: 0; border-bottom: 1px solid rgba(128, 128, 128, 0.35)"
 
@@ -44,7 +45,7 @@ class Legend:
 @dataclass(frozen=True, eq=False)
 class Picture:
     """``pixels`` (H, W, 4), (H, W, 3) or (H, W) uint8, or a drawing as ``svg``; ``text`` stands in
-    for it. ``width``: px on the page, its own unless given."""
+    for it. ``shown_width``: px on the page, at most 480 unless given."""
 
     text: str
     pixels: npt.NDArray[np.uint8] | None = None
@@ -63,7 +64,7 @@ class Picture:
     def width(self) -> int:
         """px on the page."""
         assert self.pixels is not None
-        return self.shown_width or self.pixels.shape[1]
+        return self.shown_width or min(self.pixels.shape[1], _WIDTH)
 
 
 def page(
@@ -115,8 +116,15 @@ def png_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
 
 
 def quantity(value: float, unit: str = "", digits: int = DIGITS) -> str:
-    """A number with its unit."""
-    return f"{number(float(value), digits)} {unit}".rstrip()
+    """A number with its unit, rounded, without zeros at its end."""
+    return f"{_text(float(value), digits)} {unit}".rstrip()
+
+
+def _text(value: float, digits: int) -> str:
+    text = number(float(f"{value:.{digits - 1}e}"), digits)
+    if "." not in text or "\N{MULTIPLICATION SIGN}" in text:
+        return text
+    return text.rstrip("0").rstrip(".")
 
 
 def span(values: npt.NDArray[np.floating], unit: str = "", digits: int = DIGITS) -> str:
@@ -124,5 +132,5 @@ def span(values: npt.NDArray[np.floating], unit: str = "", digits: int = DIGITS)
     known = values[np.isfinite(values)]
     if not known.size:
         return number(float("nan"))
-    low, high = (number(float(v), digits) for v in (known.min(), known.max()))
+    low, high = (_text(float(v), digits) for v in (known.min(), known.max()))
     return f"{low} to {high} {unit}".rstrip()

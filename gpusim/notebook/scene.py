@@ -30,7 +30,8 @@ __all__ = ["SceneSurfaces", "html", "plot", "scene_surfaces"]
 
 Array = npt.NDArray[np.float64]
 _MOST = 6
-_CAMERA_WIDTH, _CAMERA_HEIGHT = 400, 300  # px
+_CAMERA_WIDTH, _CAMERA_HEIGHT = 480, 320  # px
+_SHOWN = 350  # px on the page
 _MM = 1e3
 _LAMP = "#e0a100"
 
@@ -72,7 +73,7 @@ def html(scene: Scene) -> str:
         *_listed("measured", [f"{one.name} ({one.type})" for one in scene.measures]),
         *_listed("variant", [one.name for one in scene.variants]),
     ]
-    notes = [scene.description.strip()] if scene.description else []
+    notes = [" ".join(scene.description.split())] if scene.description else []
     if scene.has_cad:
         return page(f"Scene {scene.name}", rows, notes=[*notes, "Not drawn: meshing takes long."])
     try:
@@ -132,13 +133,13 @@ def _bodies(built: SceneSurfaces) -> Picture:
     surfaces = built.bodies or built.props
     camera = fitted_camera(built.points)
     pixels = shaded(surfaces, camera, painted(surfaces, camera))
-    return Picture("the bodies", pixels, shown_width=min(pixels.shape[1], 480))
+    return Picture("the bodies", pixels, shown_width=_SHOWN)
 
 
 def _through(scene: Scene, surfaces: Sequence[Surface]) -> Picture:
     camera = build_camera(scene.cameras[0], scene.input)
     pixels = camera_picture(camera, surfaces)
-    return Picture(f"camera {camera.name}", pixels, f"Camera {camera.name}.")
+    return Picture(f"camera {camera.name}", pixels, f"Camera {camera.name}.", shown_width=_SHOWN)
 
 
 def camera_picture(camera: Camera, surfaces: Sequence[Surface]) -> npt.NDArray[np.uint8]:

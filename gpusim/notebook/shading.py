@@ -28,11 +28,12 @@ Pixels = npt.NDArray[np.uint8]
 Colouring = Callable[[Truth], Array]
 """Linear colours (n, 3), 0 to 1, of the n pixels of a truth."""
 
-WIDTH, MOST_HEIGHT, LEAST_HEIGHT = 640, 440, 120
+WIDTH, MOST_HEIGHT, LEAST_HEIGHT = 520, 380, 100
 """px, of a picture."""
 DIRECTION = (0.45, 0.8, -0.4)
 """Where a fitted camera looks: from the right in front, and from above."""
-_HALF_ANGLE = np.tan(np.deg2rad(14.0))
+_DISTANCE = 1.9
+"""Of a fitted camera, in sizes of what it looks at."""
 _MARGIN = 1.06
 _FINER = 2
 """Samples along a pixel's side."""
@@ -52,28 +53,24 @@ def fitted_camera(points: Array, direction: Sequence[float] = DIRECTION) -> Came
     centre, size = 0.5 * (low + high), float(np.linalg.norm(high - low)) or 1.0
     axes = _axes(np.asarray(direction, np.float64))
     x, y, z = axes @ (points - centre).T
-    wide, tall = np.ptp(x) or 1e-9 * size, np.ptp(y)
-    height = int(np.clip(round(WIDTH * tall / wide * 1.05), LEAST_HEIGHT, MOST_HEIGHT))
-    slope = np.array([_HALF_ANGLE, _HALF_ANGLE * height / WIDTH]) / _MARGIN
-    # the middle of what is seen, and the distance from which every point is inside
-    middle = 0.5 * np.array([x.min() + x.max(), y.min() + y.max()])
-    distance = max(
-        float((np.abs(own - own_middle) / own_slope - z).max())
-        for own, own_middle, own_slope in zip((x, y), middle, slope, strict=True)
-    )
-    distance = max(distance, 1e-3 * size - float(z.min()))
+    depth = z + _DISTANCE * size
+    seen = np.stack([x / depth, y / depth])
+    first, last = seen.min(axis=1), seen.max(axis=1)
+    wide, tall = np.maximum(last - first, 1e-9)
+    height = int(np.clip(round(WIDTH * tall / wide), LEAST_HEIGHT, MOST_HEIGHT))
+    focal = min(WIDTH / wide, height / tall) / _MARGIN
+    point = 0.5 * np.array([WIDTH - 1, height - 1]) - 0.5 * focal * (first + last)
     pose = np.eye(4)
     pose[:3, :3] = axes
-    pose[:3, 3] = -axes @ centre - [middle[0], middle[1], -distance]
-    focal = 0.5 * WIDTH / _HALF_ANGLE
-    K = np.array([[focal, 0, 0.5 * (WIDTH - 1)], [0, focal, 0.5 * (height - 1)], [0, 0, 1]])
+    pose[:3, 3] = -axes @ centre + [0.0, 0.0, _DISTANCE * size]
+    K = np.array([[focal, 0, point[0]], [0, focal, point[1]], [0, 0, 1]])
     return Camera(WIDTH, height, K, camera_from_world=pose, name="fitted")
 
 
 def _axes(direction: Array) -> Array:
     """(3, 3): x right, y down, z along ``direction``, of a camera held upright."""
     z = direction / np.linalg.norm(direction)
-    up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.85 else np.array([0.0, 1.0, 0.0])
     x = np.cross(z, up)
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z])

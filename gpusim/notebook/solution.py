@@ -72,7 +72,9 @@ def html(solution: Solution) -> str:
     for case, sums in enumerate(_cases(solution.reactions).sum(axis=1)):
         if case < 3:
             name = "sum of reactions" + (f", load case {case}" if len(u) > 1 else "")
-            rows.append((name, ", ".join(quantity(value + 0.0) for value in sums)))
+            noise = 1e-9 * float(np.abs(sums).max())
+            shown = np.where(np.abs(sums) > noise, sums, 0.0)
+            rows.append((name, ", ".join(quantity(value) for value in shown)))
     rows.append(("energy balance", quantity(solution.energy_balance, digits=2)))
     notes = [_NOTE, *solution.warnings]
     if not solution.converged:
@@ -105,7 +107,7 @@ def plot(
     norm = Normalize(*_range(shown.values))
     colours = colormaps[cmap](norm(shown.values[corner].mean(axis=1)))
     draw_faces(space, shown.points, shown.skin.pieces, colours, **style)
-    bar = space.figure.colorbar(ScalarMappable(norm, cmap), ax=space, shrink=0.7, pad=0.12)
+    bar = space.figure.colorbar(ScalarMappable(norm, cmap), ax=space, shrink=0.7, pad=0.16)
     bar.set_label(_label(field, unit))
     space.set_title(f"displacements drawn {shown.scale:g} times")
     return space

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from gpusim.display import notebook_html, plotted
+from gpusim.display import notebook_html, notebook_view, plotted
 from gpusim.errors import Fault, InputError, SceneError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
@@ -160,6 +160,16 @@ class Scene:
         of the bodies, and what ``Axes.plot`` takes for cameras. Returns the axes.
         """
         return plotted("scene", self, ax, plane=plane, **style)
+
+    def view(self, camera: str | None = None, size: tuple[int, int] = (960, 600)) -> Any:
+        """A widget of the notebook that shows the scene as `gpusim view` does, to be turned with
+        the mouse; a still picture where there is no notebook, or the extra ``[notebook]`` is
+        missing.
+
+        ``camera``: the one that is looked through; by default one that the bodies just fill.
+        ``size``: width and height, px, at most.
+        """
+        return notebook_view(self, camera, size)
 
     @property
     def measures_space(self) -> bool:
