@@ -4,7 +4,7 @@
 ``html`` for notebooks and ``plot`` for matplotlib:
 
 - `page`: The HTML that a notebook shows: a heading, pictures, short tables, notes.
-- `shading`: Small shaded pictures of surfaces.
+- `shading`: Small shaded pictures of surfaces, and cameras that fit.
 - `axes`: matplotlib's axes, of two and three dimensions, and shaded faces in these.
 - `mesh`: A mesh: its counts, sets and quality, and its skin.
 - `surface`: A painted surface.

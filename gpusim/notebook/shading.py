@@ -7,12 +7,15 @@ that a picture is there at once, also where there is no adapter.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.gpu.device import device_if_open
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.rendering.renderer import render
@@ -39,6 +42,9 @@ _FINER = 2
 """Samples along a pixel's side."""
 _LAMP = np.array([-0.45, -0.65, -0.62]) / np.linalg.norm([-0.45, -0.65, -0.62])
 """Towards the lamp, in camera axes: on the left, above, behind the camera."""
+_FINENESS = (0.25, 0.5, 1.0)
+_SECONDS = 0.8
+"""That the picture of a pattern may take."""
 _EDGE_SHADE = 0.55
 _LEAST_FACE = 5.0
 """px along a face's side, below which edges would hide what they are of."""
@@ -144,7 +150,7 @@ def painted(surfaces: Sequence[Surface], camera: Camera) -> Colouring:
     if all(isinstance(paint, Plain) for paint in paints):
         table = np.array([np.broadcast_to(paint.ground, 3) for paint in paints], np.float64)
         return lambda truth: table[truth.region]
-    albedo = render(surfaces, camera, background=0.5, backend="numpy").radiance
+    albedo = _patterns(surfaces, camera)
     picture = albedo if albedo.ndim == 3 else np.repeat(albedo[..., None], 3, axis=2)
 
     def colours(truth: Truth) -> Array:
@@ -152,6 +158,24 @@ def painted(surfaces: Sequence[Surface], camera: Camera) -> Colouring:
         return found
 
     return colours
+
+
+def _patterns(surfaces: Sequence[Surface], camera: Camera) -> npt.NDArray[np.float32]:
+    """(H, W) or (H, W, 3) albedo: by the device if one is open, else as fine as time allows, as
+    the twin is slow where there are many dots."""
+    device = device_if_open()
+    if device is not None:
+        return render(surfaces, camera, background=0.5, device=device).radiance
+    albedo = np.zeros((1, 1), np.float32)
+    for factor in _FINENESS:
+        begin = time.perf_counter()
+        seen = camera if factor == 1.0 else _scaled(camera, factor)
+        albedo = render(surfaces, seen, background=0.5, backend="numpy").radiance
+        # the next has four times as many pixels
+        if 4.0 * (time.perf_counter() - begin) > _SECONDS:
+            break
+    size = camera.width, camera.height
+    return np.asarray(cv2.resize(albedo, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def encoded(linear: npt.NDArray[np.floating]) -> Pixels:

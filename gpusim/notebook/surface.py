@@ -31,12 +31,8 @@ def html(surface: Surface) -> str:
         *box_rows(np.stack([surface.points.min(axis=0), surface.points.max(axis=0)])),
     ]
     for (name, paint), faces in zip(surface.paints.items(), count, strict=True):
-        rows.append(
-            (
-                f"paint of {name}",
-                f"{type(paint).__name__} ({faces:,} face{'s' if faces != 1 else ''})",
-            )
-        )
+        plural = "" if faces == 1 else "s"
+        rows.append((f"paint of {name}", f"{type(paint).__name__} ({faces:,} face{plural})"))
     small = len(surface.faces) <= _MOST_FACES
     return page(f"Surface {surface.name}", rows, [partial(_picture, surface)] if small else [])
 

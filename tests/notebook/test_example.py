@@ -57,7 +57,7 @@ def test_it_runs(checkout: Path, tmp_path: Path) -> None:
              for cell in cells]  # fmt: skip
     titles = re.findall(r"font-weight: 600[^>]*>(.*?)</div>", "".join(htmls))
     assert titles == [
-        "Mesh", "Solution", "Surface plate", "Camera", "Frame", "DicResult",
+        "Mesh", "Solution", "Camera", "Frame", "Surface plate", "DicResult",
         "Scene Cantilever", "Cantilever, camera side", "Report of Cantilever",
     ]  # fmt: skip
     assert "".join(htmls).count("data:image/png") >= 9 and "No picture" not in "".join(htmls)

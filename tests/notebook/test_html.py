@@ -205,8 +205,8 @@ def test_a_scene_without_its_file(tmp_path: Path) -> None:
     mesh = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
     gs.export.write_vtu(tmp_path / "part.vtu", mesh.points, mesh.cells)
     body = small_scene().document["body"][0]
-    body |= {"mesh": {"builder": "file", "path": "part.vtu"}, "support": [], "load": []}
-    del body["paint"]
+    body |= {"mesh": {"builder": "file", "file": "part.vtu"}, "support": [], "load": []}
+    body["paint"] = body["paint"][:1]
     scene = small_scene(tmp_path, body=[body], measure=[])
     (tmp_path / "part.vtu").unlink()
     html = html_of(scene)
