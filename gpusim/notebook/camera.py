@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.report.style import MEASURED
+from gpusim.report.style import MEASURED, named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,7 +70,7 @@ def plot(
     draw_camera(ax, camera, plane, reach, 1.0, **style)
     across, up = PLANES[plane_of(plane)]
     ax.set(xlabel=f"{'xyz'[across]} ({unit})", ylabel=f"{'xyz'[up]} ({unit})", aspect="equal")
-    ax.set_title(f"{camera.name}, up to {quantity(reach, unit, 3)} away")
+    ax.set_title(f"{named(camera.name)}, up to {quantity(reach, unit, 3)} away")
     return ax
 
 
@@ -99,9 +99,9 @@ def draw_camera(
     for end in far:
         ax.plot(*np.stack([at, end]).T, color=colour, linewidth=0.7, alpha=0.8)
     ax.plot(*np.stack([at, at + axis]).T, color=colour, linewidth=1.0, linestyle="-.")
-    ax.plot(*at, "s", color=colour, **{"markersize": 6, "label": camera.name, **style})
+    ax.plot(*at, "s", color=colour, **{"markersize": 6, "label": named(camera.name), **style})
     place = at[0], at[1]
-    ax.annotate(camera.name, place, xytext=(6, 6), textcoords="offset points", color=colour)
+    ax.annotate(named(camera.name), place, xytext=(6, 6), textcoords="offset points", color=colour)
 
 
 def _forward(camera: Camera) -> Array:

@@ -13,6 +13,7 @@ from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, png_bytes, span
 from gpusim.notebook.shading import encoded
 from gpusim.optics.frame import Frame
+from gpusim.report.style import named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +54,7 @@ def plot(frame: Frame, ax: Axes | None, **style: Any) -> Axes:
     else:
         drawn = ax.imshow(frame.radiance, **{"cmap": "gray", "vmin": 0.0, **style})
         ax.figure.colorbar(drawn, ax=ax, shrink=0.8).set_label("radiance (W/(m² sr))")
-    ax.set(xlabel="column (px)", ylabel="row (px)", title=frame.view.camera.name)
+    ax.set(xlabel="column (px)", ylabel="row (px)", title=named(frame.view.camera.name))
     return ax
 
 

@@ -14,7 +14,7 @@ from gpusim.notebook.page import Picture, page, quantity
 from gpusim.report.figures import draw_error_bars, draw_measured
 from gpusim.report.html import aligned, reduced
 from gpusim.report.model import FramePair, Measurement, Report, Series
-from gpusim.report.style import drawn
+from gpusim.report.style import drawn, named
 from gpusim.report.text import duration, signed_percent
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def plot_series(series: Series, ax: Axes | None, **style: Any) -> Axes:
     ax = flat_axes(ax)
     draw_measured(ax, series, **style)
     ax.set_xlabel(series.x_label)
-    ax.set_title(series.name)
+    ax.set_title(named(series.name))
     return ax
 
 

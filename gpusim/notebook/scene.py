@@ -18,7 +18,7 @@ from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shad
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.surfaces import build_body, build_prop, posed
-from gpusim.report.style import MUTED
+from gpusim.report.style import MUTED, named
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
@@ -105,9 +105,11 @@ def plot(scene: Scene, ax: Axes | None, *, plane: str = "xy", **style: Any) -> A
         if place is not None:
             at = _MM * np.array(place)[[across, up]]
             ax.plot(*at, "*", color=_LAMP, markersize=11)
-            ax.annotate(light.name, (at[0], at[1]), xytext=(6, 6), textcoords="offset points")
+            ax.annotate(
+                named(light.name), (at[0], at[1]), xytext=(6, 6), textcoords="offset points"
+            )
     ax.set(xlabel=f"{'xyz'[across]} (mm)", ylabel=f"{'xyz'[up]} (mm)", aspect="equal")
-    ax.set_title(scene.name)
+    ax.set_title(named(scene.name))
     return ax
 
 

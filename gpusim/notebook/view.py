@@ -55,6 +55,8 @@ def view(scene: Scene, camera: str | None, size: tuple[int, int]) -> Any:
     names = [one.name for one in scene.cameras]
     if camera is not None and camera not in names:
         raise InputError(f"Scene.view: camera; got {camera!r}; expected one of {names}")
+    if not (len(size) == 2 and all(isinstance(side, int) and side > 0 for side in size)):
+        raise InputError(f"Scene.view: size; got {size!r}; expected width and height, px")
     if not in_notebook():
         return _still(scene, camera, size, ELSEWHERE)
     try:

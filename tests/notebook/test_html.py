@@ -157,6 +157,27 @@ def test_what_was_measured(moved: Any) -> None:
     assert cells(html_of(strain))["strain"] == "green-lagrange"
 
 
+def test_other_results(moved: Any) -> None:
+    mapped = gs.measure.mapped(moved, lambda pixels: 0.1 * pixels)
+    low, high = cells(html_of(mapped))["displacement along x (unit of the mapping)"].split(" to ")
+    assert 0.028 < float(low) <= float(high) < 0.032
+    count = len(moved.points)
+    space = gs.measure.StereoResult(
+        moved.points, moved.points, moved.points, np.ones((count, 3)),
+        np.tile([1.0, 2.0, -3.0], (count, 1)), np.ones((count, 3)), np.ones(count), moved.status,
+        21,
+    )  # fmt: skip
+    table = cells(html_of(space))
+    assert table["W (away from the left camera, unit of the rig)"] == "−3 to −3"  # noqa: RUF001
+    assert pictures(html_of(space))
+
+
+def test_names_are_shown_as_they_are() -> None:
+    camera = gs.Camera(20, 10, [[9, 0, 9], [0, 9, 4], [0, 0, 1]], name="<b>$\\frac$\x1b[31m")
+    html = html_of(camera)
+    assert "&lt;b&gt;$\\frac$\\u001b[31m" in html and "\x1b" not in html
+
+
 def test_nothing_measured(moved: Any) -> None:
     flat = np.full((64, 64), 128, np.uint8)
     nothing = gs.measure.dic(flat, flat, points=[[32, 32]], backend="numpy")
@@ -262,3 +283,5 @@ def test_a_still_view(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "gpusim[notebook]" in html_of(seen) and seen._repr_png_().startswith(b"\x89PNG")
     with pytest.raises(gs.InputError, match=r"camera; got 'top'; expected one of \['side'\]"):
         scene.view(camera="top")
+    with pytest.raises(gs.InputError, match="size; got"):
+        scene.view(size=(0, 5))

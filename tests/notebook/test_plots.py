@@ -134,6 +134,8 @@ def test_a_camera_and_a_scene() -> None:
     assert (eye.get_xdata()[0], eye.get_ydata()[0]) == pytest.approx((0.0, 0.5))
     with pytest.raises(gs.InputError, match="plane; got 'zx'"):
         CAMERA.plot(plane="zx")
+    odd = gs.Camera(20, 10, [[9, 0, 9], [0, 9, 4], [0, 0, 1]], name="$\\frac$")
+    odd.plot().figure.canvas.draw()  # no formula
     scene = small_scene()
     axes = scene.plot()
     assert labels(axes) == ["x (mm)", "y (mm)"]
