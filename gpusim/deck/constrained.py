@@ -226,6 +226,7 @@ def solve_constrained(
         method="direct",
         element_classes=model.mesh.cell_count,
         row_classes=model.mesh.node_count,
+        model=model,
     )
 
 

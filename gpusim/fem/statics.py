@@ -214,4 +214,5 @@ def _solution(
         element_classes=rows.element_classes,
         row_classes=rows.class_count,
         reasons=plan.lines,
+        model=model,
     )

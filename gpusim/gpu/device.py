@@ -19,7 +19,7 @@ from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["Device", "default_device"]
+__all__ = ["Device", "default_device", "device_if_open"]
 
 
 class Device(DeviceContext):
@@ -189,3 +189,8 @@ def default_device() -> Device:
         if _default is None:
             _default = Device()
         return _default
+
+
+def device_if_open() -> Device | None:
+    """The process-wide device if something has used it already; none is opened for this."""
+    return _default

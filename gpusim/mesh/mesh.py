@@ -7,16 +7,20 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quality import least_jacobian
 from gpusim.validation import unmasked
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Mesh"]
 
@@ -101,6 +105,18 @@ class Mesh:
         cells = ", ".join(f"{len(block)} {kind}" for kind, block in self.cells.items())
         sets = sum(map(len, (self.node_sets, self.face_sets, self.cell_sets)))
         return f"Mesh({self.node_count} nodes, {cells}{f', {sets} named sets' if sets else ''})"
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("mesh", self)
+
+    def plot(self, ax: Axes | None = None, *, unit: str = "m", **style: Any) -> Axes:
+        """Draw the skin with the edges of its cells, in matplotlib's axes of three dimensions.
+
+        ``unit`` is what labels call the mesh's unit of length; ``style`` goes to matplotlib's
+        ``Poly3DCollection`` (``color``, ``edgecolor``, ``alpha``). Returns the axes, new ones
+        unless given.
+        """
+        return plotted("mesh", self, ax, unit=unit, **style)
 
     @property
     def node_count(self) -> int:

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.display import notebook_html, notebook_png, plotted
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.truth import Truth, TruthMap, truth_of
 from gpusim.optics.visibility_buffer import VisibilityBuffer, visibility_twin
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Band", "Frame", "scatter", "scatter_twin", "write_pixels"]
 
@@ -101,10 +106,29 @@ class Frame:
         size = f"{self.width} x {self.height} px" + (", in colour" if self.coloured else "")
         return f"Frame({size}, camera {self.view.camera.name!r}, {where})"
 
+    def _repr_html_(self) -> str | None:
+        return notebook_html("frame", self)
+
+    def _repr_png_(self) -> bytes | None:
+        return notebook_png("frame", self)
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw the radiance in matplotlib's axes, in px, with its scale where it is grey.
+
+        ``style`` goes to ``Axes.imshow``. Returns the axes, new ones unless given. Raises
+        InputError for a released frame.
+        """
+        return plotted("frame", self, ax, **style)
+
     @property
     def coloured(self) -> bool:
         """Whether it has planes of red, green and blue."""
         return len(self.planes) > 1
+
+    @property
+    def released(self) -> bool:
+        """Whether its picture is gone: given back before anybody read it."""
+        return any(not plane.bands and plane._radiance is None for plane in self.planes)
 
     @property
     def width(self) -> int:

@@ -23,7 +23,22 @@ from gpusim.report.model import Figure
 from gpusim.report.style import BAD, axis_title, draw_png
 from gpusim.report.text import number
 
-__all__ = ["correlation_page", "draw_maps", "draw_stereo_maps", "stereo_summary", "summary"]
+__all__ = [
+    "Backdrop",
+    "FieldMap",
+    "correlation_page",
+    "draw_map",
+    "draw_maps",
+    "draw_stereo_maps",
+    "grey_picture",
+    "stereo_summary",
+    "summary",
+]
+
+Frame = tuple[float, float, float, float]
+"""Left, right, lower and upper border, px."""
+Backdrop = tuple[npt.NDArray[np.float32], Frame]
+"""A grey picture from 0 to 1, and where it lies."""
 
 _COLUMNS = {
     "image": "image",
@@ -165,7 +180,7 @@ _STATUS = {
 
 
 @dataclass(frozen=True)
-class _Map:
+class FieldMap:
     """One panel: a value per point, its name and how it is coloured."""
 
     values: npt.NDArray[np.float64]
@@ -181,13 +196,13 @@ def draw_maps(
     Colours span the 2 to 98 % quantiles, so that rough borders don't hide the rest.
     """
     maps = [
-        _Map(result.displacement[:, 0], "u (px, to the right)"),
-        _Map(result.displacement[:, 1], "v (px, down)"),
+        FieldMap(result.displacement[:, 0], "u (px, to the right)"),
+        FieldMap(result.displacement[:, 1], "v (px, down)"),
     ]
     if strain is not None:
         maps += _strain_maps(strain)
     else:
-        maps.append(_Map(np.where(result.ok, result.sigma, np.nan), "sigma (px)"))
+        maps.append(FieldMap(np.where(result.ok, result.sigma, np.nan), "sigma (px)"))
     return _draw(image, result, maps, strain, path)
 
 
@@ -195,17 +210,17 @@ def draw_stereo_maps(
     image: npt.NDArray[Any], result: StereoResult, strain: StrainResult | None, path: PathLike
 ) -> Figure:
     """Draw shape, displacement and strains in space over the left reference picture."""
-    maps = [_Map(result.shape[:, 2], "Z (mm, from the left camera)")]
+    maps = [FieldMap(result.shape[:, 2], "Z (mm, from the left camera)")]
     for axis, name in enumerate(("U (mm, to the right)", "V (mm, down)", "W (mm, away)")):
-        maps.append(_Map(result.displacement[:, axis], name))
+        maps.append(FieldMap(result.displacement[:, axis], name))
     return _draw(image, result, maps + _strain_maps(strain), strain, path)
 
 
-def _strain_maps(strain: StrainResult | None) -> list[_Map]:
+def _strain_maps(strain: StrainResult | None) -> list[FieldMap]:
     if strain is None:
         return []
     return [
-        _Map(strain.tensor[:, i, j], f"{name}, {strain.kind}", centred=True)
+        FieldMap(strain.tensor[:, i, j], f"{name}, {strain.kind}", centred=True)
         for name, i, j in (("exx", 0, 0), ("eyy", 1, 1), ("exy", 0, 1))
     ]
 
@@ -213,11 +228,11 @@ def _strain_maps(strain: StrainResult | None) -> list[_Map]:
 def _draw(
     image: npt.NDArray[Any],
     result: DicResult | StereoResult,
-    maps: list[_Map],
+    maps: list[FieldMap],
     strain: StrainResult | None,
     path: PathLike,
 ) -> Figure:
-    picture, frame = _picture(image)
+    backdrop = grey_picture(image)
     columns = 2 if len(maps) < 4 else 3 if len(maps) < 6 else 4
     rows = -(-(len(maps) + 1) // columns)
     height, width = image.shape
@@ -228,8 +243,8 @@ def _draw(
         for axes in panels:
             axes.set_axis_off()
         for axes, one in zip(panels, maps, strict=False):
-            _draw_map(axes, picture, frame, result.points, one)
-        _draw_missing(panels[len(maps)], picture, frame, result)
+            draw_map(axes, backdrop, result.points, one)
+        _draw_missing(panels[len(maps)], backdrop, result)
 
     draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw, "constrained")
     counts = ", ".join(f"{number} {_said(name)}" for name, number in result.counts().items())
@@ -239,9 +254,7 @@ def _draw(
     return Figure(Path(path), "Measured fields", caption, photo=True)
 
 
-def _picture(
-    image: npt.NDArray[Any],
-) -> tuple[npt.NDArray[np.float32], tuple[float, float, float, float]]:
+def grey_picture(image: npt.NDArray[Any]) -> Backdrop:
     """A small grey copy from 0 to 1, and its frame: pixel centres are integers."""
     height, width = image.shape
     scale = min(1.0, _PICTURE_PX / width)
@@ -253,14 +266,17 @@ def _picture(
     return clipped, (-0.5, width - 0.5, height - 0.5, -0.5)
 
 
-def _draw_map(
+def draw_map(
     axes: Axes,
-    picture: npt.NDArray[np.float32],
-    frame: tuple[float, float, float, float],
+    backdrop: Backdrop | None,
     points: npt.NDArray[np.float64],
-    one: _Map,
+    one: FieldMap,
+    **style: Any,
 ) -> None:
-    _backdrop(axes, picture, frame)
+    """Draw values at ``points`` (M, 2) px as a map with a colour bar, over a picture if there is
+    one; ``style`` goes to what draws them."""
+    if backdrop is not None:
+        _draw_backdrop(axes, backdrop)
     one = _readable(one)
     known = np.isfinite(one.values)
     if known.any():
@@ -276,27 +292,35 @@ def _draw_map(
         if shown is not None:
             grid, extent = shown
             drawn: Any = axes.imshow(
-                grid, cmap=colours, norm=norm, extent=extent, alpha=0.85, interpolation="nearest"
+                grid,
+                **{"cmap": colours, "norm": norm, "interpolation": "nearest", **style},
+                extent=extent,
+                alpha=0.85 if backdrop is not None else 1.0,
             )
         else:
             drawn = axes.scatter(
                 points[known, 0],
                 points[known, 1],
                 c=one.values[known],
-                s=14,
-                cmap=colours,
-                norm=norm,
-                linewidths=0,
+                **{"s": 14, "cmap": colours, "norm": norm, "linewidths": 0, **style},
             )
         bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02, extend="both")
         bar.outline.set_visible(False)
         bar.ax.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
-    axes.set_xlim(frame[0], frame[1])
-    axes.set_ylim(frame[2], frame[3])
+    left, right, lower, upper = backdrop[1] if backdrop is not None else _frame_of(points)
+    axes.set_xlim(left, right)
+    axes.set_ylim(lower, upper)
     axis_title(axes, one.title)
 
 
-def _readable(one: _Map) -> _Map:
+def _frame_of(points: npt.NDArray[np.float64]) -> Frame:
+    """Around all points, with a margin; y down."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.05 * float((high - low).max()) or 1.0
+    return low[0] - margin, high[0] + margin, high[1] + margin, low[1] - margin
+
+
+def _readable(one: FieldMap) -> FieldMap:
     """Small or large values with their power of ten in the title, not beside the colour bar."""
     known = np.abs(one.values[np.isfinite(one.values)])
     most = float(np.quantile(known, 1 - SHOWN)) if known.size else 0.0
@@ -311,11 +335,10 @@ def _readable(one: _Map) -> _Map:
 
 def _draw_missing(
     axes: Axes,
-    picture: npt.NDArray[np.float32],
-    frame: tuple[float, float, float, float],
+    backdrop: Backdrop,
     result: DicResult | StereoResult,
 ) -> None:
-    _backdrop(axes, picture, frame)
+    _draw_backdrop(axes, backdrop)
     for status, colour in _STATUS.items():
         there = result.status == status
         if there.any():
@@ -323,8 +346,9 @@ def _draw_missing(
             axes.plot(*result.points[there].T, "s", color=colour, markersize=3, label=label)
     if (~result.ok).any():
         axes.legend(loc="upper right", fontsize=7, frameon=True, framealpha=0.85, markerscale=2)
-    axes.set_xlim(frame[0], frame[1])
-    axes.set_ylim(frame[2], frame[3])
+    left, right, lower, upper = backdrop[1]
+    axes.set_xlim(left, right)
+    axes.set_ylim(lower, upper)
     axis_title(axes, f"not measured: {int((~result.ok).sum())} of {result.ok.size}")
 
 
@@ -332,15 +356,14 @@ def _said(status: str) -> str:
     return "measured" if status == "OK" else status.lower().replace("_", " ")
 
 
-def _backdrop(
-    axes: Axes, picture: npt.NDArray[np.float32], frame: tuple[float, float, float, float]
-) -> None:
+def _draw_backdrop(axes: Axes, backdrop: Backdrop) -> None:
+    picture, frame = backdrop
     axes.imshow(picture, cmap="gray", vmin=-0.15, vmax=1.1, extent=frame, aspect="equal")
 
 
 def _lattice(
     points: npt.NDArray[np.float64], values: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], tuple[float, float, float, float]] | None:
+) -> tuple[npt.NDArray[np.float64], Frame] | None:
     """Values on a regular grid with its frame; None if the points don't lie on one."""
     x, column = np.unique(points[:, 0], return_inverse=True)
     y, row = np.unique(points[:, 1], return_inverse=True)

@@ -38,7 +38,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["draw_convergence", "draw_errors", "draw_overlay", "draw_series", "photo_of"]
+__all__ = [
+    "draw_convergence",
+    "draw_error_bars",
+    "draw_errors",
+    "draw_measured",
+    "draw_overlay",
+    "draw_series",
+    "photo_of",
+    "round_down",
+]
 
 _WIDTH = 7.2  # inches
 _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
@@ -50,23 +59,7 @@ def draw_series(series: Series, path: PathLike) -> Figure:
 
     def draw(canvas: Canvas) -> None:
         upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.2, 1.0])
-        order = np.argsort(series.x, kind="stable")
-        line = series.x[order], series.y_truth[order]
-        if series.truth_x.size:
-            line = series.truth_x, series.truth_y
-        upper.plot(*line, color=TRUTH, linewidth=2.2, label="Finite elements (truth)")
-        upper.plot(
-            series.x,
-            series.y_measured,
-            "o",
-            markersize=6.5,
-            markerfacecolor=PAGE,
-            markeredgecolor=MEASURED,
-            markeredgewidth=1.8,
-            label="Measured from the images",
-        )
-        upper.set_ylabel(f"{series.y_label} ({series.y_unit})")
-        upper.legend(loc="best")
+        draw_measured(upper, series)
         axis_title(upper, series.name)
         _draw_residual(lower, series, residual)
 
@@ -81,6 +74,30 @@ def draw_series(series: Series, path: PathLike) -> Figure:
         if series.units_per_px:
             caption += f" ({number(largest / abs(series.units_per_px), 2)} px)"
     return Figure(Path(path), series.name, caption + ".")
+
+
+def draw_measured(axes: Axes, series: Series, **style: Any) -> None:
+    """Draw measured points on the true curve; ``style`` is the points'."""
+    order = np.argsort(series.x, kind="stable")
+    line = series.x[order], series.y_truth[order]
+    if series.truth_x.size:
+        line = series.truth_x, series.truth_y
+    axes.plot(*line, color=TRUTH, linewidth=2.2, label="Finite elements (truth)")
+    axes.plot(
+        series.x,
+        series.y_measured,
+        "o",
+        **{
+            "markersize": 6.5,
+            "markerfacecolor": PAGE,
+            "markeredgecolor": MEASURED,
+            "markeredgewidth": 1.8,
+            "label": "Measured from the images",
+            **style,
+        },
+    )
+    axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
+    axes.legend(loc="best")
 
 
 def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[np.float64]) -> None:
@@ -167,7 +184,7 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
     width, height = photo.size
     found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
     longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
-    factor = _round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
+    factor = round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
         pixels = photo.pixels
@@ -222,9 +239,9 @@ def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
     """Return the length in px of a round reference displacement, and its label."""
     if overlay.units_per_px:
         scale = abs(overlay.units_per_px)
-        value = _round_down(0.6 * longest * scale)
+        value = round_down(0.6 * longest * scale)
         return value / scale, f"{value:g} {overlay.unit}"
-    value = _round_down(0.6 * longest)
+    value = round_down(0.6 * longest)
     return value, f"{value:g} px"
 
 
@@ -233,38 +250,9 @@ def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     shown = [item for item in measurements if np.isfinite(item.error_relative)]
     if not shown:
         raise InputError("measurements: got none with a relative error; expected at least one")
-    percent = [100.0 * item.error_relative for item in shown]
-    limits = [100.0 * (item.tolerance_relative or 0.0) for item in shown]
-    span = 1.4 * max(*map(abs, percent), *limits) or 1.0
 
     def draw(canvas: Canvas) -> None:
-        axes = canvas.subplots()
-        colour = {"good": GOOD, "bad": BAD, "unknown": TRUTH}
-        places = np.arange(len(shown))
-        # one call for all bars: each costs as much as a hundred bars
-        axes.barh(places, percent, height=0.5, color=[colour[item.verdict] for item in shown])
-        judged = [place for place in places if limits[place] > 0.0]
-        ends = np.array([limits[place] for place in judged])
-        rows = np.tile(judged, 2)
-        axes.vlines(np.concatenate([-ends, ends]), rows - 0.36, rows + 0.36, colors=MUTED)
-        for place, (item, value) in enumerate(zip(shown, percent, strict=True)):
-            axes.annotate(
-                signed_percent(item.error_relative, 2),
-                (value, place),
-                xytext=(7 if value >= 0.0 else -7, 0),
-                textcoords="offset points",
-                ha="left" if value >= 0.0 else "right",
-                va="center",
-                fontsize=9.5,
-                bbox={"facecolor": PAGE, "edgecolor": "none", "pad": 1.5},
-            )
-        axes.axvline(0.0, color=MUTED, linewidth=1.0)
-        axes.set_yticks(range(len(shown)), [item.name for item in shown])
-        axes.tick_params(axis="y", length=0)
-        axes.set_ylim(len(shown) - 0.4, -0.6)
-        axes.grid(visible=False, axis="y")
-        axes.set_xlim(-span, span)
-        axes.set_xlabel("Error relative to the truth (%)")
+        draw_error_bars(canvas.subplots(), shown)
 
     margins = Margins(left=max(text_inches(item.name) for item in shown) + 0.2, top=0.12)
     draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw, margins)
@@ -272,7 +260,40 @@ def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     return Figure(Path(path), "Errors", caption)
 
 
-def _round_down(value: float) -> float:
+def draw_error_bars(axes: Axes, shown: Sequence[Measurement]) -> None:
+    """Draw the relative errors of what has one, with tolerances."""
+    percent = [100.0 * item.error_relative for item in shown]
+    limits = [100.0 * (item.tolerance_relative or 0.0) for item in shown]
+    span = 1.4 * max(*map(abs, percent), *limits) or 1.0
+    colour = {"good": GOOD, "bad": BAD, "unknown": TRUTH}
+    places = np.arange(len(shown))
+    # one call for all bars: each costs as much as a hundred bars
+    axes.barh(places, percent, height=0.5, color=[colour[item.verdict] for item in shown])
+    judged = [place for place in places if limits[place] > 0.0]
+    ends = np.array([limits[place] for place in judged])
+    rows = np.tile(judged, 2)
+    axes.vlines(np.concatenate([-ends, ends]), rows - 0.36, rows + 0.36, colors=MUTED)
+    for place, (item, value) in enumerate(zip(shown, percent, strict=True)):
+        axes.annotate(
+            signed_percent(item.error_relative, 2),
+            (value, place),
+            xytext=(7 if value >= 0.0 else -7, 0),
+            textcoords="offset points",
+            ha="left" if value >= 0.0 else "right",
+            va="center",
+            fontsize=9.5,
+            bbox={"facecolor": axes.get_facecolor(), "edgecolor": "none", "pad": 1.5},
+        )
+    axes.axvline(0.0, color=MUTED, linewidth=1.0)
+    axes.set_yticks(range(len(shown)), [item.name for item in shown])
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlim(-span, span)
+    axes.set_xlabel("Error relative to the truth (%)")
+
+
+def round_down(value: float) -> float:
     """Return the largest of …, 0.5, 1, 2, 5, 10, 20, … that isn't above ``value`` > 0."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * 1.000001))

@@ -7,17 +7,21 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.printable import printable
 from gpusim.report.findings import Budget, Mechanics, MeshSummary, Published
 from gpusim.report.text import plain_data
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "Drawing",
@@ -296,6 +300,17 @@ class Report:
                 f"report: got status {self.status!r} with failure {self.failure!r};"
                 " expected a failure message exactly if the run failed"
             )
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("report", self)
+
+    def plot(self, ax: Axes | None = None, *, series: str | int = 0, **style: Any) -> Axes:
+        """Draw what was measured against what is true, in matplotlib's axes.
+
+        ``series``: one of the measured lines, by name or number; a run without lines shows the
+        relative errors. ``style`` goes to the measured points. Returns the axes.
+        """
+        return plotted("report", self, ax, series=series, **style)
 
     def to_json(self) -> str:
         """Return the text of report.json, schema 1; a number that isn't finite is null."""

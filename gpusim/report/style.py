@@ -16,6 +16,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.export.images import write_image
 from gpusim.files.atomic_files import PathLike
@@ -36,6 +37,7 @@ __all__ = [
     "Margins",
     "axis_title",
     "draw_png",
+    "drawn",
     "named",
     "page_pixels",
     "text_inches",
@@ -107,13 +109,26 @@ class Margins:
         )  # fmt: skip
 
 
+Layout = Margins | Literal["constrained", "none"] | None
+
+
 def draw_png(
     path: PathLike,
     size: tuple[float, float],
     draw: Callable[[Canvas], None],
-    layout: Margins | Literal["constrained", "none"] | None = None,
+    layout: Layout = None,
 ) -> None:
-    """Let ``draw`` fill a canvas of ``size`` inches and write it to ``path`` (PNG, 200 dpi).
+    """Let ``draw`` fill a canvas of ``size`` inches and write it to ``path`` (PNG, 200 dpi)."""
+    write_image(path, drawn(size, draw, layout), pixels_per_metre=_DPI / 0.0254)
+
+
+def drawn(
+    size: tuple[float, float],
+    draw: Callable[[Canvas], None],
+    layout: Layout = None,
+    dpi: int = _DPI,
+) -> npt.NDArray[np.uint8]:
+    """(H, W, 3) of a canvas of ``size`` inches that ``draw`` fills.
 
     ``layout``: margins around the plots, usual ones unless given; "constrained" for plots that
     share a page with colour bars, "none" for those that are in place.
@@ -124,14 +139,14 @@ def draw_png(
 
     with _drawing, matplotlib.rc_context(_SETTINGS):
         own: Any = "constrained" if layout == "constrained" else "none"
-        canvas = Canvas(figsize=size, dpi=_DPI, layout=own)
+        canvas = Canvas(figsize=size, dpi=dpi, layout=own)
         page: Any = FigureCanvasAgg(canvas)
         draw(canvas)
         if not isinstance(layout, str):
             (layout or Margins()).fit(canvas)
         # savefig would draw twice, the first time for a layout that drawing makes anyway
         page.draw()
-        write_image(path, np.asarray(page.buffer_rgba())[..., :3], pixels_per_metre=_DPI / 0.0254)
+        return np.array(page.buffer_rgba(), np.uint8)[..., :3]
 
 
 def page_pixels(size: tuple[float, float]) -> tuple[int, int]:
@@ -156,4 +171,7 @@ def named(name: str) -> str:
 
 def axis_title(axes: Axes, text: str) -> None:
     """Put a small bold heading above the left end of an axes."""
-    axes.set_title(text, loc="left", fontsize=10.5, fontweight="bold", color=TEXT, pad=8)
+    from matplotlib import rcParams
+
+    colour = rcParams["axes.labelcolor"]  # of a figure of somebody else's, too
+    axes.set_title(text, loc="left", fontsize=10.5, fontweight="bold", color=colour, pad=8)

@@ -11,10 +11,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from gpusim.display import notebook_html, notebook_view, plotted
 from gpusim.errors import Fault, InputError, SceneError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
@@ -34,6 +35,9 @@ from .description import model
 from .description.scene_table import SceneTable
 from .files import find_files
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Scene", "load_scene"]
 
@@ -145,6 +149,27 @@ class Scene:
             source=source,
             files=hashes,
         )
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("scene", self)
+
+    def plot(self, ax: Axes | None = None, *, plane: str = "xy", **style: Any) -> Axes:
+        """Draw bodies, props, lamps, and cameras with what they see, in matplotlib's axes, in mm.
+
+        ``plane``: "xy" from above, "xz" from the front, "yz" from the right. ``style``: ``color``
+        of the bodies, and what ``Axes.plot`` takes for cameras. Returns the axes.
+        """
+        return plotted("scene", self, ax, plane=plane, **style)
+
+    def view(self, camera: str | None = None, size: tuple[int, int] = (960, 600)) -> Any:
+        """A widget of the notebook that shows the scene as `gpusim view` does, to be turned with
+        the mouse; a still picture where there is no notebook, or the extra ``[notebook]`` is
+        missing.
+
+        ``camera``: the one that is looked through; by default one that the bodies just fill.
+        ``size``: width and height, px, at most.
+        """
+        return notebook_view(self, camera, size)
 
     @property
     def measures_space(self) -> bool:

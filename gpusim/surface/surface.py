@@ -6,16 +6,21 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.surface.color import in_band
 from gpusim.surface.frames import Frame, PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.topology import Topology, triangulate
 from gpusim.validation import checked
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
 
@@ -130,6 +135,17 @@ class Surface:
         painted = ", ".join(f"{key}: {type(paint).__name__}" for key, paint in self.paints.items())
         counts = f"{len(self.points)} points, {len(self.faces)} faces"
         return f"Surface({self.name!r}, {counts}, {painted})"
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("surface", self)
+
+    def plot(self, ax: Axes | None = None, *, unit: str = "m", **style: Any) -> Axes:
+        """Draw the faces in matplotlib's axes of three dimensions, each in its paint's ground.
+
+        ``unit`` is what labels call the unit of length; ``style`` goes to ``Poly3DCollection``.
+        Returns the axes, new ones unless given.
+        """
+        return plotted("surface", self, ax, unit=unit, **style)
 
     @property
     def paints(self) -> dict[str, Paint]:

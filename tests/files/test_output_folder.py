@@ -111,6 +111,7 @@ ALLOWED = {
     "pipeline/measurements/marker_tracking.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/sources.py": "np.savez into a stream of atomic_stream",
     "pipeline/stages/mechanics.py": "arrays into a stream of atomic_stream",
+    "notebook/view.py": "a scene that isn't in a file, in a temporary folder",
     "cli/decks.py": "np.savez_compressed into a stream of atomic_stream",
 }
 HANDLES = {

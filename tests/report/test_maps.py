@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpusim.report.correlation import _Map, _readable, _said
+from gpusim.report.correlation import FieldMap, _readable, _said
 
 
 @pytest.mark.parametrize(
@@ -19,7 +19,7 @@ from gpusim.report.correlation import _Map, _readable, _said
     ],
 )
 def test_powers_of_ten_stand_in_the_title(values: list[float], title: str, want: str) -> None:
-    shown = _readable(_Map(np.array(values), title))
+    shown = _readable(FieldMap(np.array(values), title))
     assert shown.title == want
     power = float(want.split("{")[1].split("}")[0]) if "{" in want else 0.0
     assert np.allclose(shown.values, np.array(values) / 10.0**power, rtol=1e-12, equal_nan=True)

@@ -20,6 +20,7 @@ PACKAGE = Path(gpusim.__file__).parent
 FOUNDATION = {
     "_version",
     "arrays",
+    "display",
     "errors",
     "field_summary",
     "files",
@@ -49,6 +50,7 @@ ALLOWED |= {
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
+    "notebook": NUMERICS | {"pipeline"},
     "__init__": NUMERICS | {"plan", "pipeline"},
     "cli": NUMERICS | {"bench", "plan", "pipeline", "__init__"},
     "__main__": {"cli"},

@@ -8,7 +8,19 @@ import sys
 import tomllib
 from pathlib import Path
 
-TEXT_SUFFIXES = {".py", ".wgsl", ".sh", ".toml", ".md", ".txt", ".html", ".css", ".js", ""}
+TEXT_SUFFIXES = {
+    ".py",
+    ".wgsl",
+    ".sh",
+    ".toml",
+    ".md",
+    ".txt",
+    ".html",
+    ".css",
+    ".js",
+    ".ipynb",
+    "",
+}
 SKIPPED = {".git", ".venv", "build", "dist", "out", "__pycache__"}
 # Written in pieces, so that this file passes its own test.
 FORBIDDEN = {
@@ -57,6 +69,7 @@ def test_no_file_is_longer_than_400_lines(checkout: Path) -> None:
 
 def test_requirements_and_imports_agree(checkout: Path) -> None:
     names = {"cv2": "opencv-contrib-python-headless", "PIL": "pillow", "pydantic_core": "pydantic"}
+    names |= {"mpl_toolkits": "matplotlib"}
     imported = set()
     for path in sorted((checkout / "gpusim").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

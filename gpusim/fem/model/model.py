@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Model", "Solution", "resolve_formulation"]
 
@@ -274,7 +278,7 @@ class Solution:
     unknowns : free degrees of freedom. message : why the solve ended. warnings : what a reader
         should know (dangling nodes). timings : seconds per part. backend, real,
         method, element_classes, row_classes : how it was computed. reasons : the solver's choices
-        and why, one a line.
+        and why, one a line. model : what was solved; None where nobody said it.
 
     Examples
     --------
@@ -304,8 +308,34 @@ class Solution:
     element_classes: int
     row_classes: int
     reasons: tuple[str, ...] = ()
+    model: Model | None = None
 
     __repr__ = field_summary
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("solution", self)
+
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        field: str = "von_mises",
+        case: int = 0,
+        scale: float | None = None,
+        unit: str = "m",
+        **style: Any,
+    ) -> Axes:
+        """Draw the deformed skin in the colours of a field, in matplotlib's 3D axes.
+
+        ``field``: "von_mises", "displacement" (its length), or "x", "y", "z" (its components).
+        ``case``: the load case. ``scale``: how many times the displacements are drawn; a round
+        number unless given. ``unit``: what labels call the model's unit of length ("m": stress in
+        Pa, "mm": in MPa). ``style``: ``cmap``, and what ``Poly3DCollection`` takes. Returns the
+        axes. Raises InputError for what there isn't.
+        """
+        return plotted(
+            "solution", self, ax, field=field, case=case, scale=scale, unit=unit, **style
+        )
 
     @property
     def energy_balance(self) -> float:

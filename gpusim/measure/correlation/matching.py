@@ -12,17 +12,21 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from math import sqrt
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.warp import UNKNOWNS, Shape, check_shape
 from gpusim.measure.images import BLUR_REACH, FloatArray, SplineImage
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "Correlation",
@@ -201,6 +205,25 @@ class PointResult:
     def ok(self) -> BoolArray:
         """(M,) bool: the points that were measured."""
         return np.asarray(self.status == Status.OK)
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("correlation", self)
+
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        component: str | None = None,
+        image: npt.NDArray[Any] | None = None,
+        **style: Any,
+    ) -> Axes:
+        """Draw a map of one component in matplotlib's axes, over ``image`` (H, W) if given.
+
+        Components: "u", "v", "magnitude", "sigma", "zncc" of a `DicResult`; "U", "V", "W",
+        "magnitude", "Z", "residual" in space; "u", "v", "magnitude", "sigma" of a `MappedResult`.
+        ``style`` goes to what draws the map (``cmap``, ``norm``). Returns the axes.
+        """
+        return plotted("correlation", self, ax, component=component, image=image, **style)
 
     def counts(self) -> dict[str, int]:
         """How many points ended in each status, only those that occur."""

@@ -15,17 +15,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray, point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "StrainKind",
@@ -120,6 +124,24 @@ class StrainResult:
     kind: StrainKind
     gauge_px: float
     __repr__ = field_summary
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("correlation", self)
+
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        component: str | None = None,
+        image: npt.NDArray[Any] | None = None,
+        **style: Any,
+    ) -> Axes:
+        """Draw a map of one component in matplotlib's axes, over ``image`` (H, W) if given.
+
+        Components: "exx", "eyy", "exy", "e1", "e2" (principal). ``style``
+        goes to what draws the map (``cmap``, ``norm``). Returns the axes.
+        """
+        return plotted("correlation", self, ax, component=component, image=image, **style)
 
     @property
     def ok(self) -> npt.NDArray[np.bool_]:

@@ -10,14 +10,19 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.display import plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = [
     "DeflectionLine",
@@ -205,6 +210,14 @@ class DeflectionLine:
     scale: Scale
     camera: RigidMotion | None
     __repr__ = field_summary
+
+    def plot(self, ax: Axes | None = None, *, true: Any = None, **style: Any) -> Axes:
+        """Draw the deflection (mm, up) along the member with its uncertainties.
+
+        ``true``: what it should be, (M,) at the markers or (positions, values), mm: drawn as a
+        line. ``style`` goes to ``Axes.errorbar``. Returns matplotlib's axes.
+        """
+        return plotted("deflection", self, ax, true=true, **style)
 
     def write_csv(self, path: str | Path) -> None:
         """Write one row per marker; what wasn't measured is left empty."""

@@ -9,14 +9,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.camera.distortion import Distortion
 from gpusim.validation import checked, real_numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Camera"]
 
@@ -111,6 +116,25 @@ class Camera:
             object.__setattr__(self, "distortion", lens.coefficients)
             if lens.coefficients.any():
                 self._require_invertible(lens)
+
+    def _repr_html_(self) -> str | None:
+        return notebook_html("camera", self)
+
+    def plot(
+        self,
+        ax: Axes | None = None,
+        *,
+        plane: str = "xy",
+        reach: float | None = None,
+        unit: str = "m",
+        **style: Any,
+    ) -> Axes:
+        """Draw where it stands and what it sees, from above ("xy") or a side ("xz", "yz").
+
+        ``reach``: how far its view is drawn; to the origin unless given. ``unit``: what labels call
+        the world's unit of length. ``style`` goes to ``Axes.plot``. Returns the axes.
+        """
+        return plotted("camera", self, ax, plane=plane, reach=reach, unit=unit, **style)
 
     def _require_invertible(self, lens: Distortion) -> None:
         """Refuse a lens whose distortion can't be undone somewhere in the image."""

@@ -1,0 +1,165 @@
+"""What was measured in pictures: maps of displacement and strain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
+from gpusim.notebook.axes import flat_axes
+from gpusim.notebook.page import Picture, page, quantity, span
+from gpusim.report.style import drawn
+from gpusim.validation import nearest_name
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["components", "html", "plot"]
+
+Array = npt.NDArray[np.float64]
+Result = DicResult | StereoResult | MappedResult | StrainResult
+_DPI = 110
+_INCHES = 5.4
+
+
+@dataclass(frozen=True)
+class Component:
+    """A value per point: its ``label`` with the unit; ``centred``: zero is special."""
+
+    label: str
+    values: Callable[[Any], Array]
+    centred: bool = False
+
+
+def _axis(k: int) -> Callable[[Any], Array]:
+    return lambda result: result.displacement[:, k]
+
+
+def _strain(i: int, j: int) -> Callable[[Any], Array]:
+    return lambda result: result.tensor[:, i, j]
+
+
+def _principal(k: int) -> Callable[[Any], Array]:
+    return lambda result: result.principal[:, k]
+
+
+def _length(result: Any) -> Array:
+    squares: Array = (result.displacement**2).sum(axis=1)
+    return np.sqrt(squares)
+
+
+def _measured(name: str) -> Callable[[Any], Array]:
+    return lambda result: np.where(result.ok, getattr(result, name), np.nan)
+
+
+_PICTURE = {
+    "u": Component("u (px, to the right)", _axis(0)),
+    "v": Component("v (px, down)", _axis(1)),
+    "magnitude": Component("displacement (px)", _length),
+    "sigma": Component("standard uncertainty (px)", _measured("sigma")),
+    "zncc": Component("correlation coefficient", _measured("zncc")),
+}
+_SPACE = {
+    "W": Component("W (away from the left camera, unit of the rig)", _axis(2)),
+    "U": Component("U (to the right, unit of the rig)", _axis(0)),
+    "V": Component("V (down, unit of the rig)", _axis(1)),
+    "magnitude": Component("displacement (unit of the rig)", _length),
+    "Z": Component("Z (from the left camera, unit of the rig)", lambda r: r.shape[:, 2]),
+    "residual": Component("distance to the rays (px)", _measured("residual")),
+}
+_MAPPED = {
+    "u": Component("displacement along x (unit of the mapping)", _axis(0)),
+    "v": Component("displacement along y (unit of the mapping)", _axis(1)),
+    "magnitude": Component("displacement (unit of the mapping)", _length),
+    "sigma": Component("standard uncertainty (unit of the mapping)", _measured("sigma")),
+}
+_STRAIN = {
+    "exx": Component("exx", _strain(0, 0), centred=True),
+    "eyy": Component("eyy", _strain(1, 1), centred=True),
+    "exy": Component("exy (half the shear angle)", _strain(0, 1), centred=True),
+    "e1": Component("larger principal strain", _principal(0), centred=True),
+    "e2": Component("smaller principal strain", _principal(1), centred=True),
+}
+
+
+def components(result: Result) -> dict[str, Component]:
+    """What a result can be drawn by; the first one unless one is chosen."""
+    if isinstance(result, DicResult):
+        return _PICTURE
+    if isinstance(result, StereoResult):
+        return _SPACE
+    return _MAPPED if isinstance(result, MappedResult) else _STRAIN
+
+
+def html(result: Result) -> str:
+    """How many points were measured, why not the others, extremes; a map."""
+    known = int(result.ok.sum())
+    rows = [("points measured", f"{known:,} of {result.ok.size:,}")]
+    if not isinstance(result, StrainResult):
+        lost = {name: count for name, count in result.counts().items() if name != "OK"}
+        if lost:
+            text = ", ".join(f"{n:,} {name.lower().replace('_', ' ')}" for name, n in lost.items())
+            rows.append(("not measured", text))
+        rows.append(("width of subsets", quantity(result.subset, "px", 3)))
+    else:
+        rows.append(("strain", result.kind))
+        rows.append(("virtual strain gauge", quantity(result.gauge_px, "px", 3)))
+    for component in components(result).values():
+        rows.append((component.label, span(component.values(result))))
+    title = type(result).__name__
+    return page(title, rows, [partial(_picture, result)] if known else [])
+
+
+def plot(
+    result: Result,
+    ax: Axes | None,
+    *,
+    component: str | None = None,
+    image: npt.NDArray[Any] | None = None,
+    **style: Any,
+) -> Axes:
+    """A map of one component, over the reference ``image`` where one is given."""
+    from gpusim.report.correlation import FieldMap, draw_map, grey_picture
+
+    known = components(result)
+    name = next(iter(known)) if component is None else component
+    if name not in known:
+        hint = nearest_name(name, known)
+        raise InputError(
+            f"{type(result).__name__}.plot: component; got {name!r}; expected one of "
+            f"{list(known)}{hint}"
+        )
+    ax = flat_axes(ax)
+    one = known[name]
+    shown = FieldMap(one.values(result), one.label, one.centred)
+    draw_map(ax, None if image is None else grey_picture(image), result.points, shown, **style)
+    mapped = isinstance(result, MappedResult)
+    unit = "unit of the mapping" if mapped else "px"
+    ax.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal")
+    ax.grid(visible=False)
+    return ax
+
+
+def _picture(result: Result) -> Picture:
+    names = list(components(result))[:2]
+    low, high = result.points.min(axis=0), result.points.max(axis=0)
+    wide, tall = np.maximum(high - low, 1e-9)
+    # side by side, or one above the other where they are wide
+    across = 1 if wide > 1.7 * tall else 2
+    inches = _INCHES if across == 1 else 0.62 * _INCHES
+    height = float(np.clip(inches * 0.8 * tall / wide, 1.0, 4.5)) + 0.7
+
+    def draw(canvas: Any) -> None:
+        panels = canvas.subplots(2 // across, across, squeeze=False).ravel()
+        for ax, name in zip(panels, names, strict=True):
+            plot(result, ax, component=name)
+
+    size = inches * across, height * (2 // across)
+    pixels = drawn(size, draw, "constrained", dpi=_DPI)
+    return Picture("maps of what was measured", pixels, shown_width=pixels.shape[1] * 9 // 10)

@@ -1,0 +1,136 @@
+"""The HTML that a notebook shows: a heading, pictures, short tables, notes.
+
+Colours are the page's own: text is inherited, lines are a half transparent grey, and pictures of
+things have no background, so that all of it can be read on light and dark pages.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.printable import printable
+from gpusim.report.text import number
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+__all__ = ["Legend", "Picture", "Rows", "page", "png_bytes", "quantity", "span"]
+
+Rows = Sequence[tuple[str, ...]]
+"""Of a table: what a row is of, and its values."""
+DIGITS = 4
+_WIDTH = 480  # px on the page
+
+_CELL = "padding: 2px 14px 2px 0; border: 0; border-bottom: 1px solid rgba(128, 128, 128, 0.35)"
+
+
+@dataclass(frozen=True)
+class Legend:
+    """What the colours of a picture mean: ``colours`` from left to right, as CSS."""
+
+    text: str
+    low: str
+    high: str
+    colours: str
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """``pixels`` (H, W, 4), (H, W, 3) or (H, W) uint8, or a drawing as ``svg``; ``text`` stands in
+    for it. ``shown_width``: px on the page, at most 480 unless given."""
+
+    text: str
+    pixels: npt.NDArray[np.uint8] | None = None
+    caption: str = ""
+    legend: Legend | None = None
+    svg: str = ""
+    shown_width: int = 0
+
+    @property
+    def source(self) -> str:
+        """The pixels as a data URI."""
+        assert self.pixels is not None
+        return "data:image/png;base64," + base64.b64encode(png_bytes(self.pixels)).decode("ascii")
+
+    @property
+    def width(self) -> int:
+        """px on the page."""
+        assert self.pixels is not None
+        return self.shown_width or min(self.pixels.shape[1], _WIDTH)
+
+
+def page(
+    title: str,
+    rows: Rows,
+    pictures: Sequence[Callable[[], Picture]] = (),
+    notes: Sequence[str] = (),
+    head: Sequence[str] = (),
+) -> str:
+    """The HTML of one thing. ``head``: titles of columns; without, rows are names and values.
+
+    ``pictures`` are made here: in place of one that fails a note says why.
+    """
+    made, said = [], list(notes)
+    for make in pictures:
+        try:
+            made.append(make())
+        except Exception as error:
+            said.append(f"No picture: {error}")
+    return _template().render(
+        title=title, rows=rows, pictures=made, notes=said, head=head, cell_style=_CELL
+    )
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    def shown(value: Any) -> Any:
+        plain = isinstance(value, str) and not hasattr(value, "__html__")
+        return printable(value) if plain else value
+
+    environment = Environment(
+        loader=PackageLoader("gpusim", "notebook"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=shown,
+    )
+    return environment.get_template("display.html.j2")
+
+
+def png_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
+    """``pixels`` (H, W), (H, W, 3) or (H, W, 4) as a PNG file."""
+    order = {3: [2, 1, 0], 4: [2, 1, 0, 3]}
+    image = pixels if pixels.ndim == 2 else pixels[..., order[pixels.shape[2]]]
+    return cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
+
+
+def quantity(value: float, unit: str = "", digits: int = DIGITS) -> str:
+    """A number with its unit, rounded, without zeros at its end."""
+    return f"{_text(float(value), digits)} {unit}".rstrip()
+
+
+def _text(value: float, digits: int) -> str:
+    text = number(float(f"{value:.{digits - 1}e}"), digits)
+    if "." not in text or "\N{MULTIPLICATION SIGN}" in text:
+        return text
+    return text.rstrip("0").rstrip(".")
+
+
+def span(values: npt.NDArray[np.floating], unit: str = "", digits: int = DIGITS) -> str:
+    """The least and the greatest of the finite values; a dash where there are none."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return number(float("nan"))
+    low, high = (_text(float(v), digits) for v in (known.min(), known.max()))
+    return f"{low} to {high} {unit}".rstrip()

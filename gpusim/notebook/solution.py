@@ -1,0 +1,202 @@
+"""A solution: how far it can be trusted, and the deformed body in the colours of a field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import fem
+from gpusim.errors import InputError
+from gpusim.fem import Model, Solution
+from gpusim.notebook.axes import draw_faces, space_axes
+from gpusim.notebook.mesh import MOST_CELLS, metal_surface, skin_of
+from gpusim.notebook.page import Legend, Picture, page, quantity
+from gpusim.notebook.shading import Colouring, fitted_camera, shaded
+from gpusim.optics.truth import Truth
+from gpusim.report.figures import round_down
+from gpusim.surface import Skin, Surface
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["FIELDS", "html", "plot"]
+
+Array = npt.NDArray[np.float64]
+FIELDS = ("von_mises", "displacement", "x", "y", "z")
+"""What a body may be coloured by: stress, length of the displacement, its components."""
+
+_STRESS_CELLS = 30_000
+"""Of a mesh whose stress is found without being asked for: about half a second."""
+_SHOWN = 0.08
+"""Of the body's size: how far its largest displacement is drawn, at least."""
+_STRESS_UNITS = {"m": "Pa", "mm": "MPa"}
+_COLOURS = "viridis"
+_STOPS = 9
+_NOTE = "In the model's units: m, N and Pa where a scene made it."
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """A load case on its skin: displaced ``scale`` times, ``values`` (P,) at the vertices."""
+
+    skin: Skin
+    points: Array
+    rest: Array
+    values: Array
+    scale: float
+
+
+def html(solution: Solution) -> str:
+    """Error, method, extremes, forces; the deformed body."""
+    u = _cases(solution.u)
+    length = np.linalg.norm(u, axis=2)
+    place = np.unravel_index(int(length.argmax()), length.shape)
+    of_case = f", load case {place[0]}" if len(u) > 1 else ""
+    rows = [
+        ("converged", "yes" if solution.converged else "no"),
+        ("estimated error of u", quantity(solution.error_estimate, digits=2)),
+        ("method", f"{solution.method}, {solution.iterations} iterations ({solution.backend})"),
+        ("unknowns", f"{solution.unknowns:,}"),
+        ("largest displacement", f"{quantity(length.max())} (node {place[1]}{of_case})"),
+    ]
+    model = solution.model
+    field = "displacement"
+    if model is not None and model.mesh.cell_count <= _STRESS_CELLS:
+        field = "von_mises"
+        peak = _field(model, u[0], field)
+        rows.append(("largest von Mises stress", f"{quantity(peak.max())} (node {peak.argmax()})"))
+    for case, sums in enumerate(_cases(solution.reactions).sum(axis=1)):
+        if case < 3:
+            name = "sum of reactions" + (f", load case {case}" if len(u) > 1 else "")
+            noise = 1e-9 * float(np.abs(sums).max())
+            shown = np.where(np.abs(sums) > noise, sums, 0.0)
+            rows.append((name, ", ".join(quantity(value) for value in shown)))
+    rows.append(("energy balance", quantity(solution.energy_balance, digits=2)))
+    notes = [_NOTE, *solution.warnings]
+    if not solution.converged:
+        notes.append(solution.message)
+    small = model is not None and model.mesh.cell_count <= MOST_CELLS
+    if model is not None and not small:
+        notes.append("Not drawn for its size: plot() draws it.")
+    return page("Solution", rows, [partial(_picture, solution, field)] if small else [], notes)
+
+
+def plot(
+    solution: Solution,
+    ax: Axes | None,
+    *,
+    field: str = "von_mises",
+    case: int = 0,
+    scale: float | None = None,
+    unit: str = "m",
+    cmap: str = _COLOURS,
+    **style: Any,
+) -> Any:
+    """The deformed skin in the colours of a field, with a colour bar."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    shown = _shown(solution, field, case, scale)
+    space = space_axes(ax, unit)
+    corner = np.where(shown.skin.pieces < 0, shown.skin.pieces[:, [2] * 4], shown.skin.pieces)
+    norm = Normalize(*_range(shown.values))
+    colours = colormaps[cmap](norm(shown.values[corner].mean(axis=1)))
+    draw_faces(space, shown.points, shown.skin.pieces, colours, **style)
+    bar = space.figure.colorbar(ScalarMappable(norm, cmap), ax=space, shrink=0.7, pad=0.16)
+    bar.set_label(_label(field, unit))
+    space.set_title(f"displacements drawn {shown.scale:g} times")
+    return space
+
+
+def _label(field: str, unit: str) -> str:
+    if field == "von_mises":
+        return f"von Mises stress ({_STRESS_UNITS.get(unit, f'N/{unit}²')})"
+    name = "displacement" if field == "displacement" else f"displacement along {field}"
+    return f"{name} ({unit})"
+
+
+def _cases(values: Array) -> Array:
+    """(L, N, 3), also for one load case."""
+    return values if values.ndim == 3 else values[None]
+
+
+def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _Shown:
+    """What is drawn. Raises InputError for what there isn't."""
+    model, u = solution.model, _cases(solution.u)
+    if model is None:
+        raise InputError("Solution.plot: it has no model; got model None; expected one to draw")
+    if field not in FIELDS:
+        raise InputError(f"Solution.plot: field; got {field!r}; expected one of {list(FIELDS)}")
+    if not -len(u) <= case < len(u):
+        raise InputError(f"Solution.plot: case; got {case}; expected 0 to {len(u) - 1}")
+    skin = skin_of(model.mesh)
+    rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
+    if scale is None:
+        size = float(np.linalg.norm(np.ptp(rest, axis=0)))
+        most = float(np.linalg.norm(moved, axis=1).max())
+        scale = max(1.0, round_down(_SHOWN * size / most)) if most > 0.0 else 1.0
+    values = skin.at_vertices(_field(model, u[case], field))
+    return _Shown(skin, rest + scale * moved, rest, values, scale)
+
+
+def _field(model: Model, u: Array, field: str) -> Array:
+    """(N,) at the nodes."""
+    if field == "von_mises":
+        return fem.stress(model, u).von_mises
+    return np.linalg.norm(u, axis=1) if field == "displacement" else u[:, "xyz".index(field)]
+
+
+def _range(values: Array) -> tuple[float, float]:
+    low, high = float(values.min()), float(values.max())
+    return low, high if high > low else low + (abs(low) or 1.0)
+
+
+def _picture(solution: Solution, field: str) -> Picture:
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    shown = _shown(solution, field, 0, None)
+    low, high = _range(shown.values)
+    surface, colouring = _valued(shown, low, high)
+    pixels = shaded([surface], fitted_camera(shown.points), colouring, shown.skin.face_of_piece)
+    stops = [to_hex(colormaps[_COLOURS](k / (_STOPS - 1))) for k in range(_STOPS)]
+    name = "von Mises stress" if field == "von_mises" else "displacement"
+    legend = Legend(name, quantity(low, digits=3), quantity(high, digits=3), ", ".join(stops))
+    times = f"Displacements drawn {shown.scale:g} times."
+    case = " Load case 0." if solution.u.ndim == 3 else ""
+    return Picture(f"the deformed body, {name}", pixels, times + case, legend)
+
+
+def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]:
+    """The deformed surface, and its colours by what it has at its vertices.
+
+    The renderer tells of each pixel where its material was before: between the vertices as exactly
+    as where it is. So the surface is told to come from places that differ by the values.
+    """
+    from matplotlib import colormaps
+
+    length = 1e-3 * float(np.linalg.norm(np.ptp(shown.points, axis=0)))
+    share = (shown.values - low) / (high - low)
+    plain = metal_surface(shown.skin)
+    surface = Surface(
+        shown.points, plain.faces, plain.paint, plain.region,
+        shown.points - length * share[:, None] * np.array([1.0, 0.0, 0.0]),
+    )  # fmt: skip
+    table = _linear(colormaps[_COLOURS](np.linspace(0.0, 1.0, 256))[:, :3])
+
+    def colours(truth: Truth) -> Array:
+        at = np.clip(truth.displacement[:, 0] / length, 0.0, 1.0)
+        return table[np.rint(255.0 * at).astype(np.int64)]
+
+    return surface, colours
+
+
+def _linear(encoded: Array) -> Array:
+    """Linear values of sRGB's (IEC 61966-2-1), a little brighter: shading darkens them."""
+    value = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return np.minimum(1.25 * value, 1.0)

@@ -1,0 +1,107 @@
+"""``scene.view()``: the preview window in a notebook, or a still picture with its reason."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import GpusimError, InputError
+from gpusim.files.atomic_files import write_text
+from gpusim.gpu import default_device
+from gpusim.notebook.frame import toned
+from gpusim.notebook.page import Picture, page, png_bytes
+from gpusim.notebook.scene import scene_surfaces
+from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
+from gpusim.optics import render
+from gpusim.pipeline.build.cameras import build_camera, build_lights
+from gpusim.scene import Scene, load_scene
+
+__all__ = ["StillView", "in_notebook", "view"]
+
+INSTALL = 'a view that moves needs the extra: pip install "gpusim[notebook]"'
+ELSEWHERE = "a view that moves needs a notebook; `gpusim view` opens a window"
+
+
+@dataclass(frozen=True, eq=False)
+class StillView:
+    """A picture of a scene, ``pixels`` (H, W), (H, W, 3) or (H, W, 4) uint8, and why it is no more
+    than that."""
+
+    name: str
+    pixels: npt.NDArray[np.uint8]
+    reason: str
+
+    def __repr__(self) -> str:
+        height, width = self.pixels.shape[:2]
+        return f"StillView({self.name!r}, {width} x {height} px; {self.reason})"
+
+    def _repr_html_(self) -> str:
+        picture = Picture(self.name, self.pixels, shown_width=self.pixels.shape[1])
+        return page(self.name, [], [lambda: picture], [f"A still picture: {self.reason}."])
+
+    def _repr_png_(self) -> bytes:
+        return png_bytes(self.pixels)
+
+
+def view(scene: Scene, camera: str | None, size: tuple[int, int]) -> Any:
+    """The live view where there can be one, else a still picture."""
+    names = [one.name for one in scene.cameras]
+    if camera is not None and camera not in names:
+        raise InputError(f"Scene.view: camera; got {camera!r}; expected one of {names}")
+    if not (len(size) == 2 and all(isinstance(side, int) and side > 0 for side in size)):
+        raise InputError(f"Scene.view: size; got {size!r}; expected width and height, px")
+    if not in_notebook():
+        return _still(scene, camera, size, ELSEWHERE)
+    try:
+        import anywidget  # noqa: F401 - rendercanvas's message would name no extra
+        from rendercanvas import anywidget as canvases
+
+        window, viewers = (import_module(f"gpusim.view.{name}") for name in ("window", "viewer"))
+    except ImportError:
+        return _still(scene, camera, size, INSTALL)
+    viewer = viewers.Viewer(default_device(), _file_of(scene), size)
+    if camera is not None:
+        viewer.look_through(names.index(camera))
+    canvas = canvases.RenderCanvas(size=size)
+    window.WindowView(viewer, canvas, canvases.loop, types=False)
+    return canvas
+
+
+def in_notebook() -> bool:
+    """Whether this is the kernel of a notebook."""
+    shell = sys.modules.get("IPython")
+    return shell is not None and getattr(shell.get_ipython(), "kernel", None) is not None
+
+
+def _file_of(scene: Scene) -> Path:
+    """The file that a scene was read from, if it still says the same, so that it is followed;
+    else one that says what the scene does."""
+    source = Path(scene.source)
+    try:
+        if load_scene(source) == scene:
+            return source
+    except GpusimError:
+        pass
+    return write_text(Path(tempfile.mkdtemp(prefix="gpusim-view-")) / "scene.toml", scene.to_toml())
+
+
+def _still(scene: Scene, camera: str | None, size: tuple[int, int], reason: str) -> StillView:
+    """The scene unloaded, under its own light, through ``camera`` or one that fits."""
+    built = scene_surfaces(scene)
+    if camera is None:
+        seen = resized_camera(fitted_camera(built.points), *size)
+        bodies = built.bodies or built.props
+        return StillView(scene.name, shaded(bodies, seen, painted(bodies, seen)), reason)
+    described = next(one for one in scene.cameras if one.name == camera)
+    seen = resized_camera(build_camera(described, scene.input), *size)
+    frame = render(built.all, seen, build_lights(scene))
+    pixels = toned(frame.radiance)
+    frame.release()
+    return StillView(f"{scene.name}, camera {camera}", pixels, reason)
