@@ -1,0 +1,190 @@
+"""What is shown: surfaces by frame, cameras, lights, fields."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem import Model
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.lens.thin_lens import Lens
+from gpusim.optics.light.lights import Light
+from gpusim.pipeline.build.cameras import build_lens
+from gpusim.pipeline.build.modelling import build_model, temperature
+from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
+from gpusim.pipeline.stages.mechanics import Stresses
+from gpusim.surface.skin import Skin
+from gpusim.surface.surface import Surface
+from gpusim.view.fields import BodyState
+from gpusim.view.neutral import unpainted
+
+__all__ = ["Content"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Content:
+    """What a window shows.
+
+    ``files``: those that it was made of. ``objects``: the scene's bodies and props; None for a
+    mesh, whose surfaces are ``parts``. ``cameras``: the scene's. ``lights``: None where there are
+    none. ``stresses``: once there are some.
+    """
+
+    title: str
+    files: tuple[Path, ...]
+    parts: tuple[Surface, ...] = ()
+    objects: SceneObjects | None = None
+    cameras: tuple[Camera, ...] = ()
+    lights: Sequence[Light] | None = None
+    stresses: Stresses | None = None
+    _shown: dict[tuple[int, float, bool], list[Surface]] = field(default_factory=dict)
+    _models: dict[int, Model] = field(default_factory=dict)
+
+    @property
+    def background(self) -> float:
+        """Radiance where no surface is."""
+        return 0.0 if self.objects is None else self.objects.scene.render.background
+
+    def camera_notes(self, number: int) -> list[str]:
+        """What is to be known of a camera of the scene beside its picture."""
+        if self.objects is None:
+            return []
+        camera = self.cameras[number]
+        lens = build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
+        notes = []
+        if camera.lens is not None:
+            notes.append("with its distortion")
+        if lens is not None and lens.f_number and lens.focus_distance and lens.focal_length:
+            near, far = sharp_range(lens, camera)
+            most = f"{1e3 * far:.4g} mm" if np.isfinite(far) else "infinity"
+            notes.append(f"sharp to a pixel from {1e3 * near:.4g} mm to {most}")
+        return notes
+
+    @property
+    def frames(self) -> int:
+        """How many there are to be shown: those of the scene once its bodies can move."""
+        objects = self.objects
+        if objects is None or not self.moves:
+            return 1
+        return objects.history.frames
+
+    @property
+    def moves(self) -> bool:
+        """Whether frames differ: there is a solution, displacements are given, or props have
+        poses."""
+        objects = self.objects
+        if objects is None:
+            return False
+        history = objects.history
+        return objects.solved is not None or history.given or history.props_move
+
+    @property
+    def is_solvable(self) -> bool:
+        """Whether it is a scene with bodies whose displacements have to be computed."""
+        objects = self.objects
+        return objects is not None and bool(objects.bodies) and not objects.history.given
+
+    @property
+    def unloaded(self) -> bool:
+        """Whether bodies are shown at rest because their solution isn't there yet."""
+        return self.is_solvable and self.objects is not None and self.objects.solved is None
+
+    def frame_text(self, frame: int) -> str:
+        """What a slider says of a frame."""
+        if self.objects is None or self.frames == 1:
+            return ""
+        value = self.objects.history.factors[frame]
+        word = frame_word(self.objects.scene).replace("_", " ")
+        return f"frame {frame} of 0 to {self.frames - 1}: {word} {value:g}"
+
+    def solve(self, solution: SceneSolution, stresses: Stresses | None) -> None:
+        """Take over what has been computed.
+
+        Raises
+        ------
+        ValueError
+            It is of other bodies.
+        """
+        assert self.objects is not None
+        nodes = [parts.mesh.node_count for parts in self.objects.bodies]
+        solution.check([len(groups) for groups in self.objects.history.groups], nodes)
+        self.objects.solved, self.stresses = solution, stresses
+        self._shown.clear()
+
+    def displacement(self, body: int, frame: int) -> Array:
+        """Of a body's nodes (N, 3), not scaled."""
+        assert self.objects is not None
+        return self.objects.displacement(body, frame if self.moves else None)
+
+    def surfaces(self, frame: int, scale: float = 1.0, painted: bool = True) -> list[Surface]:
+        """Every surface in a frame, bodies first, displacements times ``scale``; the same objects
+        if it is asked for again."""
+        if self.objects is None:
+            return list(self.parts)
+        key = (frame if self.moves else 0, scale, painted)
+        if key not in self._shown:
+            while len(self._shown) >= 4:  # so that going back and forth is quick
+                del self._shown[next(iter(self._shown))]
+            found = self._moved(key[0], scale)
+            self._shown[key] = found if painted else [unpainted(surface) for surface in found]
+        return self._shown[key]
+
+    def _moved(self, frame: int, scale: float) -> list[Surface]:
+        objects = self.objects
+        assert objects is not None
+        found = objects.surfaces(frame if self.moves else None)
+        for number, parts in enumerate(objects.bodies):
+            u = self.displacement(number, frame)
+            if scale != 1.0 and u.any():
+                found[number] = parts.skin.moved(parts.surface, scale * u)
+        return found
+
+    @property
+    def skins(self) -> list[Skin]:
+        """Of the bodies."""
+        return [] if self.objects is None else [parts.skin for parts in self.objects.bodies]
+
+    def outline(self, frame: int, scale: float, whole: bool = False) -> Array:
+        """Points (n, 3) to be framed: those of the bodies; of everything if there are none, or for
+        ``whole``."""
+        surfaces = self.surfaces(frame, scale)
+        count = len(self.objects.bodies) if self.objects is not None else 0
+        shown = surfaces if whole or not count else surfaces[:count]
+        return np.concatenate([surface.points[np.unique(surface.faces[surface.faces >= 0])]
+                               for surface in shown])  # fmt: skip
+
+    def state(self, body: int, frame: int, solved: bool = False) -> BodyState:
+        """A body in a frame, from which its fields follow; ``solved``: those, too, that need what
+        it was solved as."""
+        objects = self.objects
+        assert objects is not None
+        parts, stress, model = objects.bodies[body], None, None
+        if self.stresses is not None:
+            stress = self.stresses.fields(body, frame, parts)[0]["stress"]
+        if (solved or stress is None) and not objects.history.given:
+            if body not in self._models:
+                self._models[body] = build_model(parts, objects.history.groups[body])
+            model, stress = self._models[body], None if solved else stress
+        return BodyState(
+            parts.mesh, self.displacement(body, frame), model, parts.body.formulation,
+            temperature(parts.body, frame), nodal_stress=stress,
+        )  # fmt: skip
+
+
+def sharp_range(lens: Lens, camera: Camera) -> tuple[float, float]:
+    """Nearest and farthest depth whose points are blurred over a pixel at most, from the lens.
+
+    The blur of a point at depth z is A v |1/s - 1/z| on the sensor: A the aperture, v the image
+    distance, s the distance of focus; in px A fx |1/s - 1/z| (fx: v in px).
+    """
+    assert lens.f_number and lens.focus_distance and lens.focal_length
+    aperture = lens.focal_length / lens.f_number
+    share = 1.0 / (aperture * camera.K[0, 0])
+    at = 1.0 / lens.focus_distance
+    return 1.0 / (at + share), 1.0 / (at - share) if at > share else np.inf

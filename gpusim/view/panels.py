@@ -1,0 +1,226 @@
+"""What is written over the picture: title, selection, slider, progress, help, messages, faults."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpusim.view.fields import draw_legend, field_kind, format_value, scale_of
+from gpusim.view.keys import help_lines
+from gpusim.view.mesh_lines import visible_edges
+from gpusim.view.overlay import Overlay
+
+if TYPE_CHECKING:
+    from gpusim.view.viewer import Viewer
+
+__all__ = ["draw_panels", "slider_frame"]
+
+SIZE = 14
+"""px of letters."""
+
+INK, PAPER, MUTED = "#16202b", "#ffffffd8", "#5b6770"
+ACCENT, WARNING = "#1f6fb2", "#9c1c1c"
+EDGE = 14
+"""px between panels and the window's border."""
+BAR = 8
+"""px, height of the slider."""
+
+
+def draw_panels(viewer: Viewer, overlay: Overlay) -> None:
+    """Collect all that stands over a viewer's picture."""
+    if viewer.content is not None and viewer.picture.base is not None:
+        _draw_mesh(viewer, overlay)
+        _draw_principal_point(viewer, overlay)
+        _draw_selection(viewer, overlay)
+        _draw_scale(viewer, overlay)
+    bottom = _draw_title(viewer, overlay)
+    _draw_slider(viewer, overlay)
+    if viewer.shown["help"]:
+        _draw_help(viewer, overlay, bottom + EDGE)
+    if viewer.fault or viewer.message:
+        _draw_message(viewer, overlay)
+
+
+def _panel(overlay: Overlay, x: float, y: float, text: str, color: str = INK) -> tuple[float, float]:
+    """Text on paper; returns how far it goes."""
+    lines = text.count("\n") + 1
+    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    tall = lines * 1.35 * SIZE + 0.7 * SIZE
+    overlay.rectangle(round(x), round(y), round(wide), round(tall), PAPER)
+    overlay.text(x + 0.7 * SIZE, y + 0.65 * SIZE, text, SIZE, color)
+    return x + wide, y + tall
+
+
+def _draw_title(viewer: Viewer, overlay: Overlay) -> float:
+    content = viewer.content
+    lines = [content.title if content is not None else viewer.path.name]
+    if content is not None and viewer.through is not None:
+        camera = content.cameras[viewer.through]
+        lines.append(f"camera {camera.name}, {camera.width} × {camera.height} px")  # noqa: RUF001
+        lines += content.camera_notes(viewer.through)
+    if content is not None and content.moves and viewer.scale != 1.0:
+        lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
+    right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))
+    if viewer.solver is not None:
+        share, text = viewer.solver.progress
+        top = bottom + 6
+        right, bottom = _panel(overlay, EDGE, top, f"{text or 'solving'} … shown unloaded")
+        overlay.rectangle(EDGE, round(bottom), round(share * (right - EDGE)), 4, ACCENT)
+        bottom += 4
+    if not viewer.shown["help"]:
+        tall = viewer.size[1] - EDGE - (2.5 * SIZE if _has_slider(viewer) else 0.0)
+        overlay.text(EDGE, tall, "h: help", SIZE, "white", anchor="ld", halo="#00000080")
+    return bottom
+
+
+def _draw_help(viewer: Viewer, overlay: Overlay, top: float) -> None:
+    lines = help_lines()
+    first = max(overlay.text_width(key, SIZE) for key, _ in lines) + SIZE
+    wide = first + max(overlay.text_width(text, SIZE) for _, text in lines) + 1.4 * SIZE
+    step = min(1.35 * SIZE, (viewer.size[1] - top - EDGE - SIZE) / len(lines))
+    overlay.rectangle(EDGE, round(top), round(wide), round(step * len(lines) + SIZE), PAPER)
+    for number, (key, text) in enumerate(lines):
+        y = top + 0.5 * SIZE + (number + 0.5) * step
+        overlay.text(EDGE + 0.7 * SIZE, y, key, SIZE, ACCENT, anchor="lm")
+        overlay.text(EDGE + 0.7 * SIZE + first, y, text, SIZE, INK, anchor="lm")
+
+
+def _draw_message(viewer: Viewer, overlay: Overlay) -> None:
+    text = viewer.fault or viewer.message
+    columns = max(int((viewer.size[0] - 4 * EDGE) / (0.56 * SIZE)), 20)
+    lines = [part for line in text.splitlines() for part in textwrap.wrap(line, columns) or [""]]
+    shown = "\n".join(lines[:24])
+    wide = overlay.text_width(shown, SIZE) + 1.4 * SIZE
+    tall = (shown.count("\n") + 1) * 1.35 * SIZE + 0.7 * SIZE
+    x, y = 0.5 * (viewer.size[0] - wide), viewer.size[1] - tall - EDGE - 3.0 * SIZE
+    _panel(overlay, round(x), round(y), shown, WARNING if viewer.fault else INK)
+    if viewer.fault:
+        overlay.rectangle(round(x) - 4, round(y), 4, round(tall), WARNING)
+
+
+# -- slider
+
+
+def _has_slider(viewer: Viewer) -> bool:
+    return viewer.content is not None and viewer.content.frames > 1
+
+
+def _slider(viewer: Viewer) -> tuple[float, float, float]:
+    """Left, width and middle height of the bar, px."""
+    width, height = viewer.size
+    return 3.0 * EDGE, max(width - 6.0 * EDGE, 1.0), height - EDGE - 0.5 * BAR
+
+
+def slider_frame(viewer: Viewer, x: float, y: float | None) -> int | None:
+    """The frame at a place of the window; None beside the slider, or where there is none.
+
+    ``y``: None for a mouse that holds the slider.
+    """
+    if not _has_slider(viewer):
+        return None
+    assert viewer.content is not None
+    left, width, middle = _slider(viewer)
+    if y is not None and not (abs(y - middle) <= BAR + 4 and -EDGE <= x - left <= width + EDGE):
+        return None
+    return int(np.rint(np.clip((x - left) / width, 0.0, 1.0) * (viewer.content.frames - 1)))
+
+
+def _draw_slider(viewer: Viewer, overlay: Overlay) -> None:
+    if not _has_slider(viewer):
+        return
+    assert viewer.content is not None
+    left, width, middle = _slider(viewer)
+    share = viewer.frame / (viewer.content.frames - 1)
+    top, at = round(middle - 0.5 * BAR), round(left + share * width)
+    overlay.rectangle(left - 1, top - 1, width + 2, BAR + 2, "#00000060")
+    overlay.rectangle(left, top, width, BAR, PAPER)
+    overlay.rectangle(left, top, at - left, BAR, ACCENT)
+    overlay.rectangle(at - 5, top - 5, 10, BAR + 10, "white")
+    overlay.rectangle(at - 4, top - 4, 8, BAR + 8, ACCENT)
+    text = viewer.content.frame_text(viewer.frame)
+    overlay.text(left, top - 8, text, SIZE, "white", anchor="ld", halo="#00000080")
+
+
+# -- over the picture
+
+
+def _draw_scale(viewer: Viewer, overlay: Overlay) -> None:
+    if viewer.field is None:
+        return
+    kind = field_kind(viewer.field)
+    scale = scale_of(viewer.field_values, kind.signed)
+    tall = min(240.0, 0.5 * viewer.size[1])
+    wide, _ = draw_legend(Overlay(viewer.device), scale, kind.title, kind.unit, 0, 0, tall, SIZE)
+    draw_legend(
+        overlay, scale, kind.title, kind.unit, viewer.size[0] - wide - EDGE, EDGE, tall, SIZE
+    )
+
+
+def _draw_mesh(viewer: Viewer, overlay: Overlay) -> None:
+    picture = viewer.picture
+    if not viewer.shown["mesh"] or picture.base is None or picture.coarseness > 1:
+        return
+    edges = visible_edges(picture.base, viewer.surfaces())
+    overlay.segments(viewer.place.window(edges), "#10182080", 1.2)
+
+
+def _draw_principal_point(viewer: Viewer, overlay: Overlay) -> None:
+    if viewer.through is None:
+        return
+    camera, left, top = viewer.camera()
+    x, y = viewer.place.window(camera.K[:2, 2])
+    for dx, dy in ((9, 0), (0, 9)):
+        ends = [(x - dx, y - dy), (x + dx, y + dy)]
+        overlay.line(ends, "#00000090", 4.0)
+        overlay.line(ends, "white", 1.5)
+    right, bottom = left + camera.width, top + camera.height
+    corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
+    overlay.line(corners, "#ffffffa0", 1.5)
+
+
+def _draw_selection(viewer: Viewer, overlay: Overlay) -> None:
+    found = viewer.selected
+    if found is None or viewer.content is None:
+        return
+    camera, _, _ = viewer.camera()
+    column, row = camera.project(found.position)
+    x, y = viewer.place.window(np.array([column, row]))
+    if np.isfinite([x, y]).all():
+        for radius, color in ((7.0, "#000000a0"), (5.0, "#ffd23f")):
+            corners = [(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)]
+            overlay.polygon(corners, color)
+    _panel_right(viewer, overlay, "\n".join(_selection_lines(viewer)))
+
+
+def _selection_lines(viewer: Viewer) -> list[str]:
+    found, content = viewer.selected, viewer.content
+    assert found is not None and content is not None
+    lines = [f"{found.name}, paint {found.paint}"]
+    if found.element is not None:
+        lines.append(f"element {found.element}, node {found.node}")
+    if viewer.through is not None:
+        whole, (seen, _, _) = content.cameras[viewer.through], viewer.camera()
+        at = np.array([found.column, found.row]) * viewer.picture.coarseness
+        at = (at + 0.5) * [whole.width / seen.width, whole.height / seen.height] - 0.5
+        lines.append(f"pixel {at[0]:.1f}, {at[1]:.1f}")
+
+    def mm(values: np.ndarray) -> str:
+        return ", ".join(format_value(1e3 * float(v), 1e-3) for v in values) + " mm"
+
+    lines.append(f"at rest {mm(found.reference)}")
+    if content.moves and found.surface < len(content.skins):
+        lines.append(f"moved by {mm(found.displacement / viewer.scale)}")
+    if found.value is not None and viewer.field is not None:
+        kind = field_kind(viewer.field)
+        lines.append(f"{kind.title} {format_value(found.value)} {kind.unit}")
+    return lines
+
+
+def _panel_right(viewer: Viewer, overlay: Overlay, text: str) -> None:
+    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    tall = (text.count("\n") + 1) * 1.35 * SIZE + 0.7 * SIZE
+    y = viewer.size[1] - tall - EDGE - (3.0 * SIZE if _has_slider(viewer) else 0.0)
+    _panel(overlay, round(viewer.size[0] - wide - EDGE), round(y), text)
+
