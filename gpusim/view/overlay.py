@@ -27,6 +27,9 @@ them."""
 QUAD = np.dtype([("corner", "<f4", (4, 2)), ("color", "<f4", 4), ("sprite", "<u4", 4)])
 """One of what the shader draws: corners in order (the last twice for a triangle), px."""
 
+LINE_ENDS = 0b1010
+"""Edges of a line's quad that are hard: pieces that go on with each other have no gap between."""
+
 LINE_HEIGHT = 1.35
 """Of lines of text, over their size."""
 
@@ -106,8 +109,10 @@ class Overlay:
         """A filled triangle or convex quadrilateral, corners (3 or 4, 2) in order."""
         self.polygons(np.asarray(points, np.float64)[None], color)
 
-    def polygons(self, corners: Array, color: Shade | Array) -> None:
+    def polygons(self, corners: Array, color: Shade | Array, hard: int = 0) -> None:
         """Many of them, (n, 3 or 4, 2), of one colour or one each (n, 4).
+
+        ``hard``: bit k for the edge from corner k to the next, if it isn't to be softened.
 
         Raises
         ------
@@ -119,6 +124,7 @@ class Overlay:
                 f"overlay: corners; got shape {corners.shape}; expected (n, 3, 2) or (n, 4, 2)"
             )
         quads = np.zeros(len(corners), QUAD)
+        quads["sprite"][:, 3] = hard
         each = isinstance(color, np.ndarray) and color.ndim == 2
         quads["color"] = color if each else display_color(color)  # type: ignore[arg-type]
         with np.errstate(over="ignore", invalid="ignore"):
@@ -143,7 +149,7 @@ class Overlay:
         corners = [ends[:, 0] + side, ends[:, 1] + side, ends[:, 1] - side, ends[:, 0] - side]
         if isinstance(color, np.ndarray) and color.ndim == 2:
             color = color[own]
-        self.polygons(np.stack(corners, axis=1), color)
+        self.polygons(np.stack(corners, axis=1), color, LINE_ENDS)
 
     def text_width(self, text: str, size: float) -> float:
         """Width of the longest line, px."""
@@ -255,7 +261,7 @@ def overlay_twin(
         if not (high > low).all():
             continue
         x, y = np.meshgrid(*(np.arange(low[k], high[k]) + np.float32(0.5) for k in (0, 1)))
-        share = _letter(quad, coverage, x, y) if quad["sprite"][1] else _share(corner, x, y)
+        share = _letter(quad, coverage, x, y) if quad["sprite"][1] else _share(quad, x, y)
         alpha = (quad["color"][3] * share)[..., None]
         there = result[low[1] : high[1], low[0] : high[0]]
         there[..., :3] = alpha * quad["color"][:3] + (1.0 - alpha) * there[..., :3]
@@ -264,8 +270,9 @@ def overlay_twin(
 
 
 def _share(
-    corner: npt.NDArray[np.float32], x: npt.NDArray[Any], y: npt.NDArray[Any]
+    quad: npt.NDArray[np.void], x: npt.NDArray[Any], y: npt.NDArray[Any]
 ) -> npt.NDArray[Any]:
+    corner, hard = quad["corner"], int(quad["sprite"][3])
     across, other = corner[2] - corner[0], corner[3] - corner[1]
     turn = np.float32(1.0 if across[0] * other[1] - across[1] * other[0] > 0.0 else -1.0)
     outside = np.zeros_like(x)
@@ -274,7 +281,8 @@ def _share(
         size = np.hypot(edge[0], edge[1])
         if size > 0.0:
             inside = turn * (edge[0] * (y - corner[k][1]) - edge[1] * (x - corner[k][0])) / size
-            outside += 1.0 - np.clip(inside + np.float32(0.5), 0.0, 1.0)
+            soft = 1.0 - np.clip(inside + np.float32(0.5), 0.0, 1.0)
+            outside += inside < 0.0 if hard >> k & 1 else soft
     # what the rasteriser draws: at sharp tips it ends before the coverage does
     wide = _outward(corner, turn)
     for k in range(4):

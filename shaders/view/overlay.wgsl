@@ -9,7 +9,7 @@ struct Quad {
     ab: vec4f,
     cd: vec4f,
     color: vec4f,
-    // of a letter: first byte of its coverage, columns (0: no letter), rows
+    // of a letter: first byte of its coverage, columns (0: no letter), rows; then bits: edge k is hard
     sprite: vec4u,
 }
 @group(0) @binding(0) var<uniform> params: Params;
@@ -69,7 +69,8 @@ fn coverage(quad: Quad, p: vec2f) -> f32 {
         if (size > 0.0) {
             let d = p - from_corner;
             let inside = turn * (edge.x * d.y - edge.y * d.x) / size;
-            outside += 1.0 - clamp(inside + 0.5, 0.0, 1.0);
+            let hard = ((quad.sprite.w >> k) & 1u) == 1u;
+            outside += select(1.0 - clamp(inside + 0.5, 0.0, 1.0), f32(inside < 0.0), hard);
         }
     }
     return max(1.0 - outside, 0.0);
