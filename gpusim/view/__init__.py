@@ -1,20 +1,30 @@
 """The preview window: a scene, a run's folder or a mesh, looked at while one works on it.
 
 What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``) are imported by
-`window` alone.
+`window` alone. In the order in which modules need each other:
 
+- `placement`: Where a picture lies in the window.
 - `turntable`: A camera that goes round a pivot with z up.
-- `neutral`: The paint and the light of what has none, and of who switches those of a scene off.
-- `content`: What is shown: surfaces by frame, cameras, lights, fields.
-- `loading`: Content from a file: a scene, a run's folder, a mesh, a CAD file.
-- `background_solver`: A scene solved in another process.
-- `file_watch`: Whether files have changed.
-- `moving_picture`: A picture without shadows and soft edges, while the view moves.
-- `still_picture`: A picture at full quality, some rows at a time.
-- `display`: Radiance as colours of a screen.
-- `keys`: What keys do, in one table.
-- `viewer`: The state of what is looked at, and how it answers keys and the mouse.
-- `panels`: What is written over the picture: title, slider, help, faults.
+- `glyphs`: Letters as small grey pictures, drawn by Pillow from the DejaVu Sans that comes with
+  matplotlib.
+- `overlay`: What is drawn over a picture: rectangles, lines, triangles and text, all in one pass.
+- `field_colors`: A rendered picture coloured by a field: values of a body's nodes or elements at every
+  pixel.
+- `fields`: Fields of a solution by name: their values, unit and range, and the legend of their colours.
+- `picking`: What is under a pixel: the body or prop, its element, node and field, and the material
+  point.
+- `mesh_edges`: Lines of a mesh on its surface: borders of elements, and edges where it is creased or
+  ends.
+- `symbols`: Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras,
+  a grid.
+- `camera_marks`: What is drawn while one looks through a camera of the scene: its frame, its middle,
+  its lens.
+- `content`: What is shown, from files, and solved meanwhile.
+- `picture`: Its picture: coarse while it moves, exact when it is still.
+- `keys`: What keys and the mouse do, in one table.
+- `panels`: What is written over the picture: title, selection, slider, progress, help, messages,
+  faults.
+- `viewer`: What is looked at, and how it answers keys and the mouse.
 - `screenshot`: The window's picture without a window.
-- `window`: The window itself, and the same in a browser.
+- `window`: The window (rendercanvas and glfw), and the same picture in a browser.
 """

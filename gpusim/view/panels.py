@@ -7,10 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gpusim.view.camera_marks import (
+    depth_of_field,
+    draw_distortion,
+    draw_image_frame,
+    draw_principal_point,
+)
 from gpusim.view.fields import draw_legend, field_kind, format_value, scale_of
 from gpusim.view.keys import help_lines
-from gpusim.view.mesh_lines import visible_edges
+from gpusim.view.mesh_edges import element_edges
 from gpusim.view.overlay import Overlay
+from gpusim.view.symbols import Symbols
 
 if TYPE_CHECKING:
     from gpusim.view.viewer import Viewer
@@ -31,8 +38,7 @@ BAR = 8
 def draw_panels(viewer: Viewer, overlay: Overlay) -> None:
     """Collect all that stands over a viewer's picture."""
     if viewer.content is not None and viewer.picture.base is not None:
-        _draw_mesh(viewer, overlay)
-        _draw_principal_point(viewer, overlay)
+        _draw_symbols(viewer, overlay)
         _draw_selection(viewer, overlay)
         _draw_scale(viewer, overlay)
     bottom = _draw_title(viewer, overlay)
@@ -59,7 +65,8 @@ def _draw_title(viewer: Viewer, overlay: Overlay) -> float:
     if content is not None and viewer.through is not None:
         camera = content.cameras[viewer.through]
         lines.append(f"camera {camera.name}, {camera.width} × {camera.height} px")  # noqa: RUF001
-        lines += content.camera_notes(viewer.through)
+        sharp = depth_of_field(camera, content.lens(viewer.through))
+        lines += [sharp.describe()] if sharp is not None else []
     if content is not None and content.moves and viewer.scale != 1.0:
         lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
     right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))
@@ -158,26 +165,39 @@ def _draw_scale(viewer: Viewer, overlay: Overlay) -> None:
     )
 
 
-def _draw_mesh(viewer: Viewer, overlay: Overlay) -> None:
-    picture = viewer.picture
-    if not viewer.shown["mesh"] or picture.base is None or picture.coarseness > 1:
-        return
-    edges = visible_edges(picture.base, viewer.surfaces())
-    overlay.segments(viewer.place.window(edges), "#10182080", 1.2)
-
-
-def _draw_principal_point(viewer: Viewer, overlay: Overlay) -> None:
-    if viewer.through is None:
-        return
+def _draw_symbols(viewer: Viewer, overlay: Overlay) -> None:
+    """What stands in space; of what hides it only a sharp picture tells."""
+    content, picture, shown = viewer.content, viewer.picture, viewer.shown
+    assert content is not None
     camera, left, top = viewer.camera()
-    x, y = viewer.place.window(camera.K[:2, 2])
-    for dx, dy in ((9, 0), (0, 9)):
-        ends = [(x - dx, y - dy), (x + dx, y + dy)]
-        overlay.line(ends, "#00000090", 4.0)
-        overlay.line(ends, "white", 1.5)
-    right, bottom = left + camera.width, top + camera.height
-    corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
-    overlay.line(corners, "#ffffffa0", 1.5)
+    place, width, height = viewer.place, *viewer.size
+    hides = picture.base if not picture.waits else None
+    symbols = Symbols(overlay, camera, place, hides)
+    surfaces = viewer.surfaces()
+    for number, skin in enumerate(content.skins):
+        if shown["mesh"] and hides is not None:
+            symbols.elements(element_edges(surfaces[number], skin))
+        model = content.model(number) if shown["supports"] or shown["loads"] else None
+        if model is None:
+            continue
+        nodes = model.mesh.points + viewer.scale * content.displacement(number, viewer.frame)
+        if shown["supports"] and model.fixed is not None:
+            outside = np.unique(skin.faces.nodes[skin.faces.nodes >= 0])
+            symbols.supports(nodes[outside], model.fixed[outside])
+        if shown["loads"]:
+            symbols.loads(nodes, content.forces(number, viewer.frame))
+    if shown["cameras"]:
+        outline = content.outline(viewer.frame, viewer.scale)
+        others = [own for own in content.cameras if np.linalg.norm(own.eye - camera.eye) > 0.0]
+        symbols.cameras(others, 0.2 * float(np.ptp(outline, axis=0).max()))
+    if viewer.through is not None:
+        draw_image_frame(overlay, camera, place, width, height)
+        draw_principal_point(overlay, camera, place)
+        if shown["cameras"]:
+            draw_distortion(overlay, camera, place)
+    else:
+        raised = 3.5 * SIZE if _has_slider(viewer) else 0.0
+        symbols.tripod(width - 60.0, height - 60.0 - raised)
 
 
 def _draw_selection(viewer: Viewer, overlay: Overlay) -> None:

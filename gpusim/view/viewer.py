@@ -15,19 +15,19 @@ from gpusim.errors import GpusimError
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
-from gpusim.view.background_solver import BackgroundSolver
-from gpusim.view.content import Content
+from gpusim.view.content.background_solver import BackgroundSolver
+from gpusim.view.content.content import Content
 from gpusim.view.field_colors import FieldColors, corner_values
 from gpusim.view.fields import FIELDS, field_kind, scale_of, surface_field
-from gpusim.view.file_watch import FileWatch
+from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.keys import KEYS
-from gpusim.view.loading import load_content, load_solution
-from gpusim.view.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
+from gpusim.view.content.loading import load_content, load_solution
+from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
 from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, slider_frame
 from gpusim.view.picking import Pick, pick
 from gpusim.view.placement import Placement
-from gpusim.view.progressive_picture import ProgressivePicture, Shot
+from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
 from gpusim.view.turntable import Turntable, camera_lines
 
 __all__ = ["Viewer"]

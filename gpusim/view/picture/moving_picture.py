@@ -30,7 +30,7 @@ def unshadowed(lights: Sequence[Light]) -> list[Light]:
 
     Examples
     --------
-    >>> from gpusim.view.moving_picture import unshadowed
+    >>> from gpusim.view.picture.moving_picture import unshadowed
     >>> [light.shadows for light in unshadowed([gs.SunLight((0, 0, -1), 800.0)])]
     [False]
     """

@@ -20,8 +20,8 @@ from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
-from gpusim.view.content import Content
-from gpusim.view.neutral import PAINT
+from gpusim.view.content.content import Content
+from gpusim.view.picture.neutral import PAINT
 
 __all__ = ["load_content", "load_solution"]
 
@@ -43,7 +43,7 @@ def load_content(path: Path) -> Content:
 
     Examples
     --------
-    >>> from gpusim.view.loading import load_content
+    >>> from gpusim.view.content.loading import load_content
     >>> load_content(Path("bar.toml")).title
     'bar'
     """

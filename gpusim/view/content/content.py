@@ -20,7 +20,7 @@ from gpusim.pipeline.stages.mechanics import Stresses
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.fields import BodyState
-from gpusim.view.neutral import unpainted
+from gpusim.view.picture.neutral import unpainted
 
 __all__ = ["Content"]
 
@@ -51,20 +51,10 @@ class Content:
         """Radiance where no surface is."""
         return 0.0 if self.objects is None else self.objects.scene.render.background
 
-    def camera_notes(self, number: int) -> list[str]:
-        """What is to be known of a camera of the scene beside its picture."""
-        if self.objects is None:
-            return []
-        camera = self.cameras[number]
-        lens = build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
-        notes = []
-        if camera.lens is not None:
-            notes.append("with its distortion")
-        if lens is not None and lens.f_number and lens.focus_distance and lens.focal_length:
-            near, far = sharp_range(lens, camera)
-            most = f"{1e3 * far:.4g} mm" if np.isfinite(far) else "infinity"
-            notes.append(f"sharp to a pixel from {1e3 * near:.4g} mm to {most}")
-        return notes
+    def lens(self, number: int) -> Lens | None:
+        """Of a camera of the scene."""
+        assert self.objects is not None
+        return build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
 
     @property
     def frames(self) -> int:
@@ -164,27 +154,35 @@ class Content:
         it was solved as."""
         objects = self.objects
         assert objects is not None
-        parts, stress, model = objects.bodies[body], None, None
-        if self.stresses is not None:
+        parts, stress = objects.bodies[body], None
+        if self.stresses is not None and not solved:
             stress = self.stresses.fields(body, frame, parts)[0]["stress"]
-        if (solved or stress is None) and not objects.history.given:
-            if body not in self._models:
-                self._models[body] = build_model(parts, objects.history.groups[body])
-            model, stress = self._models[body], None if solved else stress
+        model = self.model(body) if stress is None else None
         return BodyState(
             parts.mesh, self.displacement(body, frame), model, parts.body.formulation,
             temperature(parts.body, frame), nodal_stress=stress,
         )  # fmt: skip
 
+    def model(self, body: int) -> Model | None:
+        """What a body is solved as; None if its displacements are given.
 
-def sharp_range(lens: Lens, camera: Camera) -> tuple[float, float]:
-    """Nearest and farthest depth whose points are blurred over a pixel at most, from the lens.
+        Raises
+        ------
+        InputError
+            As `gpusim.pipeline.build.modelling.build_model`.
+        """
+        objects = self.objects
+        if objects is None or objects.history.given:
+            return None
+        if body not in self._models:
+            groups = objects.history.groups[body]
+            self._models[body] = build_model(objects.bodies[body], groups)
+        return self._models[body]
 
-    The blur of a point at depth z is A v |1/s - 1/z| on the sensor: A the aperture, v the image
-    distance, s the distance of focus; in px A fx |1/s - 1/z| (fx: v in px).
-    """
-    assert lens.f_number and lens.focus_distance and lens.focal_length
-    aperture = lens.focal_length / lens.f_number
-    share = 1.0 / (aperture * camera.K[0, 0])
-    at = 1.0 / lens.focus_distance
-    return 1.0 / (at + share), 1.0 / (at - share) if at > share else np.inf
+    def forces(self, body: int, frame: int) -> Array:
+        """Of a body's nodes (N, 3), N, as they act in a frame."""
+        assert self.objects is not None
+        model, weights = self.model(body), self.objects.history.weights(frame)[body]
+        if model is None:
+            return np.zeros((self.objects.bodies[body].mesh.node_count, 3))
+        return np.asarray(np.tensordot(weights, model.load_cases, axes=1))

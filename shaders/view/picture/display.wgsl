@@ -1,5 +1,5 @@
 // Radiance as colours of a screen: scaled to the target's size, exposed, with the curve of sRGB.
-// The NumPy form is gpusim/view/display.py.
+// The NumPy form is gpusim/view/picture/display.py.
 override coloured: u32;  // 0: one plane, which all three bindings hold
 
 struct Params {

@@ -17,8 +17,8 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.renderer import render
 from gpusim.surface.surface import Surface
-from gpusim.view.display import draw_frame
-from gpusim.view.moving_picture import moving_picture, unshadowed
+from gpusim.view.picture.display import draw_frame
+from gpusim.view.picture.moving_picture import moving_picture, unshadowed
 from gpusim.view.placement import Placement
 
 __all__ = ["ProgressivePicture", "Shot", "coarser", "rows_of"]

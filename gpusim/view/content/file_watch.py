@@ -20,7 +20,7 @@ class FileWatch:
 
     Examples
     --------
-    >>> from gpusim.view.file_watch import FileWatch
+    >>> from gpusim.view.content.file_watch import FileWatch
     >>> watch = FileWatch([Path("bar.toml")])
     >>> watch.changed()
     False

@@ -38,7 +38,7 @@ def draw_frame(
 
     Examples
     --------
-    >>> from gpusim.view.display import draw_frame
+    >>> from gpusim.view.picture.display import draw_frame
     >>> from gpusim.view.placement import Placement
     >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
     >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
@@ -49,7 +49,7 @@ def draw_frame(
     """
     height = rows or frame.height
     raster = device.raster(
-        "view/display", (target.format,), {"coloured": float(frame.coloured)}, depth="none"
+        "view/picture/display", (target.format,), {"coloured": float(frame.coloured)}, depth="none"
     )
     for red, green, blue in zip(*_three(frame.planes), strict=True):
         bindings = raster.bind(

@@ -25,7 +25,7 @@ __all__ = ["BackgroundSolver"]
 
 _CHILD = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
-    "from gpusim.view.background_solver import solve_here; solve_here()"
+    "from gpusim.view.content.background_solver import solve_here; solve_here()"
 )
 
 
