@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.gpu import Device, Texture, compare, twin_check
+from gpusim.optics.frame import Band, Frame
+from gpusim.optics.geometry.view import look
 from gpusim.optics.rendering.renderer import render
 from gpusim.optics.visibility_buffer import VisibilityBuffer
 from gpusim.twin_checks.scenes import shadow_scene
@@ -19,6 +23,8 @@ from gpusim.view.field_colors import (
     finer,
 )
 from gpusim.view.overlay import Overlay, overlay_twin
+from gpusim.view.picture.display import display_twin, draw_frame
+from gpusim.view.placement import Placement
 
 STEP = 1.0 / 255.0
 """Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""
@@ -72,3 +78,36 @@ def check_field_colors(device: Device) -> None:
     twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)
     # the mean of four samples of 8 bits, rounded to 8 bits
     compare("field colours", pixels_of(device, target) * STEP, twin, atol=1.6 * STEP, rtol=0.0)
+
+
+@twin_check("view/picture/display")
+def check_display(device: Device) -> None:
+    """A grey and a coloured picture, as large as the target's pixels and larger, in two bands."""
+    random = np.random.default_rng(3)
+    target = device.texture(61, 37, "rgba8unorm", "twin.display")
+    surfaces, camera, _ = shadow_scene()
+    view = look(surfaces, replace(camera, width=23, height=14), lit=False)
+    planes = [random.random((14, 23)) for _ in range(3)]
+    for scale, smooth, parts in ((2.6, True, (14,)), (2.6, False, (9, 5)), (1.0, True, (9, 5))):
+        frames = [Frame(view, device, _bands(device, plane, parts)) for plane in planes]
+        for frame in (frames[0], Frame.of_planes(frames)):
+            with device.recording("twin.display") as recording:
+                draw_frame(
+                    device, recording, target, Placement(scale=scale), frame, 1.2, smooth=smooth
+                )
+            wanted = display_twin(frame.radiance, 61, 37, 1.2, scale, smooth)
+            got = pixels_of(device, target)[..., :3] * STEP
+            compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
+
+
+def _bands(
+    device: Device, radiance: npt.NDArray[np.float64], parts: Sequence[int]
+) -> tuple[Band, ...]:
+    """A picture (H, W) in bands of so many rows."""
+    bands, row0 = [], 0
+    for rows in parts:
+        own = np.zeros((rows, 64), np.float32)
+        own[:, : radiance.shape[1]] = radiance[row0 : row0 + rows]
+        bands.append(Band(row0, rows, 64, device.buffer(own, "twin.band")))
+        row0 += rows
+    return tuple(bands)

@@ -6,6 +6,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.view.camera_marks import (
     depth_of_field,
@@ -20,9 +21,11 @@ from gpusim.view.overlay import Overlay
 from gpusim.view.symbols import Symbols
 
 if TYPE_CHECKING:
-    from gpusim.view.viewer import Viewer
+    from gpusim.view.view_state import ViewState
 
 __all__ = ["draw_panels", "slider_frame"]
+
+Array = npt.NDArray[np.float64]
 
 SIZE = 14
 """px of letters."""
@@ -35,12 +38,11 @@ BAR = 8
 """px, height of the slider."""
 
 
-def draw_panels(viewer: Viewer, overlay: Overlay) -> None:
+def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
     """Collect all that stands over a viewer's picture."""
     if viewer.content is not None and viewer.picture.base is not None:
         _draw_symbols(viewer, overlay)
-        _draw_selection(viewer, overlay)
-        _draw_scale(viewer, overlay)
+        _draw_selection(viewer, overlay, _draw_scale(viewer, overlay) + EDGE)
     bottom = _draw_title(viewer, overlay)
     _draw_slider(viewer, overlay)
     if viewer.shown["help"]:
@@ -49,7 +51,9 @@ def draw_panels(viewer: Viewer, overlay: Overlay) -> None:
         _draw_message(viewer, overlay)
 
 
-def _panel(overlay: Overlay, x: float, y: float, text: str, color: str = INK) -> tuple[float, float]:
+def _panel(
+    overlay: Overlay, x: float, y: float, text: str, color: str = INK
+) -> tuple[float, float]:
     """Text on paper; returns how far it goes."""
     lines = text.count("\n") + 1
     wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
@@ -59,7 +63,7 @@ def _panel(overlay: Overlay, x: float, y: float, text: str, color: str = INK) ->
     return x + wide, y + tall
 
 
-def _draw_title(viewer: Viewer, overlay: Overlay) -> float:
+def _draw_title(viewer: ViewState, overlay: Overlay) -> float:
     content = viewer.content
     lines = [content.title if content is not None else viewer.path.name]
     if content is not None and viewer.through is not None:
@@ -82,7 +86,7 @@ def _draw_title(viewer: Viewer, overlay: Overlay) -> float:
     return bottom
 
 
-def _draw_help(viewer: Viewer, overlay: Overlay, top: float) -> None:
+def _draw_help(viewer: ViewState, overlay: Overlay, top: float) -> None:
     lines = help_lines()
     first = max(overlay.text_width(key, SIZE) for key, _ in lines) + SIZE
     wide = first + max(overlay.text_width(text, SIZE) for _, text in lines) + 1.4 * SIZE
@@ -94,7 +98,7 @@ def _draw_help(viewer: Viewer, overlay: Overlay, top: float) -> None:
         overlay.text(EDGE + 0.7 * SIZE + first, y, text, SIZE, INK, anchor="lm")
 
 
-def _draw_message(viewer: Viewer, overlay: Overlay) -> None:
+def _draw_message(viewer: ViewState, overlay: Overlay) -> None:
     text = viewer.fault or viewer.message
     columns = max(int((viewer.size[0] - 4 * EDGE) / (0.56 * SIZE)), 20)
     lines = [part for line in text.splitlines() for part in textwrap.wrap(line, columns) or [""]]
@@ -110,17 +114,17 @@ def _draw_message(viewer: Viewer, overlay: Overlay) -> None:
 # -- slider
 
 
-def _has_slider(viewer: Viewer) -> bool:
+def _has_slider(viewer: ViewState) -> bool:
     return viewer.content is not None and viewer.content.frames > 1
 
 
-def _slider(viewer: Viewer) -> tuple[float, float, float]:
+def _slider(viewer: ViewState) -> tuple[float, float, float]:
     """Left, width and middle height of the bar, px."""
     width, height = viewer.size
     return 3.0 * EDGE, max(width - 6.0 * EDGE, 1.0), height - EDGE - 0.5 * BAR
 
 
-def slider_frame(viewer: Viewer, x: float, y: float | None) -> int | None:
+def slider_frame(viewer: ViewState, x: float, y: float | None) -> int | None:
     """The frame at a place of the window; None beside the slider, or where there is none.
 
     ``y``: None for a mouse that holds the slider.
@@ -134,7 +138,7 @@ def slider_frame(viewer: Viewer, x: float, y: float | None) -> int | None:
     return int(np.rint(np.clip((x - left) / width, 0.0, 1.0) * (viewer.content.frames - 1)))
 
 
-def _draw_slider(viewer: Viewer, overlay: Overlay) -> None:
+def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
     if not _has_slider(viewer):
         return
     assert viewer.content is not None
@@ -153,23 +157,23 @@ def _draw_slider(viewer: Viewer, overlay: Overlay) -> None:
 # -- over the picture
 
 
-def _draw_scale(viewer: Viewer, overlay: Overlay) -> None:
+def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
+    """The legend of a field, in the corner; returns how far down it goes."""
     if viewer.field is None:
-        return
+        return 0.0
     kind = field_kind(viewer.field)
     scale = scale_of(viewer.field_values, kind.signed)
     tall = min(240.0, 0.5 * viewer.size[1])
     wide, _ = draw_legend(Overlay(viewer.device), scale, kind.title, kind.unit, 0, 0, tall, SIZE)
-    draw_legend(
-        overlay, scale, kind.title, kind.unit, viewer.size[0] - wide - EDGE, EDGE, tall, SIZE
-    )
+    right = viewer.size[0] - wide - EDGE
+    return EDGE + draw_legend(overlay, scale, kind.title, kind.unit, right, EDGE, tall, SIZE)[1]
 
 
-def _draw_symbols(viewer: Viewer, overlay: Overlay) -> None:
+def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
     """What stands in space; of what hides it only a sharp picture tells."""
     content, picture, shown = viewer.content, viewer.picture, viewer.shown
     assert content is not None
-    camera, left, top = viewer.camera()
+    camera, _, _ = viewer.camera()
     place, width, height = viewer.place, *viewer.size
     hides = picture.base if not picture.waits else None
     symbols = Symbols(overlay, camera, place, hides)
@@ -200,21 +204,30 @@ def _draw_symbols(viewer: Viewer, overlay: Overlay) -> None:
         symbols.tripod(width - 60.0, height - 60.0 - raised)
 
 
-def _draw_selection(viewer: Viewer, overlay: Overlay) -> None:
-    found = viewer.selected
-    if found is None or viewer.content is None:
+def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
+    """A mark where the selected material point is now, and what is known of it."""
+    found, content = viewer.selected, viewer.content
+    if found is None or content is None:
         return
+    moved = np.zeros(3)
+    if found.surface < len(content.skins):
+        moved = content.moved_point(found.surface, found.reference, viewer.frame)
+    at = found.position
+    if found.surface < len(content.skins):
+        at = found.reference + viewer.scale * moved
     camera, _, _ = viewer.camera()
-    column, row = camera.project(found.position)
-    x, y = viewer.place.window(np.array([column, row]))
+    pixel = camera.project(at)
+    x, y = viewer.place.window(pixel)
     if np.isfinite([x, y]).all():
         for radius, color in ((7.0, "#000000a0"), (5.0, "#ffd23f")):
-            corners = [(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)]
-            overlay.polygon(corners, color)
-    _panel_right(viewer, overlay, "\n".join(_selection_lines(viewer)))
+            overlay.polygon([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)],
+                            color)  # fmt: skip
+    text = "\n".join(_selection_lines(viewer, moved, pixel))
+    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    _panel(overlay, round(viewer.size[0] - wide - EDGE), round(top), text)
 
 
-def _selection_lines(viewer: Viewer) -> list[str]:
+def _selection_lines(viewer: ViewState, moved: Array, pixel: Array) -> list[str]:
     found, content = viewer.selected, viewer.content
     assert found is not None and content is not None
     lines = [f"{found.name}, paint {found.paint}"]
@@ -222,25 +235,19 @@ def _selection_lines(viewer: Viewer) -> list[str]:
         lines.append(f"element {found.element}, node {found.node}")
     if viewer.through is not None:
         whole, (seen, _, _) = content.cameras[viewer.through], viewer.camera()
-        at = np.array([found.column, found.row]) * viewer.picture.coarseness
-        at = (at + 0.5) * [whole.width / seen.width, whole.height / seen.height] - 0.5
-        lines.append(f"pixel {at[0]:.1f}, {at[1]:.1f}")
+        share = np.array([whole.width / seen.width, whole.height / seen.height])
+        column, row = (pixel + 0.5) * share - 0.5
+        lines.append(f"pixel {column:.1f}, {row:.1f}")
 
-    def mm(values: np.ndarray) -> str:
-        return ", ".join(format_value(1e3 * float(v), 1e-3) for v in values) + " mm"
+    def mm(values: Array) -> str:
+        return ", ".join(format_value(1e3 * float(v), 1e-2) for v in values) + " mm"
 
     lines.append(f"at rest {mm(found.reference)}")
-    if content.moves and found.surface < len(content.skins):
-        lines.append(f"moved by {mm(found.displacement / viewer.scale)}")
-    if found.value is not None and viewer.field is not None:
+    if content.moves and found.element is not None:
+        lines.append(f"moved by {mm(moved)}")
+    if viewer.field is not None and found.node is not None:
         kind = field_kind(viewer.field)
-        lines.append(f"{kind.title} {format_value(found.value)} {kind.unit}")
+        place = found.element if kind.by_cell else found.node
+        value = format_value(float(viewer.field_values[found.surface][place]))
+        lines.append(f"{kind.title} {value} {kind.unit}")
     return lines
-
-
-def _panel_right(viewer: Viewer, overlay: Overlay, text: str) -> None:
-    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
-    tall = (text.count("\n") + 1) * 1.35 * SIZE + 0.7 * SIZE
-    y = viewer.size[1] - tall - EDGE - (3.0 * SIZE if _has_slider(viewer) else 0.0)
-    _panel(overlay, round(viewer.size[0] - wide - EDGE), round(y), text)
-

@@ -75,9 +75,7 @@ def wait_for_solution(viewer: Viewer) -> None:
         raise NotConverged(f"view {viewer.path}: {viewer.fault}")
 
 
-def look_as_asked(
-    viewer: Viewer, camera: str | None, frame: int | None, field: str | None
-) -> None:
+def look_as_asked(viewer: Viewer, camera: str | None, frame: int | None, field: str | None) -> None:
     """Show a camera of the scene, a frame and a field.
 
     Raises

@@ -140,9 +140,11 @@ def serve_view(viewer: Viewer, port: int) -> None:
     """
     try:
         import uvicorn
+        import websockets  # which uvicorn looks for when a browser asks
         from rendercanvas.http import RenderCanvas, asgi, loop
     except ImportError as error:
         raise InputError(f"view: {error.name} is missing; {INSTALL}") from None
+    del websockets
     canvas = RenderCanvas(size=viewer.size, title=TITLE, max_fps=FRAMES_PER_SECOND)
     WindowView(viewer, canvas, loop, types=False)
-    uvicorn.run(asgi, host=LOCAL, port=port, log_level="warning")
+    uvicorn.run(asgi, host=LOCAL, port=port, log_level="warning", ws="websockets-sansio")

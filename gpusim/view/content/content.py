@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -112,6 +113,11 @@ class Content:
         assert self.objects is not None
         return self.objects.displacement(body, frame if self.moves else None)
 
+    def moved_point(self, body: int, reference: Array, frame: int) -> Array:
+        """Displacement (3,) of a material point (3,) on a body's surface."""
+        nodes, weights = self.skins[body].locate(reference[None])
+        return np.asarray(weights[0] @ self.displacement(body, frame)[nodes[0]])
+
     def surfaces(self, frame: int, scale: float = 1.0, painted: bool = True) -> list[Surface]:
         """Every surface in a frame, bodies first, displacements times ``scale``; the same objects
         if it is asked for again."""
@@ -186,3 +192,29 @@ class Content:
         if model is None:
             return np.zeros((self.objects.bodies[body].mesh.node_count, 3))
         return np.asarray(np.tensordot(weights, model.load_cases, axes=1))
+
+    def take_over(self, earlier: Content | None) -> bool:
+        """Keep the solution of an earlier state of the file, if nothing that it depends on has
+        changed; whether it is so."""
+        if earlier is None or earlier.objects is None or self.objects is None:
+            return False
+        if earlier._mechanics() != self._mechanics():
+            return False
+        if earlier.objects.solved is not None and self.objects.solved is None:
+            self.solve(earlier.objects.solved, earlier.stresses)
+        return True
+
+    def _mechanics(self) -> tuple[Any, ...]:
+        """All of a scene that its solution depends on."""
+        assert self.objects is not None
+        scene = self.objects.scene
+        document = scene.document
+        bodies = [
+            {key: value for key, value in body.items() if key != "paint"}
+            for body in document.get("body", [])
+        ]
+        return (
+            bodies,
+            *(document.get(key) for key in ("material", "analysis", "solver")),
+            scene.files,
+        )

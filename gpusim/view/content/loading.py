@@ -70,9 +70,9 @@ def _part(path: Path, suffix: str) -> Surface:
         mesh = mesh_cad(file, size=1e-3 * COARSE_MM, curvature=CURVED, scale=1e-3)
     else:
         mesh = read_mesh(file)
-    faces = boundary_faces(mesh)
-    skin = Skin(mesh, faces)
-    return skin.surface({"neutral": PAINT}, np.zeros(len(faces), np.int32), {}, path.stem)
+    outside = boundary_faces(mesh)
+    region = np.zeros(len(outside), np.int32)
+    return Skin(mesh, outside).surface({"neutral": PAINT}, region, {}, path.stem)
 
 
 def _scene(path: Path) -> Content:

@@ -34,7 +34,7 @@ def draw_frame(
     ``height``, of a format without "-srgb": the curve is put on here. ``exposure``: 1 / the
     radiance that is white. ``first_row``, ``rows``: the frame is a part of a picture of so many
     rows, and begins there. ``clear``: the target is made black before. ``smooth``: interpolated
-    between pixels where the sizes differ.
+    between pixels where the sizes differ, within each of the frame's bands.
 
     Examples
     --------

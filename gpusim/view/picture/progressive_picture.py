@@ -147,9 +147,7 @@ class ProgressivePicture:
             finer = -1 if seconds < QUICK else 1 if seconds > SLOW else 0
             self.level = min(max(self.level + finer, 0), len(COARSENESS) - 1)
 
-    def draw(
-        self, recording: Recording, target: Any, left: int, top: int, exposure: float
-    ) -> None:
+    def draw(self, recording: Recording, target: Any, left: int, top: int, exposure: float) -> None:
         """Draw what there is on a target, from a corner on."""
         if self.shot is None or self.base is None:
             return
