@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from gpusim.cli.console import exit_codes, importing, out
+from gpusim.errors import InputError
 
 __all__ = ["view"]
 
@@ -19,7 +20,9 @@ def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)[x×](\d+)", str(text))  # noqa: RUF001
     size = (int(found[1]), int(found[2])) if found else (0, 0)
     if not all(16 <= side <= 8192 for side in size):
-        raise typer.BadParameter(f"got {text!r}; expected WIDTHxHEIGHT, 16 to 8192 px: 1280x800")
+        raise InputError(
+            f"view --size; got {text!r}; expected WIDTHxHEIGHT, 16 to 8192 px: 1280x800"
+        )
     return size
 
 
@@ -40,7 +43,7 @@ def view(
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
     size: Annotated[
-        str, typer.Option(metavar="WxH", help="Of the window, px.", callback=None)
+        str, typer.Option(metavar="WxH", help="Of the window, px.")
     ] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")
@@ -52,6 +55,7 @@ def view(
     h shows the keys. A scene is read again when its file changes.
     """
     with exit_codes():
+        pixels = _size(size)
         with importing():
             from gpusim.gpu import default_device
             from gpusim.view.screenshot import (
@@ -61,7 +65,6 @@ def view(
             )
             from gpusim.view.viewer import Viewer
 
-        pixels = _size(size)
         solved = screenshot is None or frame is not None or field is not None
         viewer = Viewer(default_device(), path, pixels, solve=solved)
         try:

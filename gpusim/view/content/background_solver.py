@@ -46,7 +46,8 @@ class BackgroundSolver:
             stderr=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": "ignore"},
         )  # fmt: skip
         call = pickle.dumps(sys.path) + pickle.dumps((os.getpid(), scene, self.folder))
-        threading.Thread(target=self._follow, args=(call,), daemon=True).start()
+        self._thread = threading.Thread(target=self._follow, args=(call,), daemon=True)
+        self._thread.start()
 
     @property
     def running(self) -> bool:
@@ -58,6 +59,10 @@ class BackgroundSolver:
         self.fault = self.fault or "stopped"
         self._process.kill()
         self._process.wait()
+        self._thread.join()
+        for pipe in (self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
         self._folder.cleanup()
 
     def _follow(self, call: bytes) -> None:

@@ -186,8 +186,10 @@ class Content:
         return self._models[body]
 
     def forces(self, body: int, frame: int) -> Array:
-        """Of a body's nodes (N, 3), N, as they act in a frame."""
+        """Of a body's nodes (N, 3), N, as they act in a frame; of one that can't be shown loaded
+        yet, in the last one."""
         assert self.objects is not None
+        frame = frame if self.moves else self.objects.history.frames - 1
         model, weights = self.model(body), self.objects.history.weights(frame)[body]
         if model is None:
             return np.zeros((self.objects.bodies[body].mesh.node_count, 3))

@@ -119,7 +119,7 @@ def load_solution(content: Content, folder: Path) -> bool:
     try:
         with np.load(read_input(path).stream(), allow_pickle=False) as stored:
             solution = SceneSolution.from_arrays(stored)
-        content.solve(solution, Stresses(stress) if stress.is_file() else None)
+        content.solve(solution, Stresses(read_input(stress).stream()) if stress.is_file() else None)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{path}: damaged, or of another scene; got {error}; expected what a run of this scene "
