@@ -1,4 +1,4 @@
-"""The command line: ``gpusim run | solve | dic | calibrate | plan | schema | doctor | check`` …
+"""The command line: ``gpusim run | solve | dic | calibrate | view | plan | schema | doctor`` …
 
 Exit codes: 0 good, 1 unexpected, 2 bad scene or usage, 3 not converged, 4 no usable adapter or
 device lost, 5 twin mismatch, 130 interrupted. Heavy modules are imported by the command that needs
@@ -47,6 +47,7 @@ from gpusim.cli.console import (
     time_text,
 )
 from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.view import view
 from gpusim.errors import Fault, SceneError
 from gpusim.files.output_folder import check_folder, claim
 
@@ -205,6 +206,7 @@ def solve(
 
 app.command()(dic)
 app.command()(calibrate)
+app.command()(view)
 
 
 @app.command()

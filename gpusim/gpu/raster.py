@@ -15,6 +15,11 @@ from gpusim.gpu.wgsl import Module
 
 __all__ = ["Raster", "Texture"]
 
+_OVER = {
+    "color": {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"},
+    "alpha": {"src_factor": "one", "dst_factor": "one-minus-src-alpha", "operation": "add"},
+}
+
 
 class Texture:
     """A two-dimensional render target that kernels can read."""
@@ -59,7 +64,8 @@ class Raster:
     Vertices are pulled from storage buffers by index; ``entries`` are (vertex, fragment).
     ``compiled`` gives the wgpu module of a shader file.
     ``depth``: how what is drawn compares with what is there; only "greater" changes the depth.
-    "none" has no depth buffer: what is drawn last is seen.
+    "none" has no depth buffer: what is drawn last is seen. "over" has none either, and colours
+    cover what is there by their alpha.
     """
 
     def __init__(
@@ -102,11 +108,14 @@ class Raster:
                     "module": shader,
                     "entry_point": entries[1],
                     "constants": values,
-                    "targets": [{"format": fmt} for fmt in color_formats],
+                    "targets": [
+                        {"format": fmt, **({"blend": _OVER} if depth == "over" else {})}
+                        for fmt in color_formats
+                    ],
                 },
                 primitive={"topology": "triangle-list", "cull_mode": "none"},
                 depth_stencil=None
-                if depth == "none"
+                if depth in ("none", "over")
                 else {
                     "format": "depth32float",
                     "depth_write_enabled": depth == "greater",

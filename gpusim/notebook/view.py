@@ -20,7 +20,8 @@ from gpusim.notebook.page import Picture, page, png_bytes
 from gpusim.notebook.scene import scene_surfaces
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
 from gpusim.optics import render
-from gpusim.pipeline.build.cameras import build_camera, build_lights
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.lights import build_lights
 from gpusim.scene import Scene, load_scene
 
 __all__ = ["StillView", "in_notebook", "view"]

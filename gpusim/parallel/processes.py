@@ -38,7 +38,7 @@ from typing import Any, Generic, ParamSpec, TypeVar
 from gpusim.errors import GpusimError, InputError
 from gpusim.parallel.machine import limited, memory_limit, processors
 
-__all__ = ["CHILD_SECONDS", "begin", "call_in_child", "in_copies", "prepare", "serve"]
+__all__ = ["CHILD_SECONDS", "begin", "call_in_child", "end_with", "in_copies", "prepare", "serve"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -56,7 +56,7 @@ _CHILD = (
 _Found = dict[int, tuple[Any, Exception | None]]  # of each item: what was found, or the error
 
 
-def _end_with(parent: int) -> None:
+def end_with(parent: int) -> None:
     """This process, a child, ends when the thread that began it does; interrupts are its parent's.
 
     prctl(PR_SET_PDEATHSIG), Linux.
@@ -138,7 +138,7 @@ def serve() -> None:
     os.dup2(2, 1)  # what a library prints must not get into the answer
     try:
         parent, function, args, options = pickle.load(sys.stdin.buffer)
-        _end_with(parent)
+        end_with(parent)
         _limit_memory()
         answer = pickle.dumps((True, function(*args, **options)))
     except GpusimError as error:
@@ -269,7 +269,7 @@ def _serve_copy(
     parent: int, work: Callable[[int], Any], share: Sequence[int], threads: int, answer: Connection
 ) -> None:
     try:
-        _end_with(parent)
+        end_with(parent)
         with limited(threads):
             found = _do(work, share)
         answer.send(found)

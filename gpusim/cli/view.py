@@ -1,0 +1,85 @@
+"""``gpusim view``: the preview window."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gpusim.cli.console import exit_codes, importing, out
+from gpusim.errors import InputError
+
+__all__ = ["view"]
+
+PORT = 60649
+
+
+def _size(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)[x×](\d+)", str(text))  # noqa: RUF001
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(16 <= side <= 8192 for side in size):
+        raise InputError(
+            f"view --size; got {text!r}; expected WIDTHxHEIGHT, 16 to 8192 px: 1280x800"
+        )
+    return size
+
+
+def view(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENE|OUT|MESH", help="A scene, the folder of a run, a mesh or CAD file."
+        ),
+    ],
+    screenshot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.png", help="Write what the window would show; no display."),
+    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Look through this camera.")] = None,
+    frame: Annotated[int | None, typer.Option(help="Show this frame.")] = None,
+    field: Annotated[
+        str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
+    serve: Annotated[
+        bool, typer.Option("--serve", help="Show it in a browser on this machine.")
+    ] = False,
+    port: Annotated[int, typer.Option(help="Of --serve.")] = PORT,
+) -> None:
+    """Look at a scene while you write it, at a run's results, or at a mesh.
+
+    h shows the keys. A scene is read again when its file changes.
+    """
+    with exit_codes():
+        pixels = _size(size)
+        with importing():
+            from gpusim.gpu import default_device
+            from gpusim.view.screenshot import (
+                look_as_asked,
+                save_screenshot,
+                wait_for_solution,
+            )
+            from gpusim.view.viewer import Viewer
+
+        solved = screenshot is None or frame is not None or field is not None
+        viewer = Viewer(default_device(), path, pixels, solve=solved)
+        try:
+            if screenshot is not None:
+                wait_for_solution(viewer)
+            if screenshot is not None or viewer.content is None:
+                look_as_asked(viewer, camera, frame, field)
+            if screenshot is not None:
+                save_screenshot(viewer, screenshot)
+                out(str(screenshot))
+                return
+            from gpusim.view.window import open_window, serve_view
+
+            if serve:
+                out(f"http://127.0.0.1:{port}/ shows {path}; Ctrl-C ends it")
+                serve_view(viewer, port)
+            else:
+                open_window(viewer)
+        finally:
+            viewer.close()

@@ -1,0 +1,113 @@
+"""What the preview window draws over its picture, against NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.gpu import Device, Texture, compare, twin_check
+from gpusim.optics.frame import Band, Frame
+from gpusim.optics.geometry.view import look
+from gpusim.optics.rendering.renderer import render
+from gpusim.optics.visibility_buffer import VisibilityBuffer
+from gpusim.twin_checks.scenes import shadow_scene
+from gpusim.view.field_colors import (
+    FieldColors,
+    SurfaceField,
+    corner_values,
+    field_colors_twin,
+    finer,
+)
+from gpusim.view.overlay import Overlay, overlay_twin
+from gpusim.view.picture.display import display_twin, draw_frame
+from gpusim.view.placement import Placement
+
+STEP = 1.0 / 255.0
+"""Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""
+
+
+def pixels_of(device: Device, texture: Texture) -> npt.NDArray[Any]:
+    """(H, W, 4) uint8 of a texture of 8 bits a channel."""
+    buffer = device.empty(texture.stride * texture.height, "view.pixels")
+    with device.recording("view.pixels") as recording:
+        recording.copy_texture(texture, buffer, texture.height)
+    rows = buffer.read(np.uint8, (texture.height, texture.stride))
+    return rows[:, : 4 * texture.width].reshape(texture.height, texture.width, 4)
+
+
+@twin_check("view/overlay")
+def check_overlay(device: Device) -> None:
+    """Quads of every kind, some over others and over the border."""
+    target = device.texture(97, 61, "rgba8unorm", "twin.overlay")
+    overlay = Overlay(device)
+    overlay.rectangle(-3.0, 5.0, 52.0, 41.0, "#2080c0")
+    overlay.polygon([(60.3, 4.2), (90.1, 20.7), (55.5, 33.3)], "#c0a080d0")
+    overlay.polygon([(20.0, 30.5), (66.0, 28.0), (99.0, 58.0), (12.0, 64.0)], "#00ff0060")
+    overlay.line([(3.0, 3.0), (44.0, 52.0), (95.0, 41.0)], (1.0, 0.5, 0.1), 2.5)
+    overlay.text(50.0, 25.0, "Ag µ\n→ é漢", 14, "#ffffff", anchor="mm", halo="#000000c0")
+    quads = overlay.quads()
+    overlay.draw(target)
+    empty = np.zeros((61, 97, 4), np.float32)
+    compare(
+        "overlay", pixels_of(device, target) * STEP,
+        overlay_twin(empty, quads, overlay.atlas.coverage), atol=2.5 * STEP, rtol=0.0,
+    )  # fmt: skip
+
+
+@twin_check("view/field_colors")
+def check_field_colors(device: Device) -> None:
+    """Fields of vertices and of faces, on some of the surfaces that are seen."""
+    surfaces, camera, _ = shadow_scene()
+    frame = render(surfaces, camera, device=device)
+    fields = [
+        SurfaceField(surfaces[0].points[:, 0] - 0.4 * surfaces[0].points[:, 1]),
+        None,
+        SurfaceField(np.linspace(-1.4, 1.0, len(surfaces[2].faces)), by_face=True),
+    ]
+    values = corner_values(frame.view, surfaces, fields)
+    colors = np.array([[0.1, 0.0, 0.6], [0.2, 0.8, 0.1], [0.9, 0.9, 0.3], [0.8, 0.0, 0.1]])
+    target = device.texture(camera.width, camera.height, "rgba8unorm", "twin.field")
+    options: dict[str, Any] = {"white": 0.8, "samples": 2}
+    FieldColors(device).draw(target, frame, values, (-1.2, 1.2), colors, **options)
+    ids = VisibilityBuffer.of(device, finer(frame.view, 2), 2 * camera.height).read()
+    empty = np.zeros((camera.height, camera.width, 4), np.float32)
+    twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)
+    # the mean of four samples of 8 bits, rounded to 8 bits
+    compare("field colours", pixels_of(device, target) * STEP, twin, atol=1.6 * STEP, rtol=0.0)
+
+
+@twin_check("view/picture/display")
+def check_display(device: Device) -> None:
+    """A grey and a coloured picture, as large as the target's pixels and larger, in two bands."""
+    random = np.random.default_rng(3)
+    target = device.texture(61, 37, "rgba8unorm", "twin.display")
+    surfaces, camera, _ = shadow_scene()
+    view = look(surfaces, replace(camera, width=23, height=14), lit=False)
+    planes = [random.random((14, 23)) for _ in range(3)]
+    for scale, smooth, parts in ((2.6, True, (14,)), (2.6, False, (9, 5)), (1.0, True, (9, 5))):
+        frames = [Frame(view, device, _bands(device, plane, parts)) for plane in planes]
+        for frame in (frames[0], Frame.of_planes(frames)):
+            with device.recording("twin.display") as recording:
+                draw_frame(
+                    device, recording, target, Placement(scale=scale), frame, 1.2, smooth=smooth
+                )
+            wanted = display_twin(frame.radiance, 61, 37, 1.2, scale, smooth)
+            got = pixels_of(device, target)[..., :3] * STEP
+            compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
+
+
+def _bands(
+    device: Device, radiance: npt.NDArray[np.float64], parts: Sequence[int]
+) -> tuple[Band, ...]:
+    """A picture (H, W) in bands of so many rows."""
+    bands, row0 = [], 0
+    for rows in parts:
+        own = np.zeros((rows, 64), np.float32)
+        own[:, : radiance.shape[1]] = radiance[row0 : row0 + rows]
+        bands.append(Band(row0, rows, 64, device.buffer(own, "twin.band")))
+        row0 += rows
+    return tuple(bands)

@@ -1,0 +1,137 @@
+"""A scene solved in another process, which tells how far it is.
+
+Not in a thread: short array operations of two threads of Python hold each other up, and the view
+would jerk. The process ends when it is done, when it is stopped, or when this one ends.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpusim.scene import Scene
+
+__all__ = ["BackgroundSolver"]
+
+_CHILD = (
+    "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+    "from gpusim.view.content.background_solver import solve_here; solve_here()"
+)
+
+
+class BackgroundSolver:
+    """The solution of a scene in the making.
+
+    ``progress``: 0 to 1, and words. ``done``: with files in ``folder`` as a run writes them below
+    ``solution``. ``fault``: what ended it otherwise.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.progress: tuple[float, str] = (0.0, "solving")
+        self.done, self.fault = False, ""
+        self._folder = tempfile.TemporaryDirectory(prefix="gpusim-view-")
+        self.folder = Path(self._folder.name)
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _CHILD], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": "ignore"},
+        )  # fmt: skip
+        call = pickle.dumps(sys.path) + pickle.dumps((os.getpid(), scene, self.folder))
+        self._thread = threading.Thread(target=self._follow, args=(call,), daemon=True)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether there is something to wait for."""
+        return not self.done and not self.fault
+
+    def stop(self) -> None:
+        """End it, and delete its files."""
+        self.fault = self.fault or "stopped"
+        self._process.kill()
+        self._process.wait()
+        self._thread.join()
+        for pipe in (self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+        self._folder.cleanup()
+
+    def _follow(self, call: bytes) -> None:
+        process = self._process
+        assert process.stdin and process.stdout and process.stderr
+        with suppress(OSError):  # it has died: its last words follow
+            process.stdin.write(call)
+            process.stdin.close()
+        for line in process.stdout:
+            with suppress(ValueError):
+                said: dict[str, Any] = json.loads(line)
+                self.progress = said.get("share", 1.0), said.get("text", "")
+                self.fault = self.fault or said.get("fault", "")
+        words = process.stderr.read().decode("utf-8", "replace").strip()
+        if process.wait() == 0 and not self.fault:
+            self.done = True
+        elif not self.fault:
+            self.fault = words.splitlines()[-1] if words else "the process that solves has died"
+
+
+def solve_here() -> None:
+    """What the other process does."""
+    from gpusim.errors import GpusimError
+    from gpusim.parallel.processes import end_with
+
+    parent, scene, folder = pickle.load(sys.stdin.buffer)
+    end_with(parent)
+    if hasattr(os, "nice"):
+        os.nice(5)  # the view comes first
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+
+    def tell(**words: Any) -> None:
+        answers.write(json.dumps(words) + "\n")
+        answers.flush()
+
+    try:
+        _solve(scene, folder, lambda share, text: tell(share=share, text=text))
+    except GpusimError as error:
+        tell(fault=str(error))
+    except Exception as error:
+        tell(fault=f"{type(error).__name__}: {error}")
+
+
+def _solve(scene: Scene, folder: Path, progress: Any) -> None:
+    from gpusim.pipeline.build.modelling import build_model, support_of_freedom
+    from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
+    from gpusim.pipeline.build.surfaces import build_body
+    from gpusim.pipeline.stages.mechanics import solve_bodies, write_stresses
+    from gpusim.plan.stages import RunOptions
+    from gpusim.scene.amplitudes import LoadHistory
+
+    objects = SceneObjects(scene, LoadHistory(scene))
+    progress(0.0, "meshing")
+    objects.bodies = [build_body(body, scene.input) for body in scene.bodies]
+    models = [
+        build_model(parts, groups)
+        for parts, groups in zip(objects.bodies, objects.history.groups, strict=True)
+    ]
+    progress(0.05, "solving")
+    found = solve_bodies(
+        scene.solver, objects.bodies, models, RunOptions("gpu"),
+        lambda share, text: progress(0.05 + 0.8 * share, text),
+    )  # fmt: skip
+    held = [support_of_freedom(parts) for parts in objects.bodies]
+    objects.solved = SceneSolution.of(found, models, held)
+    np.savez(folder / "displacement.npz", allow_pickle=False, **objects.solved.arrays())
+    progress(0.85, "stress")
+    write_stresses(
+        folder / "stress.npz", objects.bodies, models, objects.history, objects.displacement,
+        progress=lambda share, text: progress(0.85 + 0.15 * share, f"stress, {text}"),
+    ).close()  # fmt: skip

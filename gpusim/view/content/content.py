@@ -1,0 +1,222 @@
+"""What is shown: surfaces by frame, cameras, lights, fields."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.fem import Model
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.lens.thin_lens import Lens
+from gpusim.optics.light.lights import Light
+from gpusim.pipeline.build.cameras import build_lens
+from gpusim.pipeline.build.modelling import build_model, temperature
+from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
+from gpusim.pipeline.stages.mechanics import Stresses
+from gpusim.surface.skin import Skin
+from gpusim.surface.surface import Surface
+from gpusim.view.fields import BodyState
+from gpusim.view.picture.neutral import unpainted
+
+__all__ = ["Content"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Content:
+    """What a window shows.
+
+    ``files``: those that it was made of. ``objects``: the scene's bodies and props; None for a
+    mesh, whose surfaces are ``parts``. ``cameras``: the scene's. ``lights``: None where there are
+    none. ``stresses``: once there are some.
+    """
+
+    title: str
+    files: tuple[Path, ...]
+    parts: tuple[Surface, ...] = ()
+    objects: SceneObjects | None = None
+    cameras: tuple[Camera, ...] = ()
+    lights: Sequence[Light] | None = None
+    stresses: Stresses | None = None
+    _shown: dict[tuple[int, float, bool], list[Surface]] = field(default_factory=dict)
+    _models: dict[int, Model] = field(default_factory=dict)
+
+    @property
+    def background(self) -> float:
+        """Radiance where no surface is."""
+        return 0.0 if self.objects is None else self.objects.scene.render.background
+
+    def lens(self, number: int) -> Lens | None:
+        """Of a camera of the scene."""
+        assert self.objects is not None
+        return build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
+
+    @property
+    def frames(self) -> int:
+        """How many there are to be shown: those of the scene once its bodies can move."""
+        objects = self.objects
+        if objects is None or not self.moves:
+            return 1
+        return objects.history.frames
+
+    @property
+    def moves(self) -> bool:
+        """Whether frames differ: there is a solution, displacements are given, or props have
+        poses."""
+        objects = self.objects
+        if objects is None:
+            return False
+        history = objects.history
+        return objects.solved is not None or history.given or history.props_move
+
+    @property
+    def is_solvable(self) -> bool:
+        """Whether it is a scene with bodies whose displacements have to be computed."""
+        objects = self.objects
+        return objects is not None and bool(objects.bodies) and not objects.history.given
+
+    @property
+    def unloaded(self) -> bool:
+        """Whether bodies are shown at rest because their solution isn't there yet."""
+        return self.is_solvable and self.objects is not None and self.objects.solved is None
+
+    def frame_text(self, frame: int) -> str:
+        """What a slider says of a frame."""
+        if self.objects is None or self.frames == 1:
+            return ""
+        value = self.objects.history.factors[frame]
+        word = frame_word(self.objects.scene).replace("_", " ")
+        return f"frame {frame} of 0 to {self.frames - 1}: {word} {value:g}"
+
+    def solve(self, solution: SceneSolution, stresses: Stresses | None) -> None:
+        """Take over what has been computed.
+
+        Raises
+        ------
+        ValueError
+            It is of other bodies.
+        """
+        assert self.objects is not None
+        nodes = [parts.mesh.node_count for parts in self.objects.bodies]
+        solution.check([len(groups) for groups in self.objects.history.groups], nodes)
+        self.objects.solved, self.stresses = solution, stresses
+        self._shown.clear()
+
+    def displacement(self, body: int, frame: int) -> Array:
+        """Of a body's nodes (N, 3), not scaled."""
+        assert self.objects is not None
+        return self.objects.displacement(body, frame if self.moves else None)
+
+    def moved_point(self, body: int, reference: Array, frame: int) -> Array:
+        """Displacement (3,) of a material point (3,) on a body's surface."""
+        nodes, weights = self.skins[body].locate(reference[None])
+        return np.asarray(weights[0] @ self.displacement(body, frame)[nodes[0]])
+
+    def surfaces(self, frame: int, scale: float = 1.0, painted: bool = True) -> list[Surface]:
+        """Every surface in a frame, bodies first, displacements times ``scale``; the same objects
+        if it is asked for again."""
+        if self.objects is None:
+            return list(self.parts)
+        key = (frame if self.moves else 0, scale, painted)
+        if key not in self._shown:
+            while len(self._shown) >= 4:  # so that going back and forth is quick
+                del self._shown[next(iter(self._shown))]
+            found = self._moved(key[0], scale)
+            self._shown[key] = found if painted else [unpainted(surface) for surface in found]
+        return self._shown[key]
+
+    def _moved(self, frame: int, scale: float) -> list[Surface]:
+        objects = self.objects
+        assert objects is not None
+        found = objects.surfaces(frame if self.moves else None)
+        for number, parts in enumerate(objects.bodies):
+            u = self.displacement(number, frame)
+            if scale != 1.0 and u.any():
+                found[number] = parts.skin.moved(parts.surface, scale * u)
+        return found
+
+    @property
+    def skins(self) -> list[Skin]:
+        """Of the bodies."""
+        return [] if self.objects is None else [parts.skin for parts in self.objects.bodies]
+
+    def outline(self, frame: int, scale: float, whole: bool = False) -> Array:
+        """Points (n, 3) to be framed: those of the bodies; of everything if there are none, or for
+        ``whole``."""
+        surfaces = self.surfaces(frame, scale)
+        count = len(self.objects.bodies) if self.objects is not None else 0
+        shown = surfaces if whole or not count else surfaces[:count]
+        return np.concatenate([surface.points[np.unique(surface.faces[surface.faces >= 0])]
+                               for surface in shown])  # fmt: skip
+
+    def state(self, body: int, frame: int, solved: bool = False) -> BodyState:
+        """A body in a frame, from which its fields follow; ``solved``: those, too, that need what
+        it was solved as."""
+        objects = self.objects
+        assert objects is not None
+        parts, stress = objects.bodies[body], None
+        if self.stresses is not None and not solved:
+            stress = self.stresses.fields(body, frame, parts)[0]["stress"]
+        model = self.model(body) if stress is None else None
+        return BodyState(
+            parts.mesh, self.displacement(body, frame), model, parts.body.formulation,
+            temperature(parts.body, frame), nodal_stress=stress,
+        )  # fmt: skip
+
+    def model(self, body: int) -> Model | None:
+        """What a body is solved as; None if its displacements are given.
+
+        Raises
+        ------
+        InputError
+            As `gpusim.pipeline.build.modelling.build_model`.
+        """
+        objects = self.objects
+        if objects is None or objects.history.given:
+            return None
+        if body not in self._models:
+            groups = objects.history.groups[body]
+            self._models[body] = build_model(objects.bodies[body], groups)
+        return self._models[body]
+
+    def forces(self, body: int, frame: int) -> Array:
+        """Of a body's nodes (N, 3), N, as they act in a frame; of one that can't be shown loaded
+        yet, in the last one."""
+        assert self.objects is not None
+        frame = frame if self.moves else self.objects.history.frames - 1
+        model, weights = self.model(body), self.objects.history.weights(frame)[body]
+        if model is None:
+            return np.zeros((self.objects.bodies[body].mesh.node_count, 3))
+        return np.asarray(np.tensordot(weights, model.load_cases, axes=1))
+
+    def take_over(self, earlier: Content | None) -> bool:
+        """Keep the solution of an earlier state of the file, if nothing that it depends on has
+        changed; whether it is so."""
+        if earlier is None or earlier.objects is None or self.objects is None:
+            return False
+        if earlier._mechanics() != self._mechanics():
+            return False
+        if earlier.objects.solved is not None and self.objects.solved is None:
+            self.solve(earlier.objects.solved, earlier.stresses)
+        return True
+
+    def _mechanics(self) -> tuple[Any, ...]:
+        """All of a scene that its solution depends on."""
+        assert self.objects is not None
+        scene = self.objects.scene
+        document = scene.document
+        bodies = [
+            {key: value for key, value in body.items() if key != "paint"}
+            for body in document.get("body", [])
+        ]
+        return (
+            bodies,
+            *(document.get(key) for key in ("material", "analysis", "solver")),
+            scene.files,
+        )

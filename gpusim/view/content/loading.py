@@ -1,0 +1,129 @@
+"""Content from a file: a scene, a run's output folder, a mesh or a CAD file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from gpusim.errors import InputError
+from gpusim.files.input_file import read_input
+from gpusim.mesh import boundary_faces, mesh_cad, read_mesh, read_surface
+from gpusim.mesh.formats.cad import CAD_SUFFIXES
+from gpusim.mesh.formats.reader import MESH_SUFFIXES
+from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.lights import build_lights
+from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
+from gpusim.pipeline.build.surfaces import build_body, build_prop
+from gpusim.pipeline.stages.mechanics import Stresses
+from gpusim.scene import load_scene
+from gpusim.scene.amplitudes import LoadHistory
+from gpusim.scene.description.prop import SURFACE_SUFFIXES
+from gpusim.surface.skin import Skin
+from gpusim.surface.surface import Surface
+from gpusim.view.content.content import Content
+from gpusim.view.picture.neutral import PAINT
+
+__all__ = ["load_content", "load_solution"]
+
+COARSE_MM = 1e6
+"""Greatest element of a part that is only looked at: curved faces alone decide."""
+
+CURVED = 24
+"""Elements around a full circle there."""
+
+
+def load_content(path: Path) -> Content:
+    """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file.
+
+    Raises
+    ------
+    InputError, SceneError
+        Nothing there, an unknown ending, a folder without scene.toml; whatever the file's own
+        reader says.
+
+    Examples
+    --------
+    >>> from gpusim.view.content.loading import load_content
+    >>> load_content(Path("bar.toml")).title
+    'bar'
+    """
+    if path.is_dir():
+        return _run(path)
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
+        return _scene(path)
+    known = sorted({*MESH_SUFFIXES, *SURFACE_SUFFIXES, *CAD_SUFFIXES})
+    if suffix not in known:
+        raise InputError(
+            f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
+            f"folder of a run, or a mesh: {' '.join(known)}"
+        )
+    return Content(path.name, (path,), parts=(_part(path, suffix),))
+
+
+def _part(path: Path, suffix: str) -> Surface:
+    file = read_input(path, "a mesh or CAD file")
+    if suffix in SURFACE_SUFFIXES:  # an STL is shown as it is, closed or not
+        points, faces = read_surface(file)
+        return Surface(points, faces, PAINT, name=path.stem)
+    if suffix in CAD_SUFFIXES:  # a STEP file is in millimetres
+        mesh = mesh_cad(file, size=1e-3 * COARSE_MM, curvature=CURVED, scale=1e-3)
+    else:
+        mesh = read_mesh(file)
+    outside = boundary_faces(mesh)
+    region = np.zeros(len(outside), np.int32)
+    return Skin(mesh, outside).surface({"neutral": PAINT}, region, {}, path.stem)
+
+
+def _scene(path: Path) -> Content:
+    scene = load_scene(path)
+    objects = SceneObjects(scene, LoadHistory(scene))
+    objects.bodies = [build_body(body, scene.input) for body in scene.bodies]
+    objects.props = [build_prop(prop, scene.input) for prop in scene.props]
+    if not objects.bodies and not objects.props:
+        raise InputError(f"view {path}: nothing to see; expected a body or a prop")
+    return Content(
+        scene.name,
+        (path, *(Path(name) for name, _ in scene.files)),
+        objects=objects,
+        cameras=tuple(build_camera(camera, scene.input) for camera in scene.cameras),
+        lights=build_lights(scene),
+    )
+
+
+def _run(folder: Path) -> Content:
+    path = folder / "scene.toml"
+    if not path.is_file():
+        raise InputError(f"view {folder}: no scene.toml; expected the output folder of a run")
+    content = _scene(path)
+    solution = folder / "solution"
+    content.files += tuple(
+        file for file in (solution / "displacement.npz", solution / "stress.npz") if file.is_file()
+    )
+    if content.is_solvable and len(content.files):
+        load_solution(content, solution)
+    return content
+
+
+def load_solution(content: Content, folder: Path) -> bool:
+    """Take over displacement.npz, and stress.npz if there is one, of a folder; False for none.
+
+    Raises
+    ------
+    InputError
+        They are damaged, or of other bodies.
+    """
+    path, stress = folder / "displacement.npz", folder / "stress.npz"
+    if not path.is_file():
+        return False
+    try:
+        with np.load(read_input(path).stream(), allow_pickle=False) as stored:
+            solution = SceneSolution.from_arrays(stored)
+        content.solve(solution, Stresses(read_input(stress).stream()) if stress.is_file() else None)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: damaged, or of another scene; got {error}; expected what a run of this scene "
+            "has written"
+        ) from None
+    return True

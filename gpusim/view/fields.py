@@ -1,0 +1,339 @@
+"""Fields of a solution by name: their values, unit and range, and the legend of their colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import fem
+from gpusim.errors import InputError
+from gpusim.mesh import Mesh
+from gpusim.surface import Skin
+from gpusim.view.field_colors import SurfaceField
+from gpusim.view.overlay import Overlay, Shade, display_color
+
+__all__ = [
+    "FIELDS", "BodyState", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
+    "format_value", "scale_of", "surface_field",
+]  # fmt: skip
+
+Array = npt.NDArray[np.float64]
+
+SEQUENTIAL, DIVERGING = "viridis", "coolwarm"
+"""Colour maps of matplotlib: for fields of one sign and of both."""
+OUTSIDE = 0.2
+"""Per cent of the values that may lie beyond either end of a scale, such as stress in corners."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyState:
+    """A body in one frame, from which its fields follow.
+
+    ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
+    displacements are given: it has no stress. ``formulation``, ``temperature``: as for
+    `gpusim.fem.stress`. ``reactions``: of the supports (N, 3), N. ``nodal_stress``: (N, 6), Pa,
+    where it is there already; strain and the elements' fields aren't then.
+    """
+
+    mesh: Mesh
+    u: Array
+    model: fem.Model | None = None
+    formulation: str | None = None
+    temperature: float = 0.0
+    reactions: Array | None = None
+    nodal_stress: Array | None = None
+
+    @cached_property
+    def recovered(self) -> fem.Stress:
+        """The stress of ``u``. Raises InputError for a body without a model."""
+        if self.model is None:
+            raise InputError("field: stress and strain; got a body without a material to solve")
+        change = self.temperature or None
+        return fem.stress(self.model, self.u, self.formulation, temperature=change)
+
+    @property
+    def stress(self) -> Array:
+        """(N, 6), Pa."""
+        return self.recovered.nodal if self.nodal_stress is None else self.nodal_stress
+
+    @cached_property
+    def strain(self) -> Array:
+        """(N, 6) as tensor components; where materials meet that of the greatest stress."""
+        found = self.recovered
+        order = np.argsort(fem.von_mises(found.values), kind="stable")
+        result = np.zeros((self.mesh.node_count, 6))
+        result[found.node_of[order]] = found.strains[order]
+        result[:, 3:] *= 0.5
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class FieldKind:
+    """A field that can be shown.
+
+    ``title`` and ``unit`` for the legend; ``factor`` turns SI into that unit; ``signed``: both
+    signs occur, and zero is in the middle of the colours; ``by_cell``: values are of elements (M,),
+    else of nodes (N,).
+    """
+
+    title: str
+    unit: str
+    factor: float
+    signed: bool
+    of: Callable[[BodyState], Array]
+    by_cell: bool = False
+
+    def values(self, state: BodyState) -> Array:
+        """(N,) or (M,) in ``unit``. Raises InputError where the body hasn't this field."""
+        return self.factor * self.of(state)
+
+
+def _reactions(state: BodyState) -> Array:
+    if state.reactions is None:
+        raise InputError("field: reaction; got a body that was not solved here")
+    return np.asarray(np.linalg.norm(state.reactions, axis=1))
+
+
+def _fields() -> dict[str, FieldKind]:
+    mm, MPa, strain = ("mm", 1e3), ("MPa", 1e-6), ("10⁻³", 1e3)
+    found = {
+        "displacement": FieldKind(
+            "Displacement", *mm, False, lambda s: np.asarray(np.linalg.norm(s.u, axis=1))
+        )
+    }
+    for k, axis in enumerate("xyz"):
+        found[f"displacement_{axis}"] = FieldKind(
+            f"Displacement {axis}", *mm, True, lambda s, k=k: s.u[:, k]
+        )
+    found["von_mises"] = FieldKind(
+        "von Mises stress", *MPa, False, lambda s: fem.von_mises(s.stress)
+    )
+    for k in range(3):
+        found[f"principal_{k + 1}"] = FieldKind(
+            f"Principal stress {k + 1}", *MPa, True, lambda s, k=k: fem.principal(s.stress)[:, k]
+        )
+    for name, title, unit, of in (
+        ("stress", "Stress", MPa, lambda s: s.stress),
+        ("strain", "Strain", strain, lambda s: s.strain),
+    ):
+        for k, axes in enumerate(("xx", "yy", "zz", "xy", "yz", "zx")):
+            found[f"{name}_{axes}"] = FieldKind(
+                f"{title} {axes}", *unit, True, lambda s, k=k, of=of: of(s)[:, k]
+            )
+    for k in (0, 2):
+        found[f"principal_strain_{k + 1}"] = FieldKind(
+            f"Principal strain {k + 1}", *strain, True,
+            lambda s, k=k: fem.principal(s.strain)[:, k],
+        )  # fmt: skip
+    found["element_von_mises"] = FieldKind(
+        "von Mises stress of elements", *MPa, False, lambda s: s.recovered.cell_von_mises, True
+    )
+    found["error_share"] = FieldKind(
+        "Share of the stress error", "%", 1e2, False, lambda s: s.recovered.error_share, True
+    )
+    found["reaction"] = FieldKind("Reaction of nodes", "N", 1.0, False, _reactions)
+    return found
+
+
+FIELDS = _fields()
+"""By the name that users write."""
+
+
+def field_kind(name: str) -> FieldKind:
+    """The field of a name.
+
+    Raises
+    ------
+    InputError
+        There is none; all are listed.
+
+    Examples
+    --------
+    >>> from gpusim.view.fields import field_kind
+    >>> field_kind("von_mises").unit
+    'MPa'
+    """
+    if name not in FIELDS:
+        raise InputError(f"field; got {name!r}; expected one of {', '.join(FIELDS)}")
+    return FIELDS[name]
+
+
+def surface_field(skin: Skin, kind: FieldKind, values: Array) -> SurfaceField:
+    """A field's ``values`` of nodes or elements, on the body's surface."""
+    if kind.by_cell:
+        return SurfaceField(values[skin.cell_of_piece], by_face=True)
+    return SurfaceField(skin.at_vertices(values))
+
+
+@dataclass(frozen=True)
+class ColorScale:
+    """From ``low`` to ``high`` in colours of ``colormap`` (matplotlib's name), with ``ticks``.
+
+    ``below``, ``above``: whether there are values beyond the ends.
+    """
+
+    low: float
+    high: float
+    ticks: tuple[float, ...]
+    colormap: str = SEQUENTIAL
+    below: bool = False
+    above: bool = False
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Both ends."""
+        return self.low, self.high
+
+    @property
+    def colors(self) -> Array:
+        """(256, 3), as sRGB has them."""
+        return color_map(self.colormap)
+
+
+@cache
+def color_map(name: str) -> Array:
+    """(256, 3) colours of one of matplotlib's maps, 0 to 1 as sRGB has them.
+
+    Raises
+    ------
+    InputError
+        matplotlib hasn't it.
+    """
+    from matplotlib import colormaps  # a second's work, which a window without fields needs not
+
+    if name not in colormaps:
+        raise InputError(f"colour map; got {name!r}; expected one of matplotlib's, as 'viridis'")
+    return np.asarray(colormaps[name](np.linspace(0.0, 1.0, 256)), np.float64)[:, :3]
+
+
+def scale_of(
+    values: Sequence[Array],
+    signed: bool = False,
+    limits: tuple[float, float] | None = None,
+    colormap: str | None = None,
+) -> ColorScale:
+    """Round limits and ticks for the values of several bodies.
+
+    ``limits``: taken as they are; None: those that all but a few values lie between, rounded
+    outwards, from 0 if that is not far, and symmetric if values are ``signed`` and of both signs.
+
+    Raises
+    ------
+    InputError
+        Limits that don't grow or aren't finite, or an unknown colour map.
+
+    Examples
+    --------
+    >>> from gpusim.view.fields import scale_of
+    >>> scale_of([np.linspace(0.3, 37.0, 50)]).ticks
+    (0.0, 10.0, 20.0, 30.0, 40.0)
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    every = np.concatenate([np.zeros(0), *(v[np.isfinite(v)] for v in values)])
+    least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
+    both = signed and least < 0.0 < most
+    if limits is None:
+        low, high = np.percentile(every, [OUTSIDE, 100.0 - OUTSIDE]) if len(every) else (0.0, 1.0)
+        if both:
+            high = max(abs(low), abs(high))
+            low = -high
+        elif 0.0 <= low < 0.5 * high or (high <= 0.0 and high > 0.5 * low):
+            low, high = min(low, 0.0), max(high, 0.0)
+            low = 0.0 if high > 0.0 else low
+        if not high - low > 1e-9 * max(abs(low), abs(high)):
+            # nothing differs: some range round it
+            spread = abs(high) or 1.0
+            low, high = (low - 0.5 * spread, high + 0.5 * spread) if high else (0.0, spread)
+        ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        limits = float(ticks[0]), float(ticks[-1])
+    else:
+        low, high = limits
+        if not (np.isfinite(limits).all() and high > low):
+            raise InputError(
+                f"limits of a field; got {low:g} to {high:g}; expected growing numbers"
+            )
+        ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        ticks = ticks[(ticks >= low) & (ticks <= high)]
+    name = colormap or (DIVERGING if both else SEQUENTIAL)
+    color_map(name)
+    slack = 1e-9 * (limits[1] - limits[0])
+    marks = tuple(float(tick) + 0.0 for tick in ticks)
+    return ColorScale(*limits, marks, name, least < limits[0] - slack, most > limits[1] + slack)
+
+
+def format_value(value: float, step: float | None = None) -> str:
+    """A number for people: as many digits as ``step`` has, or four.
+
+    Examples
+    --------
+    >>> from gpusim.view.fields import format_value
+    >>> format_value(-2.5, 0.5), format_value(1234567.0), format_value(0.00001234)
+    ('−2.5', '1.235×10⁶', '1.234×10⁻⁵')
+    """
+    size = max(abs(value), step or 0.0)
+    if size and not 1e-3 <= size < 1e5:
+        mantissa, _, power = f"{value:.3e}".partition("e")
+        digits = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        text = f"{mantissa.rstrip('0').rstrip('.')}×10{digits}" if value else "0"
+    elif step is None:
+        text = f"{value:.4g}"
+    else:
+        text = f"{value:.{max(0, min(6, -int(np.floor(np.log10(step) + 1e-9)) + 1))}f}"
+        text = text.rstrip("0").rstrip(".") if "." in text else text
+    return text.replace("-", "−")  # noqa: RUF001
+
+
+def draw_legend(
+    overlay: Overlay,
+    scale: ColorScale,
+    title: str,
+    unit: str,
+    x: float,
+    y: float,
+    height: float = 240.0,
+    size: float = 13.0,
+    color: Shade = "#16202b",
+    panel: Shade | None = "#ffffffd8",
+) -> tuple[float, float]:
+    """The bar of colours with its ticks, name and unit; returns the width and height it takes, px.
+
+    (x, y): top left corner; ``height``: of the bar; ``size``: of the letters; ``panel``: what is
+    beneath. Values beyond an end are told by a tip there.
+    """
+    x, y, height = round(x), round(y), round(height)
+    text = f"{title} ({unit})" if unit else title
+    step = float(np.diff(scale.ticks).min()) if len(scale.ticks) > 1 else None
+    labels = [format_value(tick, step) for tick in scale.ticks]
+    pad, bar, tip = round(0.8 * size), round(1.2 * size), round(0.7 * size)
+    mark = round(0.45 * size)
+    beside = max((overlay.text_width(label, size) for label in labels), default=0.0)
+    wide = 2 * pad + max(overlay.text_width(text, size), bar + mark + 6 + beside)
+    tall = 2 * pad + round(1.8 * size) + height + 2 * tip
+    if panel is not None:
+        overlay.rectangle(x, y, round(wide), tall, panel)
+    overlay.text(x + pad, y + pad, text, size, color)
+    left, top = x + pad, y + pad + round(1.8 * size) + tip
+    colors = scale.colors
+    rows = (np.arange(height)[::-1] + 0.5) / height * (len(colors) - 1)
+    corners = np.array([[left, 0.0], [left + bar, 0.0], [left + bar, 1.0], [left, 1.0]])
+    strips = corners + np.stack([np.zeros(height), top + np.arange(height)], axis=1)[:, None]
+    shades = np.ones((height, 4))
+    shades[:, :3] = colors[np.rint(rows).astype(int)]
+    overlay.polygons(strips, shades)
+    middle = left + 0.5 * bar
+    if scale.above:
+        overlay.polygon([(left, top), (middle, top - tip), (left + bar, top)], tuple(colors[-1]))
+    if scale.below:
+        end = top + height
+        overlay.polygon([(left, end), (left + bar, end), (middle, end + tip)], tuple(colors[0]))
+    for tick, label in zip(scale.ticks, labels, strict=True):
+        share = (scale.high - tick) / (scale.high - scale.low)
+        at = top + min(max(round(share * height - 0.5), 0), height - 1)
+        overlay.rectangle(left + bar, at, mark, 1, display_color(color))
+        overlay.text(left + bar + mark + 5, at + 0.5, label, size, color, anchor="lm")
+    return float(round(wide)), float(tall)

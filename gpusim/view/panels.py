@@ -1,0 +1,253 @@
+"""What is written over the picture: title, selection, slider, progress, help, messages, faults."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.view.camera_marks import (
+    depth_of_field,
+    draw_distortion,
+    draw_image_frame,
+    draw_principal_point,
+)
+from gpusim.view.fields import draw_legend, field_kind, format_value, scale_of
+from gpusim.view.keys import help_lines
+from gpusim.view.mesh_edges import element_edges
+from gpusim.view.overlay import Overlay
+from gpusim.view.symbols import Symbols
+
+if TYPE_CHECKING:
+    from gpusim.view.view_state import ViewState
+
+__all__ = ["draw_panels", "slider_frame"]
+
+Array = npt.NDArray[np.float64]
+
+SIZE = 14
+"""px of letters."""
+
+INK, PAPER, MUTED = "#16202b", "#ffffffd8", "#5b6770"
+ACCENT, WARNING = "#1f6fb2", "#9c1c1c"
+EDGE = 14
+"""px between panels and the window's border."""
+BAR = 8
+"""px, height of the slider."""
+
+
+def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
+    """Collect all that stands over a viewer's picture."""
+    if viewer.content is not None and viewer.picture.base is not None:
+        _draw_symbols(viewer, overlay)
+        _draw_selection(viewer, overlay, _draw_scale(viewer, overlay) + EDGE)
+    bottom = _draw_title(viewer, overlay)
+    _draw_slider(viewer, overlay)
+    if viewer.shown["help"]:
+        _draw_help(viewer, overlay, bottom + EDGE)
+    if viewer.fault or viewer.message:
+        _draw_message(viewer, overlay)
+
+
+def _panel(
+    overlay: Overlay, x: float, y: float, text: str, color: str = INK
+) -> tuple[float, float]:
+    """Text on paper; returns how far it goes."""
+    lines = text.count("\n") + 1
+    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    tall = lines * 1.35 * SIZE + 0.7 * SIZE
+    overlay.rectangle(round(x), round(y), round(wide), round(tall), PAPER)
+    overlay.text(x + 0.7 * SIZE, y + 0.65 * SIZE, text, SIZE, color)
+    return x + wide, y + tall
+
+
+def _draw_title(viewer: ViewState, overlay: Overlay) -> float:
+    content = viewer.content
+    lines = [content.title if content is not None else viewer.path.name]
+    if content is not None and viewer.through is not None:
+        camera = content.cameras[viewer.through]
+        lines.append(f"camera {camera.name}, {camera.width} × {camera.height} px")  # noqa: RUF001
+        sharp = depth_of_field(camera, content.lens(viewer.through))
+        lines += [sharp.describe()] if sharp is not None else []
+    if content is not None and content.moves and viewer.scale != 1.0:
+        lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
+    right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))
+    if viewer.solver is not None:
+        share, text = viewer.solver.progress
+        top = bottom + 6
+        right, bottom = _panel(overlay, EDGE, top, f"{text or 'solving'} … shown unloaded")
+        overlay.rectangle(EDGE, round(bottom), round(share * (right - EDGE)), 4, ACCENT)
+        bottom += 4
+    if not viewer.shown["help"]:
+        tall = viewer.size[1] - EDGE - (2.5 * SIZE if _has_slider(viewer) else 0.0)
+        overlay.text(EDGE, tall, "h: help", SIZE, "white", anchor="ld", halo="#00000080")
+    return bottom
+
+
+def _draw_help(viewer: ViewState, overlay: Overlay, top: float) -> None:
+    lines = help_lines()
+    first = max(overlay.text_width(key, SIZE) for key, _ in lines) + SIZE
+    wide = first + max(overlay.text_width(text, SIZE) for _, text in lines) + 1.4 * SIZE
+    step = min(1.35 * SIZE, (viewer.size[1] - top - EDGE - SIZE) / len(lines))
+    overlay.rectangle(EDGE, round(top), round(wide), round(step * len(lines) + SIZE), PAPER)
+    for number, (key, text) in enumerate(lines):
+        y = top + 0.5 * SIZE + (number + 0.5) * step
+        overlay.text(EDGE + 0.7 * SIZE, y, key, SIZE, ACCENT, anchor="lm")
+        overlay.text(EDGE + 0.7 * SIZE + first, y, text, SIZE, INK, anchor="lm")
+
+
+def _draw_message(viewer: ViewState, overlay: Overlay) -> None:
+    text = viewer.fault or viewer.message
+    columns = max(int((viewer.size[0] - 4 * EDGE) / (0.56 * SIZE)), 20)
+    lines = [part for line in text.splitlines() for part in textwrap.wrap(line, columns) or [""]]
+    shown = "\n".join(lines[:24])
+    wide = overlay.text_width(shown, SIZE) + 1.4 * SIZE
+    tall = (shown.count("\n") + 1) * 1.35 * SIZE + 0.7 * SIZE
+    x, y = 0.5 * (viewer.size[0] - wide), viewer.size[1] - tall - EDGE - 3.0 * SIZE
+    _panel(overlay, round(x), round(y), shown, WARNING if viewer.fault else INK)
+    if viewer.fault:
+        overlay.rectangle(round(x) - 4, round(y), 4, round(tall), WARNING)
+
+
+# -- slider
+
+
+def _has_slider(viewer: ViewState) -> bool:
+    return viewer.content is not None and viewer.content.frames > 1
+
+
+def _slider(viewer: ViewState) -> tuple[float, float, float]:
+    """Left, width and middle height of the bar, px."""
+    width, height = viewer.size
+    return 3.0 * EDGE, max(width - 6.0 * EDGE, 1.0), height - EDGE - 0.5 * BAR
+
+
+def slider_frame(viewer: ViewState, x: float, y: float | None) -> int | None:
+    """The frame at a place of the window; None beside the slider, or where there is none.
+
+    ``y``: None for a mouse that holds the slider.
+    """
+    if not _has_slider(viewer):
+        return None
+    assert viewer.content is not None
+    left, width, middle = _slider(viewer)
+    if y is not None and not (abs(y - middle) <= BAR + 4 and -EDGE <= x - left <= width + EDGE):
+        return None
+    return int(np.rint(np.clip((x - left) / width, 0.0, 1.0) * (viewer.content.frames - 1)))
+
+
+def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
+    if not _has_slider(viewer):
+        return
+    assert viewer.content is not None
+    left, width, middle = _slider(viewer)
+    share = viewer.frame / (viewer.content.frames - 1)
+    top, at = round(middle - 0.5 * BAR), round(left + share * width)
+    overlay.rectangle(left - 1, top - 1, width + 2, BAR + 2, "#00000060")
+    overlay.rectangle(left, top, width, BAR, PAPER)
+    overlay.rectangle(left, top, at - left, BAR, ACCENT)
+    overlay.rectangle(at - 5, top - 5, 10, BAR + 10, "white")
+    overlay.rectangle(at - 4, top - 4, 8, BAR + 8, ACCENT)
+    text = viewer.content.frame_text(viewer.frame)
+    overlay.text(left, top - 8, text, SIZE, "white", anchor="ld", halo="#00000080")
+
+
+# -- over the picture
+
+
+def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
+    """The legend of a field, in the corner; returns how far down it goes."""
+    if viewer.field is None:
+        return 0.0
+    kind = field_kind(viewer.field)
+    scale = scale_of(viewer.field_values, kind.signed)
+    tall = min(240.0, 0.5 * viewer.size[1])
+    wide, _ = draw_legend(Overlay(viewer.device), scale, kind.title, kind.unit, 0, 0, tall, SIZE)
+    right = viewer.size[0] - wide - EDGE
+    return EDGE + draw_legend(overlay, scale, kind.title, kind.unit, right, EDGE, tall, SIZE)[1]
+
+
+def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
+    """What stands in space; of what hides it only a sharp picture tells."""
+    content, picture, shown = viewer.content, viewer.picture, viewer.shown
+    assert content is not None
+    camera, _, _ = viewer.camera()
+    place, width, height = viewer.place, *viewer.size
+    hides = picture.base if not picture.waits else None
+    symbols = Symbols(overlay, camera, place, hides)
+    surfaces = viewer.surfaces()
+    for number, skin in enumerate(content.skins):
+        if shown["mesh"] and hides is not None:
+            symbols.elements(element_edges(surfaces[number], skin))
+        model = content.model(number) if shown["supports"] or shown["loads"] else None
+        if model is None:
+            continue
+        nodes = model.mesh.points + viewer.scale * content.displacement(number, viewer.frame)
+        if shown["supports"] and model.fixed is not None:
+            outside = np.unique(skin.faces.nodes[skin.faces.nodes >= 0])
+            symbols.supports(nodes[outside], model.fixed[outside])
+        if shown["loads"]:
+            symbols.loads(nodes, content.forces(number, viewer.frame))
+    if shown["cameras"]:
+        outline = content.outline(viewer.frame, viewer.scale)
+        others = [own for own in content.cameras if np.linalg.norm(own.eye - camera.eye) > 0.0]
+        symbols.cameras(others, 0.2 * float(np.ptp(outline, axis=0).max()))
+    if viewer.through is not None:
+        draw_image_frame(overlay, camera, place, width, height)
+        draw_principal_point(overlay, camera, place)
+        if shown["cameras"]:
+            draw_distortion(overlay, camera, place)
+    else:
+        raised = 3.5 * SIZE if _has_slider(viewer) else 0.0
+        symbols.tripod(width - 60.0, height - 60.0 - raised)
+
+
+def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
+    """A mark where the selected material point is now, and what is known of it."""
+    found, content = viewer.selected, viewer.content
+    if found is None or content is None:
+        return
+    moved = np.zeros(3)
+    if found.surface < len(content.skins):
+        moved = content.moved_point(found.surface, found.reference, viewer.frame)
+    at = found.position
+    if found.surface < len(content.skins):
+        at = found.reference + viewer.scale * moved
+    camera, _, _ = viewer.camera()
+    pixel = camera.project(at)
+    x, y = viewer.place.window(pixel)
+    if np.isfinite([x, y]).all():
+        for radius, color in ((7.0, "#000000a0"), (5.0, "#ffd23f")):
+            overlay.polygon([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)],
+                            color)  # fmt: skip
+    text = "\n".join(_selection_lines(viewer, moved, pixel))
+    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    _panel(overlay, round(viewer.size[0] - wide - EDGE), round(top), text)
+
+
+def _selection_lines(viewer: ViewState, moved: Array, pixel: Array) -> list[str]:
+    found, content = viewer.selected, viewer.content
+    assert found is not None and content is not None
+    lines = [f"{found.name}, paint {found.paint}"]
+    if found.element is not None:
+        lines.append(f"element {found.element}, node {found.node}")
+    if viewer.through is not None:
+        whole, (seen, _, _) = content.cameras[viewer.through], viewer.camera()
+        share = np.array([whole.width / seen.width, whole.height / seen.height])
+        column, row = (pixel + 0.5) * share - 0.5
+        lines.append(f"pixel {column:.1f}, {row:.1f}")
+
+    def mm(values: Array) -> str:
+        return ", ".join(format_value(1e3 * float(v), 1e-2) for v in values) + " mm"
+
+    lines.append(f"at rest {mm(found.reference)}")
+    if content.moves and found.element is not None:
+        lines.append(f"moved by {mm(moved)}")
+    if viewer.field is not None and found.node is not None:
+        kind = field_kind(viewer.field)
+        place = found.element if kind.by_cell else found.node
+        value = format_value(float(viewer.field_values[found.surface][place]))
+        lines.append(f"{kind.title} {value} {kind.unit}")
+    return lines

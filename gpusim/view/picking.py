@@ -1,0 +1,148 @@
+"""What is under a pixel: the body or prop, its element, node and field, and the material point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.field_summary import field_summary
+from gpusim.optics.geometry.triangle_corners import POSITION, REFERENCE
+from gpusim.optics.geometry.view import View
+from gpusim.surface import Skin
+from gpusim.surface.surface import Surface
+
+__all__ = ["Pick", "pick"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pick:
+    """What a pixel sees at ``column``, ``row`` (pixel coordinates, not rounded).
+
+    ``surface``: its number among those of the view; ``name``, ``paint``: of the surface and of its
+    region; ``face``: of the surface. ``reference``, ``position`` (3,): the material point before
+    and after it moved, m, world; ``displacement`` (3,): between the two; ``normal`` (3,): unit,
+    of the triangle, towards the camera; ``depth``: along the optical axis, m. Of bodies, else None:
+    ``element`` (number of the cell), ``node`` (the nearest one of the element's face seen),
+    ``node_reference`` (3,) its place before it moved. ``value``: of the field shown, in its unit.
+    """
+
+    column: float
+    row: float
+    surface: int
+    name: str
+    paint: str
+    face: int
+    reference: Array
+    position: Array
+    normal: Array
+    depth: float
+    element: int | None = None
+    node: int | None = None
+    node_reference: Array | None = None
+    value: float | None = None
+    __repr__ = field_summary
+
+    @property
+    def displacement(self) -> Array:
+        """(3,) m."""
+        return self.position - self.reference
+
+    def describe(self, title: str = "", unit: str = "") -> str:
+        """Lines for people; ``title`` and ``unit``: of the field shown."""
+        where = [self.name] if self.element is None else [f"{self.name}, element {self.element}"]
+        if self.node is not None:
+            where.append(f"node {self.node}")
+        lines = [", ".join(where), f"pixel ({self.column:.1f}, {self.row:.1f})"]
+        lines.append(f"point {_millimetres(self.reference)} mm")
+        if self.element is not None:
+            lines.append(f"moved {_millimetres(self.displacement)} mm")
+        if self.value is not None:
+            lines.append(f"{title} {self.value:.4g} {unit}".strip())
+        return "\n".join(lines)
+
+
+def _millimetres(vector: Array) -> str:
+    return "(" + ", ".join(f"{1e3 * v + 0.0:.6g}" for v in np.round(vector, 9)) + ")"
+
+
+def pick(
+    view: View,
+    ids: npt.NDArray[np.uint32],
+    surfaces: Sequence[Surface],
+    column: float,
+    row: float,
+    skins: Sequence[Skin] = (),
+    values: Array | None = None,
+) -> Pick | None:
+    """What is seen at a pixel; None for nothing, or outside of the image.
+
+    Parameters
+    ----------
+    view, ids : of a frame, ``frame.view`` and ``frame.ids()``; ids of the pixel's neighbourhood are
+        enough.
+    surfaces : those that were rendered, in order.
+    column, row : pixel coordinates: whole numbers are the middles of pixels.
+    skins : of the first surfaces, which are bodies.
+    values : (T, 3) of the field shown, from `gpusim.view.field_colors.corner_values`.
+
+    Everything is found in float64 at the very place asked for, in the plane of the triangle that
+    the pixel's centre sees.
+
+    Examples
+    --------
+    >>> from gpusim.view.picking import pick
+    >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> frame = gs.render([wall], camera, backend="numpy")
+    >>> found = pick(frame.view, frame.ids(), [wall], 29.5, 19.5)
+    >>> found.name, found.depth, (found.reference + 0.0).round(9).tolist()
+    ('surface', 2.0, [0.0, 0.0, 0.0])
+    """
+    i, j = int(np.floor(column + 0.5)), int(np.floor(row + 0.5))
+    if not (0 <= i < view.camera.width and 0 <= j < view.camera.height):
+        return None
+    triangle = int(ids[j, i]) - 1
+    if triangle < 0:
+        return None
+    shares, depth = _shares(view, triangle, column, row)
+    corners = view.corners_of(np.array([triangle]))[0]
+    T = view.camera.camera_from_world
+    world = (corners[:, POSITION] - T[:3, 3]) @ T[:3, :3] + view.origin
+    number = int(view.body[triangle])
+    surface = surfaces[number]
+    face = int(view.face[triangle]) - sum(len(one.faces) for one in surfaces[:number])
+    reference = shares @ corners[:, REFERENCE]
+    normal = np.cross(world[1] - world[0], world[2] - world[0])
+    towards = view.camera.eye + view.origin - world[0]
+    normal *= np.sign(normal @ towards) / np.linalg.norm(normal)
+    element = node = place = None
+    if number < len(skins):
+        element, node, place = _element(skins[number], face, reference)
+    value = None if values is None else float(shares @ values[triangle])
+    return Pick(
+        float(column), float(row), number, surface.name,
+        list(surface.paints)[surface.regions[face]], face, reference, shares @ world, normal,
+        depth, element, node, place, None if value is None or np.isnan(value) else value,
+    )  # fmt: skip
+
+
+def _shares(view: View, triangle: int, column: float, row: float) -> tuple[Array, float]:
+    """Weights (3,) of a triangle's corners at a pixel position, and the depth there."""
+    x, y = view.camera.undistort([column, row])
+    over_depth = view.planes_of(np.array([triangle]))[0] @ [x, y, 1.0]
+    depth = 1.0 / float(over_depth.sum())
+    return over_depth * depth, depth
+
+
+def _element(skin: Skin, face: int, reference: Array) -> tuple[int, int, Array]:
+    """The cell that a surface's face is of, and the nearest node of its boundary face."""
+    nodes = skin.faces.nodes[skin.face_of_piece[face]]
+    nodes = nodes[nodes >= 0]
+    places = skin.mesh.points[nodes]
+    nearest = int(np.argmin(((places - reference) ** 2).sum(axis=1)))
+    return int(skin.cell_of_piece[face]), int(nodes[nearest]), places[nearest]

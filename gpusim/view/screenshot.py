@@ -1,0 +1,99 @@
+"""The window's picture without a window: no display, no X server, and none of the extra
+``[view]``."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from gpusim.errors import InputError, NotConverged
+from gpusim.files.atomic_files import atomic_stream
+from gpusim.view.viewer import Viewer
+
+__all__ = ["save_screenshot", "screenshot", "wait_for_solution"]
+
+FORMAT = "rgba8unorm"
+
+
+def screenshot(viewer: Viewer, size: tuple[int, int] | None = None) -> npt.NDArray[np.uint8]:
+    """(H, W, 3) uint8: what the window would show at full quality; ``size``: (W, H) px.
+
+    Examples
+    --------
+    >>> from gpusim.view.screenshot import screenshot
+    >>> from gpusim.view.viewer import Viewer
+    >>> viewer = Viewer(gs.Device(), Path("bar.toml"), (160, 100), solve=False)
+    >>> screenshot(viewer).shape
+    (100, 160, 3)
+    """
+    width, height = size or viewer.size
+    device = viewer.device
+    target = device.texture(width, height, FORMAT, "view.screenshot")
+    viewer.draw(target, whole=True)
+    pixels = device.empty(target.stride * height, "view.screenshot")
+    with device.recording("view.screenshot") as recording:
+        recording.copy_texture(target, pixels, height)
+    rows = pixels.read(np.uint8, (height, target.stride // 4, 4))
+    return np.ascontiguousarray(rows[:, :width, :3])
+
+
+def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = None) -> None:
+    """Write it as PNG.
+
+    Raises
+    ------
+    InputError
+        Another ending, or a place that can't be written to.
+    """
+    if path.suffix.lower() != ".png":
+        raise InputError(f"view: screenshot; got {path}; expected a name that ends with .png")
+    pixels = Image.fromarray(screenshot(viewer, size))
+    try:
+        with atomic_stream(path) as stream:
+            pixels.save(stream, "PNG")
+    except OSError as error:
+        raise InputError(f"{path}: can't be written; got {error.strerror or error}") from None
+
+
+def wait_for_solution(viewer: Viewer) -> None:
+    """Until a scene that is being solved is shown loaded.
+
+    Raises
+    ------
+    NotConverged
+        It can't be solved.
+    """
+    while viewer.solver is not None:
+        viewer.tick()
+        if viewer.solver is not None:
+            time.sleep(0.05)
+    if viewer.fault:
+        raise NotConverged(f"view {viewer.path}: {viewer.fault}")
+
+
+def look_as_asked(viewer: Viewer, camera: str | None, frame: int | None, field: str | None) -> None:
+    """Show a camera of the scene, a frame and a field.
+
+    Raises
+    ------
+    InputError
+        There is no such camera, frame or field, or the content can't be shown at all.
+    """
+    content = viewer.content
+    if content is None:
+        raise InputError(viewer.fault)
+    if camera is not None:
+        names = [own.name for own in content.cameras]
+        if camera not in names:
+            raise InputError(f"view --camera; got {camera!r}; expected one of {names}")
+        viewer.look_through(names.index(camera))
+    if frame is not None:
+        if not 0 <= frame < content.frames:
+            raise InputError(f"view --frame; got {frame}; expected 0 to {content.frames - 1}")
+        viewer.show_frame(frame)
+    if field is not None:
+        viewer.show_field(field)

@@ -1,0 +1,319 @@
+"""What is looked at: content, view and choices; and how it is drawn, into whatever window."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import GpusimError
+from gpusim.gpu import Device
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.light.lights import Light
+from gpusim.view.content.background_solver import BackgroundSolver
+from gpusim.view.content.content import Content
+from gpusim.view.content.file_watch import FileWatch
+from gpusim.view.content.loading import load_content, load_solution
+from gpusim.view.field_colors import FieldColors, corner_values
+from gpusim.view.fields import field_kind, scale_of, surface_field
+from gpusim.view.overlay import Overlay
+from gpusim.view.panels import draw_panels
+from gpusim.view.picking import Pick
+from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
+from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
+from gpusim.view.placement import Placement
+from gpusim.view.turntable import Turntable
+
+__all__ = ["ViewState"]
+
+Array = npt.NDArray[np.float64]
+
+CLICK = 4.0
+"""px that the mouse may move in a click."""
+
+MESSAGE_SECONDS = 4.0
+"""How long a message stands in the window."""
+
+EXPOSED = 0.995
+"""Share of a lit picture's pixels that aren't white."""
+
+ALIASES = {"=": "+", "_": "-"}
+"""Keys that are as good as others."""
+
+
+class ViewState:
+    """Shows what a file holds, as it is asked to.
+
+    ``content``: None until there is something that can be shown. ``fault``: why the file as it is
+    now can't be, or "". ``through``: number of the scene's camera that is looked through; None for
+    the ``view`` that the mouse moves. ``shown``: what can be switched on and off.
+    """
+
+    def __init__(
+        self, device: Device, path: Path, size: tuple[int, int], solve: bool = True
+    ) -> None:
+        self.device, self.path, self.size, self.solves = device, path, size, solve
+        self.content: Content | None = None
+        self.solver: BackgroundSolver | None = None
+        self.fault = self.message = ""
+        self.view = Turntable()
+        self.through: int | None = None
+        self.frame, self.scale, self.gain = 0, 1.0, 1.0
+        self.field: str | None = None
+        self.selected: Pick | None = None
+        self.shown = {"paint": True, "light": True, "help": False, "mesh": False,
+                      "supports": False, "loads": False, "cameras": False}  # fmt: skip
+        self.picture, self.overlay = ProgressivePicture(device), Overlay(device)
+        self.field_colors = FieldColors(device)
+        self.watch = FileWatch([path])
+        self.save: Callable[[Path], None] | None = None
+        self._white: float | None = None
+        self.field_values: list[Array] = []
+        self._until = 0.0
+        self.load()
+
+    def close(self) -> None:
+        """Stop what goes on, and give the device's memory back."""
+        if self.solver is not None:
+            self.solver.stop()
+        self.picture.release()
+
+    # -- content ------------------------------------------------------------------------------
+
+    def load(self) -> None:
+        """Read the file again; what can't be read leaves the last good content, and a fault."""
+        try:
+            found = load_content(self.path)
+        except (GpusimError, OSError) as error:
+            self.fault = str(error)
+            return
+        earlier, self.content, self.fault = self.content, found, ""
+        self.watch.watch((self.path, *found.files))
+        if not found.take_over(earlier):
+            if self.solver is not None:
+                self.solver.stop()
+                self.solver = None
+            if found.unloaded and self.solves and found.objects is not None:
+                self.solver = BackgroundSolver(found.objects.scene)
+        self._white, self.selected = None, None
+        self.frame = min(self.frame, found.frames - 1)
+        if self.through is not None and self.through >= len(found.cameras):
+            self.through = None
+        if earlier is None:
+            self.reset()
+        self.changed()
+
+    def tick(self) -> bool:
+        """Look for what has changed outside; whether there is something new to be drawn."""
+        news = False
+        if self.watch.changed():
+            self.load()
+            news = True
+        if self.solver is not None:
+            news = True  # its progress
+            if not self.solver.running:
+                self._solved()
+        if self.message and time.monotonic() > self._until:
+            self.message, news = "", True
+        return news
+
+    def _solved(self) -> None:
+        solver, self.solver = self.solver, None
+        assert solver is not None and self.content is not None
+        try:
+            if solver.fault:
+                self.fault = f"not solved: {solver.fault}"
+            else:
+                load_solution(self.content, solver.folder)
+                self.frame = self.content.frames - 1
+        except GpusimError as error:
+            self.fault = str(error)
+        solver.stop()
+        self.changed()
+
+    # -- what is seen -------------------------------------------------------------------------
+
+    def camera(self) -> tuple[Camera, int, int]:
+        """The camera of the picture, and where its corner lies in the window."""
+        width, height = self.size
+        if self.through is None or self.content is None:
+            return self.view.camera(width, height), 0, 0
+        return _within(self.content.cameras[self.through], width, height)
+
+    @property
+    def place(self) -> Placement:
+        """Where pixels of the picture's camera lie in the window."""
+        _, left, top = self.camera()
+        return Placement(left, top)
+
+    @property
+    def white(self) -> float:
+        """The radiance that is shown white."""
+        return (self._white or HEADLIGHT_WHITE) / self.gain
+
+    def surfaces(self) -> Sequence[Any]:
+        """What is seen now."""
+        if self.content is None:
+            return []
+        return self.content.surfaces(self.frame, self.scale, self.shown["paint"])
+
+    def look_through(self, number: int | None) -> None:
+        """See what a camera of the scene sees; None: leave it."""
+        self.through = number
+        if number is not None and self.content is not None:
+            middle = self.content.outline(self.frame, self.scale).mean(axis=0)
+            self.view = self.view.of_camera(self.content.cameras[number], middle)
+        self.changed()
+
+    def show_frame(self, frame: int) -> None:
+        """Show a frame, or the first or last one if there are none beyond."""
+        last = self.content.frames - 1 if self.content is not None else 0
+        frame = min(max(frame, 0), last)
+        if frame != self.frame:
+            self.frame = frame
+            self.show_field(self.field)
+
+    def has_field(self, name: str) -> bool:
+        """Whether a field is there without more work."""
+        content = self.content
+        if content is None or not content.skins or not content.moves:
+            return False
+        stress = ("von_mises", "principal_1", "principal_2", "principal_3")
+        return name.startswith("displacement") or (
+            content.stresses is not None and (name in stress or name.startswith("stress_"))
+        )
+
+    def show_field(self, name: str | None) -> None:
+        """Colour the bodies by a field; None: as they are painted.
+
+        Raises
+        ------
+        InputError
+            There is no such field, or a body hasn't it.
+        """
+        self.field, content = name, self.content
+        if name is not None and content is not None:
+            kind, solved = field_kind(name), not self.has_field(name)
+            self.field_values = [
+                kind.values(content.state(number, self.frame, solved))
+                for number in range(len(content.skins))
+            ]
+        self.changed()
+
+    def say(self, text: str) -> None:
+        """Show a message for a while."""
+        self.message, self._until = text, time.monotonic() + MESSAGE_SECONDS
+
+    def reset(self) -> None:
+        """The last frame as it is, all of it in view."""
+        self.frame, self.scale, self.gain, self.through = 0, 1.0, 1.0, None
+        self.view, self._white, self.field = Turntable(), None, None
+        if self.content is not None:
+            self.frame = self.content.frames - 1
+        self.frame_all()
+
+    def frame_all(self) -> None:
+        """Everything that is loaded in view."""
+        if self.content is not None:
+            self.look(self.view.fit(self.content.outline(self.frame, self.scale), *self.size))
+
+    def look(self, view: Turntable) -> None:
+        """See what another view sees."""
+        self.view, self.through = view, None
+        self.changed()
+
+    def changed(self) -> None:
+        """What is seen is another now."""
+        if self.content is None:
+            return
+        camera, _, _ = self.camera()
+        lights: Sequence[Light] = headlight(camera.camera_from_world[:3, :3])
+        background = BACKDROP
+        if self.shown["light"] and self.content.lights is not None:
+            lights, background = self.content.lights, self.content.background
+            if self.through is None:  # no black void around what is walked round
+                background = background or BACKDROP * (self._white or 0.0)
+        self.picture.begin(Shot(self.surfaces(), camera, lights, background))
+
+    def _exposed(self) -> None:
+        """Choose what is white from the first picture of a scene's lamps."""
+        base = self.picture.base
+        lamps = self.content is not None and self.content.lights is not None
+        if not (lamps and self.shown["light"]):
+            self._white = HEADLIGHT_WHITE
+        elif self._white is None and base is not None:
+            high = float(np.quantile(base.radiance, EXPOSED))
+            self._white = high if high > 0.0 else 1.0
+            self.changed()
+
+    def draw(self, target: Any, whole: bool = False) -> bool:
+        """Draw it over a target (`gpusim.view.overlay.Target`); ``whole``: at full quality.
+
+        Whether there is more to be drawn, as soon as keys and the mouse have been heard.
+        """
+        if self.size != (target.width, target.height):
+            self.size = target.width, target.height
+            self.changed()
+        more = False
+        try:
+            more = self.picture.step()
+            self._exposed()
+            if whole:
+                self.picture.finish()
+            self._draw(target)
+        except GpusimError as error:  # what is seen now can't be shown
+            self.fault = str(error)
+            self._draw(target, with_picture=False)
+        return more
+
+    def _draw(self, target: Any, with_picture: bool = True) -> None:
+        _, left, top = self.camera()
+        overlay, base = self.overlay, self.picture.base
+        overlay.clear()
+        with self.device.recording("view") as recording:
+            if with_picture and base is not None:
+                self.picture.draw(recording, target, left, top, 1.0 / self.white)
+                if self.field is not None:
+                    self._draw_field(target, recording)
+            else:
+                overlay.rectangle(0, 0, target.width, target.height, "#23292f")
+            draw_panels(self, overlay)
+            overlay.draw(target, recording)
+
+    def _draw_field(self, target: Any, recording: Any) -> None:
+        """The colours of the field over the picture."""
+        base, picture = self.picture.base, self.picture
+        assert base is not None and self.field is not None and self.content is not None
+        kind, skins = field_kind(self.field), self.content.skins
+        fields = [
+            surface_field(skin, kind, values)
+            for skin, values in zip(skins, self.field_values, strict=True)
+        ]
+        scale = scale_of(self.field_values, kind.signed)
+        place = self.place
+        self.field_colors.draw(
+            target, base, corner_values(base.view, self.surfaces(), fields), scale.limits,
+            scale.colors, white=self.white, place=Placement(place.x, place.y, picture.coarseness),
+            samples=1 if picture.waits else 2, recording=recording,
+        )  # fmt: skip
+
+
+def _within(camera: Camera, width: int, height: int) -> tuple[Camera, int, int]:
+    """A camera with as many pixels as its image has in the middle of a window, and its corner."""
+    scale = min(width / camera.width, height / camera.height)
+    columns, rows = max(round(scale * camera.width), 1), max(round(scale * camera.height), 1)
+    x, y = columns / camera.width, rows / camera.height
+
+    def scaled(K: Array) -> Array:
+        result = np.diag([x, y, 1.0]) @ K
+        result[:2, 2] += [0.5 * x - 0.5, 0.5 * y - 0.5]
+        return result
+
+    lens = None if camera.lens_K is None else scaled(camera.lens_K)
+    seen = replace(camera, width=columns, height=rows, K=scaled(camera.K), lens_K=lens)
+    return seen, (width - columns) // 2, (height - rows) // 2

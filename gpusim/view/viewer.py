@@ -1,0 +1,192 @@
+"""How keys and the mouse change what is looked at."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.view.fields import FIELDS
+from gpusim.view.keys import KEYS
+from gpusim.view.panels import slider_frame
+from gpusim.view.picking import pick
+from gpusim.view.placement import Placement
+from gpusim.view.turntable import camera_lines
+from gpusim.view.view_state import ViewState
+
+__all__ = ["Viewer"]
+
+Array = npt.NDArray[np.float64]
+
+CLICK = 4.0
+"""px that the mouse may move in a click."""
+
+ALIASES = {"=": "+", "_": "-"}
+"""Keys that are as good as others."""
+
+
+class Viewer(ViewState):
+    """What a window shows, with its keys and its mouse.
+
+    Examples
+    --------
+    >>> from gpusim.view.viewer import Viewer
+    >>> viewer = Viewer(gs.Device(), Path("bar.toml"), (320, 200), solve=False)
+    >>> viewer.key("7")
+    >>> viewer.view.elevation.__round__(4)
+    1.5708
+    """
+
+    _drag: dict[str, Any] | None = None
+
+    # -- keys ---------------------------------------------------------------------------------
+
+    def key(self, key: str) -> None:
+        """Do what a key stands for; others do nothing."""
+        wanted = ALIASES.get(key, key)
+        for known in KEYS:
+            if known.key.lower() == wanted.lower():
+                action = getattr(self, f"do_{known.action}", None)
+                if action is None:
+                    self.shown[known.action] = not self.shown[known.action]
+                    if known.action in ("paint", "light"):
+                        self._white = None
+                        self.changed()
+                else:
+                    action()
+
+    def do_front(self) -> None:
+        self.look(self.view.side("front"))
+
+    def do_right(self) -> None:
+        self.look(self.view.side("right"))
+
+    def do_top(self) -> None:
+        self.look(self.view.side("top"))
+
+    def do_next_camera(self) -> None:
+        count = len(self.content.cameras) if self.content is not None else 0
+        if not count:
+            self.say("no camera in what is shown")
+            return
+        following = 0 if self.through is None else self.through + 1
+        self.look_through(following if following < count else None)
+
+    def do_frame_all(self) -> None:
+        self.frame_all()
+
+    def do_frame_selection(self) -> None:
+        if self.content is None or self.selected is None:
+            self.say("nothing selected: click something")
+            return
+        self.look(self.view.fit(self._selected_points(), *self.size))
+
+    def _selected_points(self) -> Array:
+        """Corners of the selected element, or of the face of a prop."""
+        assert self.content is not None and self.selected is not None
+        surface = self.surfaces()[self.selected.surface]
+        faces = surface.faces[self.selected.face][None]
+        if self.selected.element is not None:
+            skin = self.content.skins[self.selected.surface]
+            faces = surface.faces[skin.cell_of_piece == self.selected.element]
+        return np.asarray(surface.points[np.unique(faces[faces >= 0])])
+
+    def do_reset(self) -> None:
+        self.reset()
+
+    def do_write_camera(self) -> None:
+        text = camera_lines(self.view, *self.size)
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+        self.say(text)
+
+    def do_previous_frame(self) -> None:
+        self.show_frame(self.frame - 1)
+
+    def do_next_frame(self) -> None:
+        self.show_frame(self.frame + 1)
+
+    def do_larger(self) -> None:
+        self._deform(2.0)
+
+    def do_smaller(self) -> None:
+        self._deform(0.5)
+
+    def _deform(self, factor: float) -> None:
+        self.scale = min(max(factor * self.scale, 2.0**-10), 2.0**20)
+        self.changed()
+
+    def do_next_field(self) -> None:
+        names = [None, *(name for name in FIELDS if self.has_field(name))]
+        self.show_field(names[(names.index(self.field) + 1) % len(names)])
+        if len(names) == 1:
+            self.say("no field: nothing is solved")
+
+    def do_darker(self) -> None:
+        self.gain /= 2.0**0.5
+
+    def do_brighter(self) -> None:
+        self.gain *= 2.0**0.5
+
+    def do_save(self) -> None:
+        number = 1
+        while (path := Path(f"{self.path.stem}-{number:03d}.png")).exists():
+            number += 1
+        if self.save is not None:
+            self.save(path)
+            self.say(f"saved {path}")
+
+    # -- mouse; places in px of the window ----------------------------------------------------
+
+    def press(self, x: float, y: float, button: int, modifiers: Sequence[str] = ()) -> None:
+        """A button goes down: 1 left, 2 right, 3 middle."""
+        pans = button == 3 or (button == 1 and "Shift" in modifiers)
+        what = "pan" if pans else "orbit" if button == 1 else ""
+        if button == 1 and slider_frame(self, x, y) is not None:
+            what = "slide"
+        self._drag = {"what": what, "first": (x, y), "last": (x, y), "far": False}
+        self._dragged(x, y)
+
+    def move(self, x: float, y: float) -> None:
+        """The mouse moves."""
+        if self._drag is not None:
+            self._dragged(x, y)
+
+    def _dragged(self, x: float, y: float) -> None:
+        assert self._drag is not None
+        (x0, y0), drag = self._drag["first"], self._drag
+        drag["far"] = drag["far"] or np.hypot(x - x0, y - y0) > CLICK
+        if drag["what"] == "slide":
+            frame = slider_frame(self, x, None)
+            if frame is not None:
+                self.show_frame(frame)
+        elif drag["far"] and drag["what"]:
+            dx, dy = x - drag["last"][0], y - drag["last"][1]
+            turned = getattr(self.view, drag["what"])(dx, dy, self.size[1])
+            drag["last"] = x, y
+            if dx or dy:
+                self.look(turned)
+
+    def release(self, x: float, y: float) -> None:
+        """A button goes up: where it went down, that is a click."""
+        drag, self._drag = self._drag, None
+        if drag is not None and not drag["far"] and drag["what"] == "orbit":
+            self.select(x, y)
+
+    def wheel(self, steps: float, x: float, y: float) -> None:
+        """The wheel turns by ``steps`` towards the user."""
+        self.look(self.view.zoom(steps, x, y, *self.size))
+
+    def select(self, x: float, y: float) -> None:
+        """Select what is seen at a place of the window."""
+        base, place = self.picture.base, self.place
+        if base is None or self.content is None:
+            return
+        column, row = Placement(place.x, place.y, self.picture.coarseness).pixels((x, y))
+        self.selected = pick(
+            base.view, base.ids(), self.surfaces(), float(column), float(row), self.content.skins
+        )

@@ -1,0 +1,150 @@
+"""The window (rendercanvas and glfw), and the same picture in a browser.
+
+Both draw with gpusim's own device: a window shows its textures directly, a browser gets them as
+pictures through a server that listens to this machine alone.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from typing import Any
+
+from gpusim.errors import InputError
+from gpusim.view.overlay import Target
+from gpusim.view.screenshot import save_screenshot
+from gpusim.view.viewer import Viewer
+
+__all__ = ["WindowView", "open_window", "serve_view"]
+
+TITLE = "gpusim view"
+
+FRAMES_PER_SECOND = 60.0
+
+PERIOD = 0.05
+"""s between looks at what changes without keys and mouse."""
+
+INSTALL = 'install the extra: pip install "gpusim[view]"'
+
+LOCAL = "127.0.0.1"
+"""Nobody else than this machine is served: there is no password."""
+
+KEYPAD = {**{chr(320 + k): str(k) for k in range(10)},
+          chr(330): ".", chr(333): "-", chr(334): "+"}  # fmt: skip
+"""What rendercanvas calls the keys of a keypad under glfw: numbers of keys as characters."""
+
+
+class WindowView:
+    """Joins a viewer and a canvas of rendercanvas: events to the one, pictures to the other.
+
+    ``types``: whether the canvas says what was typed (glfw does), whatever the keyboard's layout.
+    """
+
+    def __init__(self, viewer: Viewer, canvas: Any, loop: Any, types: bool) -> None:
+        self.viewer, self.canvas, self.loop, self.types = viewer, canvas, loop, types
+        self.context = canvas.get_wgpu_context()
+        preferred = self.context.get_preferred_format(viewer.device.adapter)
+        self.format = str(preferred).removesuffix("-srgb")
+        self.context.configure(device=viewer.device.gpu, format=self.format)
+        viewer.save = lambda path: save_screenshot(viewer, path)
+        canvas.add_event_handler(
+            self.event, "pointer_down", "pointer_move", "pointer_up", "wheel", "key_down", "char",
+            "resize",
+        )  # fmt: skip
+        canvas.request_draw(self.draw)
+        loop.call_later(PERIOD, self.tick)
+
+    def draw(self) -> None:
+        """Draw what there is, and ask for more if there is more to come."""
+        begun = time.monotonic()
+        texture = self.context.get_current_texture()  # waits while too much is on its way
+        width, height = texture.size[:2]
+        target = Target(texture.create_view(), self.format, width, height)
+        more = self.viewer.draw(target)
+        self.viewer.picture.took(time.monotonic() - begun)
+        if more:
+            self.canvas.request_draw()
+
+    def tick(self) -> None:
+        """Look for what changes without keys and mouse, again and again."""
+        if self.canvas.get_closed():
+            self.viewer.close()
+            return
+        if self.viewer.tick():
+            self.canvas.request_draw()
+        self.loop.call_later(PERIOD, self.tick)
+
+    def event(self, event: dict[str, Any]) -> None:
+        """Pass an event of rendercanvas on."""
+        kind, viewer = event["event_type"], self.viewer
+        ratio = self.canvas.get_pixel_ratio()
+        x, y = ratio * event.get("x", 0.0), ratio * event.get("y", 0.0)
+        if kind == "pointer_down":
+            viewer.press(x, y, event["button"], event["modifiers"])
+        elif kind == "pointer_move":
+            viewer.move(x, y)
+        elif kind == "pointer_up":
+            viewer.release(x, y)
+        elif kind == "wheel":
+            viewer.wheel(event["dy"] / 100.0, x, y)
+        elif kind == "char":
+            viewer.key(event["data"])
+        elif kind == "key_down":
+            key = event["key"]
+            if len(key) > 1 or not self.types:
+                viewer.key(key)
+        if kind != "pointer_move" or event["buttons"]:
+            self.canvas.request_draw()
+
+
+def open_window(viewer: Viewer) -> None:
+    """Open the window, and return when it is closed.
+
+    Raises
+    ------
+    InputError
+        The extra ``[view]`` isn't installed, or there is no display.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what a missing display makes glfw say
+            import glfw
+
+            shows = glfw.init()
+    except ImportError as error:
+        raise InputError(f"view: {error.name or 'glfw'} is missing; {INSTALL}") from None
+    if not shows:
+        raise InputError(
+            "view: no display (DISPLAY and WAYLAND_DISPLAY say where one is); expected one, or "
+            "--screenshot FILE.png, which needs none, or --serve"
+        )
+    try:
+        from rendercanvas.glfw import RenderCanvas, loop
+    except ImportError as error:
+        raise InputError(f"view: {error.name or 'rendercanvas'} is missing; {INSTALL}") from None
+    canvas = RenderCanvas(
+        size=viewer.size, title=f"{viewer.path.name} – {TITLE}", max_fps=FRAMES_PER_SECOND,  # noqa: RUF001
+        vsync=False,
+    )  # fmt: skip
+    WindowView(viewer, canvas, loop, types=True)
+    loop.run()
+
+
+def serve_view(viewer: Viewer, port: int) -> None:
+    """Show it to a browser on this machine (or at the other end of an SSH tunnel) until Ctrl-C.
+
+    Raises
+    ------
+    InputError
+        The extra ``[view]`` isn't installed.
+    """
+    try:
+        import uvicorn
+        import websockets  # which uvicorn looks for when a browser asks
+        from rendercanvas.http import RenderCanvas, asgi, loop
+    except ImportError as error:
+        raise InputError(f"view: {error.name} is missing; {INSTALL}") from None
+    del websockets
+    canvas = RenderCanvas(size=viewer.size, title=TITLE, max_fps=FRAMES_PER_SECOND)
+    WindowView(viewer, canvas, loop, types=False)
+    uvicorn.run(asgi, host=LOCAL, port=port, log_level="warning", ws="websockets-sansio")

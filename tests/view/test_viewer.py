@@ -1,0 +1,212 @@
+"""What the preview shows, without a window: content, pictures, keys, the mouse, reload, faults."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.scene.toml_text import toml_text
+from gpusim.view.content.loading import load_content
+from gpusim.view.picture.progressive_picture import coarser, rows_of
+from gpusim.view.screenshot import screenshot, wait_for_solution
+from gpusim.view.viewer import Viewer
+from tests.support.small_scene import DOCUMENT
+
+SIZE = (331, 207)
+LIGHT = [{"name": "sun", "type": "sun", "direction": [0.3, 1.0, -0.6], "irradiance_W_m2": 3.0}]
+
+
+@pytest.fixture
+def scene_path(tmp_path: Path) -> Path:
+    path = tmp_path / "bar.toml"
+    path.write_text(toml_text({**DOCUMENT, "light": LIGHT}), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def viewer(device: Device, scene_path: Path):  # type: ignore[no-untyped-def]
+    made = Viewer(device, scene_path, SIZE, solve=False)
+    assert made.fault == ""
+    yield made
+    made.close()
+
+
+def encoded(radiance: np.ndarray, white: float) -> np.ndarray:
+    """8-bit sRGB by its definition (IEC 61966-2-1)."""
+    value = np.clip(radiance / white, 0.0, 1.0)
+    curve = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+    return np.rint(255.0 * curve)
+
+
+def test_a_screenshot_is_what_render_shows(viewer: Viewer) -> None:
+    """Where nothing is written over it, to a grey level; rows in steps are the picture at once."""
+    picture = screenshot(viewer)
+    shot = viewer.picture.shot
+    assert shot is not None and viewer.picture.complete
+    frame = gs.render(shot.surfaces, shot.camera, shot.lights, background=shot.background,
+                      device=viewer.device)  # fmt: skip
+    wanted = encoded(frame.radiance.astype(np.float64), viewer.white)
+    free = np.s_[60:150, :240]
+    difference = np.abs(picture[free].astype(float) - wanted[free][..., None])
+    assert wanted[free].std() > 20.0
+    assert (difference <= 1.0).mean() > 0.999 and difference.max() <= 3.0
+
+
+def test_looking_through_a_camera_of_the_scene(viewer: Viewer) -> None:
+    viewer.key("0")
+    assert viewer.through == 0 and viewer.content is not None
+    camera, left, top = viewer.camera()
+    assert (camera.width, camera.height, left) == (331, 88, 0) and top == 59
+    whole = viewer.content.cameras[0]
+    points = viewer.content.outline(0, 1.0)
+    share = np.array([331 / 450, 88 / 120])
+    np.testing.assert_allclose(
+        camera.project(points) + 0.5, share * (whole.project(points) + 0.5), atol=1e-9
+    )
+    viewer.key("0")
+    assert viewer.through is None
+    # the free view goes on from there
+    np.testing.assert_allclose(viewer.view.eye, whole.eye, atol=1e-12)
+
+
+def test_coarser_cameras_and_rows_see_the_same(viewer: Viewer) -> None:
+    camera = viewer.view.camera(*SIZE)
+    point = np.array(viewer.view.pivot) + [0.01, 0.02, 0.005]
+    at = camera.project(point)
+    np.testing.assert_allclose(coarser(camera, 3).project(point), (at + 0.5) / 3 - 0.5, atol=1e-10)
+    np.testing.assert_allclose(rows_of(camera, 40, 20).project(point), at - [0, 40], atol=1e-10)
+    assert (coarser(camera, 3).width, coarser(camera, 3).height) == (111, 69)
+
+
+def test_keys_change_what_is_seen(viewer: Viewer) -> None:
+    first = screenshot(viewer)
+    viewer.key("7")
+    for key in ("Home", "p", "l", "m", "u", "o", "v", "]", "h"):
+        before = screenshot(viewer)
+        viewer.key(key)
+        after = screenshot(viewer)
+        assert (before != after).mean() > 5e-4, key
+        assert viewer.fault == "", key
+    for key in ("p", "l", "m", "u", "o", "v", "h"):
+        viewer.key(key)
+    viewer.key("r")
+    np.testing.assert_array_equal(screenshot(viewer), first)
+
+
+def test_mouse(viewer: Viewer) -> None:
+    screenshot(viewer)
+    eye, pivot = viewer.view.eye, viewer.view.pivot
+    viewer.press(100, 100, 1)
+    viewer.move(140, 110)
+    viewer.release(140, 110)
+    assert viewer.selected is None and viewer.view.pivot == pivot
+    assert np.linalg.norm(viewer.view.eye - eye) > 0.01
+    viewer.press(100, 100, 1, ("Shift",))
+    viewer.move(120, 90)
+    viewer.release(120, 90)
+    assert viewer.view.pivot != pivot
+    viewer.wheel(-4.0, 165, 103)
+    viewer.key("Home")
+    screenshot(viewer)
+    x, y = viewer.place.window(viewer.camera()[0].project(np.array([0.12, 0.0, 0.005])))
+    viewer.press(x, y, 1)
+    viewer.release(x, y)
+    found = viewer.selected
+    assert found is not None and found.name == "bar" and found.paint == "side"
+    np.testing.assert_allclose(found.reference, [0.12, 0.0, 0.005], atol=1e-6)
+    cell = viewer.content.objects.bodies[0].mesh.cells["hex8"][found.element]  # type: ignore
+    low, high = (
+        viewer.content.objects.bodies[0].mesh.points[cell].min(0),  # type: ignore
+        viewer.content.objects.bodies[0].mesh.points[cell].max(0),
+    )  # type: ignore
+    assert (found.reference >= low - 1e-9).all() and (found.reference <= high + 1e-9).all()
+    viewer.key(".")
+    assert viewer.view.distance < 0.2
+
+
+def test_solving_in_the_background_then_frames_and_fields(device: Device, scene_path: Path) -> None:
+    viewer = Viewer(device, scene_path, SIZE)
+    assert viewer.content is not None and viewer.content.frames == 1
+    screenshot(viewer)  # shown unloaded at once, with progress
+    wait_for_solution(viewer)
+    assert (viewer.content.frames, viewer.frame) == (2, 1)
+    solved = gs.solve(gs.load_scene(scene_path)).u
+    np.testing.assert_allclose(viewer.content.displacement(0, 1), solved, rtol=1e-4, atol=1e-9)
+    viewer.key("f")
+    assert viewer.field == "displacement"
+    most = 1e3 * np.linalg.norm(solved, axis=1).max()
+    assert viewer.field_values[0].max() == pytest.approx(most, rel=1e-4)
+    viewer.show_field("von_mises")
+    assert (np.ptp(screenshot(viewer).astype(int), axis=2) > 60).mean() > 0.02  # in colour
+    viewer.key("+")
+    points = viewer.surfaces()[0].points
+    skin = viewer.content.skins[0]
+    np.testing.assert_allclose(points, skin.at_vertices(skin.mesh.points + 2 * viewer.content
+                                                        .displacement(0, 1)), atol=1e-12)  # fmt: skip
+    viewer.press(3 * 14, SIZE[1] - 18, 1)  # the slider's left end
+    viewer.release(3 * 14, SIZE[1] - 18)
+    assert viewer.frame == 0
+    viewer.key("ArrowRight")
+    assert viewer.frame == 1
+    viewer.close()
+
+
+def wait_for(viewer: Viewer, what: str) -> float:
+    """Seconds until a change of the file is seen."""
+    begun = time.monotonic()
+    content, fault = viewer.content, viewer.fault
+    while (viewer.content, viewer.fault) == (content, fault):
+        viewer.tick()
+        assert time.monotonic() - begun < 20.0, what
+        time.sleep(0.01)
+    return time.monotonic() - begun
+
+
+def test_reload_and_faults(viewer: Viewer, scene_path: Path) -> None:
+    first = screenshot(viewer)
+    text = scene_path.read_text(encoding="utf-8")
+    scene_path.write_text(text.replace("focal_mm = 50.0", "focal_mm = 60.0"), encoding="utf-8")
+    wait_for(viewer, "a focal length")
+    assert viewer.content is not None and viewer.fault == ""
+    assert viewer.content.cameras[0].K[0, 0] == pytest.approx(60 / 15 * 450)
+    np.testing.assert_array_equal(screenshot(viewer), first)  # the view stays
+    content = viewer.content
+    scene_path.write_text(text.replace("focal_mm", "focal_m"), encoding="utf-8")
+    wait_for(viewer, "a fault")
+    assert "focal_m" in viewer.fault and viewer.content is content
+    assert (screenshot(viewer) != first).any()  # it is said over the last good view
+    scene_path.write_text(text, encoding="utf-8")
+    wait_for(viewer, "mended")
+    assert viewer.fault == ""
+    np.testing.assert_array_equal(screenshot(viewer), first)
+
+
+def test_a_mesh_and_a_run(device: Device, tmp_path: Path, scene_path: Path) -> None:
+    cube = gs.mesh.box(size=(2, 1, 0.5), divisions=(2, 1, 1))
+    gs.export.write_vtu(tmp_path / "part.vtu", cube.points, cube.cells)
+    gs.export.write_stl(tmp_path / "part.stl", cube.points, gs.mesh.boundary_faces(cube).nodes)
+    pictures = []
+    for name in ("part.vtu", "part.stl"):
+        viewer = Viewer(device, tmp_path / name, SIZE)
+        assert viewer.fault == "" and viewer.solver is None
+        pictures.append(screenshot(viewer)[60:])
+        viewer.close()
+    assert len(np.unique(pictures[0])) > 20
+    assert (np.abs(pictures[0].astype(int) - pictures[1]) <= 1).mean() > 0.999
+    gs.run(gs.load_scene(scene_path), tmp_path / "out")
+    content = load_content(tmp_path / "out")
+    assert content.frames == 2 and content.stresses is not None
+    assert content.displacement(0, 1)[:, 2].min() < -1e-4
+
+
+@pytest.mark.parametrize("name", ["none.toml", "a.docx", "."])
+def test_what_is_no_content_is_a_fault(device: Device, name: str, tmp_path: Path) -> None:
+    viewer = Viewer(device, tmp_path / name, SIZE)
+    assert viewer.content is None and str(tmp_path) in viewer.fault
+    assert screenshot(viewer).std() > 1.0  # it is said in the window
+    viewer.close()

@@ -1,0 +1,173 @@
+"""The window on a display of its own, with real events of mouse and keyboard; and what is said
+where there is none."""
+
+from __future__ import annotations
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gpusim.scene.toml_text import toml_text
+from tests.support.small_scene import DOCUMENT
+from tests.support.x_display import XDisplay, missing_display, x_display
+
+pytest.importorskip("glfw")
+pytest.importorskip("rendercanvas")
+
+SECONDS = 90.0
+"""Of patience: machines are busy."""
+
+
+class Window:
+    """A preview window in a process of its own, and the display that it is on."""
+
+    def __init__(self, display: XDisplay, folder: Path, *arguments: str) -> None:
+        self.display = display
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "gpusim", "view", *arguments], cwd=folder, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=1,
+            env={**os.environ, "DISPLAY": display.name, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )  # fmt: skip
+        self.lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self.process.stdout
+        for line in self.process.stdout:
+            self.lines.put(line.rstrip("\n"))
+
+    def until(self, what: str, shown: Callable[[np.ndarray], bool]) -> np.ndarray:
+        """The picture, once it is as wanted."""
+        end = time.monotonic() + SECONDS
+        while time.monotonic() < end:
+            picture = self.display.picture()
+            if shown(picture):
+                return picture
+            assert self.process.poll() is None, self.process.stderr and self.process.stderr.read()
+            time.sleep(0.05)
+        raise AssertionError(f"not seen in {SECONDS:g} s: {what}")
+
+    def steady(self) -> np.ndarray:
+        """The picture, once it has stopped changing."""
+        last, since = self.display.picture(), time.monotonic()
+
+        def still(picture: np.ndarray) -> bool:
+            nonlocal last, since
+            if (picture != last).any():
+                last, since = picture, time.monotonic()
+            return time.monotonic() - since > 1.0
+
+        return self.until("a steady picture", still)
+
+    def printed(self, start: str) -> str:
+        """The next line that begins like this."""
+        while True:
+            line = self.lines.get(timeout=SECONDS)
+            if line.startswith(start):
+                return line
+
+
+@pytest.fixture
+def window(tmp_path: Path) -> Iterator[Window]:
+    if missing_display():
+        pytest.skip(missing_display())
+    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
+    with x_display() as display:
+        made = Window(display, tmp_path, "bar.toml", "--size", "640x400")
+        try:
+            yield made
+        finally:
+            made.process.kill()
+            made.process.wait()
+
+
+def body(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centre (x, y) and spread of what is as bright as the bar in the window's middle."""
+    part = picture[60:330, :500].mean(axis=2)
+    row, column = np.nonzero(part > part.mean() + 40.0)
+    return np.array([column.mean(), row.mean() + 60]), np.array([np.ptp(column), np.ptp(row)])
+
+
+def test_a_user_at_the_window(window: Window, tmp_path: Path) -> None:
+    display = window.display
+    window.until("the bar", lambda picture: picture[60:330, :500].std() > 15.0)
+    display.move(320, 200)
+    first = window.steady()  # solved, too
+    display.drag((320, 250), (460, 250))
+    turned = window.steady()
+    assert (turned != first).mean() > 0.01
+    display.key("1")
+    front = window.steady()
+    centre, spread = body(front)
+    display.move(int(centre[0]), int(centre[1]))
+    for _ in range(3):
+        display.click(4)
+    nearer = window.until("a zoom", lambda p: (p != front).mean() > 0.01)
+    nearer = window.steady()
+    assert body(nearer)[1][1] > 1.15 * spread[1]
+    np.testing.assert_allclose(body(nearer)[0][1], centre[1], atol=6.0)
+    display.key("c")
+    assert window.printed("position_mm").startswith("position_mm = [")
+    display.key("Home")
+    window.steady()
+    display.key("s")
+    path = tmp_path / "bar-001.png"
+    window.until("a saved picture", lambda _: path.exists())
+    saved = np.asarray(Image.open(path))
+    seen = window.steady()[:400, :640]
+    assert saved.shape == (400, 640, 3)
+    assert (np.abs(saved[60:330].astype(int) - seen[60:330]) <= 1).mean() > 0.99
+    # another scene, then a fault
+    scene = tmp_path / "bar.toml"
+    text = scene.read_text(encoding="utf-8")
+    scene.write_text(text.replace("20.0, 10.0]", "20.0, 40.0]"), encoding="utf-8")
+    window.until("a thicker bar", lambda p: body(p)[1][1] > 1.5 * spread[1])
+    good = window.steady()
+    scene.write_text(text.replace("size_mm", "size_m"), encoding="utf-8")
+    red = window.until("a fault", lambda p: (p[..., 0].astype(int) - p[..., 1] > 90).any())
+    assert (red[60:200, :640] == good[60:200, :640]).mean() > 0.9  # over the last good view
+
+
+def view(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return subprocess.run(
+        [sys.executable, "-m", "gpusim", "view", *arguments], cwd=folder, text=True,
+        capture_output=True, timeout=2 * SECONDS,
+        env={**kept, "PYTHONPATH": os.pathsep.join(sys.path), **environment},
+    )  # fmt: skip
+
+
+def test_without_a_display(tmp_path: Path) -> None:
+    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
+    done = view(tmp_path, "bar.toml")
+    assert done.returncode == 2 and "no display" in done.stderr and "--screenshot" in done.stderr
+    options = ("--camera", "side", "--frame", "1", "--field", "von_mises", "--size", "320x200")
+    done = view(tmp_path, "bar.toml", "--screenshot", "a.png", *options)
+    assert done.returncode == 0, done.stderr
+    picture = np.asarray(Image.open(tmp_path / "a.png"))
+    assert picture.shape == (200, 320, 3) and (np.ptp(picture.astype(int), axis=2) > 60).any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("none.toml",), "none.toml"),
+        (("bar.toml", "--screenshot", "a.png", "--camera", "top"), "['side']"),
+        (("bar.toml", "--screenshot", "a.jpg"), ".png"),
+        (("bar.toml", "--size", "0x9"), "WIDTHxHEIGHT"),
+    ],
+)
+def test_bad_arguments(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
+    done = view(tmp_path, *arguments)
+    assert done.returncode == 2 and said in done.stderr
+    assert not list(tmp_path.glob("*.png")) and not list(tmp_path.glob("*.jpg"))
