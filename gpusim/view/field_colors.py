@@ -162,7 +162,9 @@ class FieldColors:
             return None
         largest = self.device.limits["max-texture-dimension-2d"]
         samples = max(1, min(samples, largest // max(frame.width, frame.height)))
-        layer = self._layer(finer(frame.view, samples), _relative(values, limits), colors, recording)
+        layer = self._layer(
+            finer(frame.view, samples), _relative(values, limits), colors, recording
+        )
         place = place or Placement()
         low, high = np.clip(place.window(shown), 0.0, [target.width, target.height])
         radiance, stride = _radiance(self.device, frame)
@@ -287,4 +289,5 @@ def field_colors_twin(
     shown = np.where(color <= 0.0031308, 12.92 * color, curve)
     share = (count / samples**2)[..., None]
     result = share * np.concatenate([shown, np.ones_like(share)], axis=2) + (1.0 - share) * picture
-    return result.astype(np.float32)
+    shown32: npt.NDArray[np.float32] = result.astype(np.float32)
+    return shown32

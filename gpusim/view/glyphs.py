@@ -90,9 +90,7 @@ class GlyphAtlas:
         return Glyph(first, columns, rows, left, top, advance)
 
 
-def _letter(
-    font: ImageFont.FreeTypeFont, character: str
-) -> tuple[npt.NDArray[np.uint8], int, int]:
+def _letter(font: ImageFont.FreeTypeFont, character: str) -> tuple[npt.NDArray[np.uint8], int, int]:
     left, top, right, bottom = (int(side) for side in font.getbbox(character, anchor="ls"))
     if not (right > left and bottom > top):
         return np.zeros((0, 0), np.uint8), left, top

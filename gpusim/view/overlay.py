@@ -167,7 +167,9 @@ class Overlay:
         `gpusim.view.glyphs.CHARACTERS` hasn't is a box.
         """
         if len(anchor) != 2 or anchor[0] not in "lmr" or anchor[1] not in "amsd":
-            raise InputError(f"overlay: anchor; got {anchor!r}; expected one of l m r, then a m s d")
+            raise InputError(
+                f"overlay: anchor; got {anchor!r}; expected one of l m r, then a m s d"
+            )
         pixels, lines = max(round(size), 6), text.split("\n")
         step, ascent = LINE_HEIGHT * pixels, self.atlas.ascent(pixels)
         above = {"a": ascent, "s": 0.0, "d": -(len(lines) - 1) * step}

@@ -1,4 +1,4 @@
-"""Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras, a grid.
+"""Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras, grid.
 
 Everything is projected in float64 by the camera itself, distortion included, and drawn by an
 `gpusim.view.overlay.Overlay`. What a body hides is left out or pale, if the frame is given.
@@ -125,7 +125,7 @@ class Symbols:
         return self.place.window(self.camera.project(points))
 
     def seen(self, points: Array) -> npt.NDArray[np.bool_]:
-        """(n,): whether no body hides these points (n, 3); what is out of the image isn't hidden."""
+        """(n,): whether no body hides points (n, 3); what is out of the image isn't hidden."""
         if self.frame is None or not len(points):
             return np.ones(len(points), bool)
         view = self.frame.view
@@ -195,7 +195,8 @@ class Symbols:
     ) -> None:
         """Small pyramids, tips (n, 3), whose bases lie along ``axes`` (n, 3); hidden ones pale."""
         tip, axis = (np.asarray(v, np.float64).reshape(-1, 3) for v in (tips, axes))
-        order = np.argsort(-self.camera.to_camera(tip)[:, 2])
+        depth = self.camera.to_camera(tip)[:, 2]
+        order = np.argsort(-depth)[: int((depth > 0.0).sum())]
         tip, axis = tip[order], axis[order]
         axis = axis / np.linalg.norm(axis, axis=1)[:, None]
         size = self.size_at(tip, pixels)[:, None]
@@ -301,8 +302,8 @@ class Symbols:
         for k in np.argsort(-R[2], kind="stable"):
             along = size * R[:2, k]
             self._flat_arrows(np.stack([middle, middle + along])[None], AXES[k], 2.5)
-            place = middle + along * (1.0 + 11.0 / max(float(np.hypot(*along)), 11.0))
-            self.overlay.text(*place, "xyz"[k], 14, AXES[k], anchor="mm", halo=halo)
+            name_x, name_y = middle + along * (1.0 + 11.0 / max(float(np.hypot(*along)), 11.0))
+            self.overlay.text(name_x, name_y, "xyz"[k], 14, AXES[k], anchor="mm", halo=halo)
 
     def cameras(self, cameras: Sequence[Camera], depth: float, color: Shade = CAMERA) -> None:
         """Other cameras as pyramids ``depth`` m deep, with their names; bent as their lenses do."""
@@ -318,9 +319,7 @@ class Symbols:
             if np.isfinite([x, y]).all():
                 self.overlay.text(x, y + 16, camera.name, 13, color, "ma", halo="#ffffffc0")
 
-    def ground(
-        self, low: npt.ArrayLike, high: npt.ArrayLike, color: Shade = "#80808070"
-    ) -> float:
+    def ground(self, low: npt.ArrayLike, high: npt.ArrayLike, color: Shade = "#80808070") -> float:
         """A grid below what lies between corners ``low`` and ``high`` (3,), on the plane z = low;
         returns the distance of its lines, m, a round number."""
         a, b = np.asarray(low, np.float64), np.asarray(high, np.float64)
