@@ -244,27 +244,30 @@ class Symbols:
     # -- what a scene has ------------------------------------------------------------------
 
     def supports(self, points: Array, fixed: npt.NDArray[np.bool_], most: int = 60) -> None:
-        """Pyramids at supported nodes, points (n, 3), one for every direction that is ``fixed``
-        (n, 3), with their bases away from the middle of ``points``.
+        """Pyramids at supported nodes, points (n, 3), ``fixed`` (n, 3) in some directions.
 
-        Give all nodes of the surface. Of more than ``most``, or close ones, some are taken, evenly
-        spread; of those that are hidden none, unless all are.
+        One that is held in all has one pyramid, others one for every direction; their bases lie
+        away from the middle of ``points``. Give all nodes of the surface. Of more than ``most``, or
+        close ones, some are taken, evenly spread; of those that are hidden none, unless all are.
         """
-        middle = points.mean(axis=0)
-        own = fixed.any(axis=1)
-        points, fixed = points[own], fixed[own]
-        apart = float(np.median(self.size_at(points, 18.0))) if len(points) else 0.0
-        for k in range(3):
-            held = points[fixed[:, k]]
-            if not len(held):
-                continue
-            seen = self.seen(held)
-            held = held[seen] if seen.any() else held
-            at, _, _ = clusters(held, np.ones((len(held), 3)), most, apart)
-            nearest = [int(np.argmin(((held - one) ** 2).sum(axis=1))) for one in at]
-            tips = held[nearest]
-            sign = np.where(tips[:, k] >= middle[k], 1.0, -1.0)
-            self.pyramids(tips, sign[:, None] * np.eye(3)[k], SUPPORT)
+        held = fixed.any(axis=1)
+        if not held.any():
+            return
+        apart = float(np.median(self.size_at(points[held], 18.0)))
+        clamped = fixed.all(axis=1)
+        away = points - points.mean(axis=0)
+        if clamped.any():
+            main = int(np.argmax(np.abs(away[clamped].mean(axis=0))))
+            fixed = np.where(clamped[:, None], np.arange(3) == main, fixed)
+        for k in np.flatnonzero(fixed.any(axis=0)):
+            own = fixed[:, k]
+            seen = own.copy()
+            seen[own] = self.seen(points[own])
+            own = seen if seen.any() else own
+            at, _, _ = clusters(points[own], np.ones((int(own.sum()), 3)), most, apart)
+            nearest = [int(np.argmin(((points[own] - one) ** 2).sum(axis=1))) for one in at]
+            sign = np.where(away[own, k] >= 0.0, 1.0, -1.0)[nearest]
+            self.pyramids(points[own][nearest], sign[:, None] * np.eye(3)[k], SUPPORT)
 
     def loads(
         self, points: Array, forces: Array, most: int = 40, pixels: float = 70.0,

@@ -98,21 +98,28 @@ def test_clusters_keep_the_sum() -> None:
     assert clusters(points, 0.0 * vectors, 30)[0].shape == (0, 3)
 
 
-def test_supports_point_at_held_nodes(device: Device) -> None:
+@pytest.mark.parametrize("held", [[False, False, True], [True, True, True]])
+def test_supports_point_at_held_nodes(device: Device, held: list[bool]) -> None:
     crane, pen = small_crane(), symbols(device)
     points = crane.surface.rest
     fixed = np.repeat(points[:, 2:] < 1e-9, 3, axis=1)
-    pen.supports(points, fixed & [False, False, True], most=12)
+    pen.supports(points, fixed & False)
+    assert len(pen.overlay.quads()) == 0
+    pen.supports(points, fixed & held, most=12)
     corner = pen.overlay.quads()["corner"].astype(np.float64)
     # sides of pyramids are triangles, whose first corner is the tip
     tips = np.unique(corner[(corner[:, 2] == corner[:, 3]).all(axis=1), 0], axis=0)
     assert 1 <= len(tips) <= 12
-    held = pen.window(points[fixed.any(axis=1)])
-    gap = np.hypot(*(tips[:, None] - held[None]).transpose(2, 0, 1)).min(axis=1)
+    places = pen.window(points[fixed.any(axis=1)])
+    gap = np.hypot(*(tips[:, None] - places[None]).transpose(2, 0, 1)).min(axis=1)
     assert gap.max() < 1e-3
     # and their bases lie below, away from the crane, about 13 px
     below = corner[..., 1].max() - tips[:, 1].max()
     assert 8.0 < below < 20.0
+    count = len(pen.overlay.quads())
+    pen.overlay.clear()
+    pen.supports(points, fixed & [True, False, True], most=12)
+    assert len(pen.overlay.quads()) > 1.4 * count
 
 
 def test_loads_end_where_they_act_and_say_their_sum(device: Device) -> None:
