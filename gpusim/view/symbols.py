@@ -254,7 +254,7 @@ class Symbols:
         if not held.any():
             return
         apart = float(np.median(self.size_at(points[held], 18.0)))
-        clamped = fixed.all(axis=1)
+        clamped: npt.NDArray[np.bool_] = np.asarray(fixed.all(axis=1))
         away = points - points.mean(axis=0)
         if clamped.any():
             main = int(np.argmax(np.abs(away[clamped].mean(axis=0))))

@@ -48,6 +48,12 @@ def test_what_is_there_stays_and_the_last_is_on_top(device: Device) -> None:
     assert found[25, 25].tolist() == [0, 0, 255, 255]
     overlay.draw(target)  # it was forgotten
     assert (pixels_of(device, target) == found).all()
+    with device.recording("test") as recording:
+        for x in (0, 50):
+            overlay.rectangle(x, 50, 7, 5, "white")
+            overlay.draw(target, recording)
+    found = pixels_of(device, target)
+    assert (found[50:55, [0, 6, 50, 56]] == 255).all() and (found[50:55, [7, 57], 0] == 100).all()
 
 
 @pytest.mark.parametrize("turned", [False, True])
