@@ -108,6 +108,6 @@ def _bands(
     for rows in parts:
         own = np.zeros((rows, 64), np.float32)
         own[:, : radiance.shape[1]] = radiance[row0 : row0 + rows]
-        bands.append(Band(row0, rows, 64, device.buffer(own, "twin.band")))
+        bands.append(Band(row0, rows, 64, (device.buffer(own, "twin.band"),)))
         row0 += rows
     return tuple(bands)

@@ -41,11 +41,11 @@ class DepthOfField:
         >>> DepthOfField(0.95, 1.06, 1.0, 1.0).describe()
         'Sharp within 1 px from 950 to 1060 mm, focus at 1000 mm'
         """
-        far = "infinity" if np.isinf(self.far) else f"{1e3 * self.far:.4g} mm"
-        ends = f"{1e3 * self.near:.4g} to {far.removesuffix(' mm') if ' ' in far else far}"
-        unit = " mm" if np.isfinite(self.far) else ""
-        focus = f"focus at {1e3 * self.focus:.4g} mm"
-        return f"Sharp within {self.blur:g} px from {ends}{unit}, {focus}"
+        far = "infinity" if np.isinf(self.far) else f"{1e3 * self.far:.4g}"
+        return (
+            f"Sharp within {self.blur:g} px from {1e3 * self.near:.4g} to {far} mm, focus at "
+            f"{1e3 * self.focus:.4g} mm"
+        ).replace("infinity mm", "infinity")
 
 
 def depth_of_field(camera: Camera, lens: Lens | None, blur: float = 1.0) -> DepthOfField | None:

@@ -289,4 +289,5 @@ def field_colors_twin(
     shown = np.where(color <= 0.0031308, 12.92 * color, curve)
     share = (count / samples**2)[..., None]
     result = share * np.concatenate([shown, np.ones_like(share)], axis=2) + (1.0 - share) * picture
-    return result.astype(np.float32)
+    shown32: npt.NDArray[np.float32] = result.astype(np.float32)
+    return shown32

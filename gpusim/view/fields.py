@@ -98,37 +98,49 @@ def _reactions(state: BodyState) -> Array:
     return np.asarray(np.linalg.norm(state.reactions, axis=1))
 
 
+Of = Callable[[BodyState], Array]
+
+
+def _part(of: Of, k: int) -> Of:
+    """One component."""
+    return lambda state: of(state)[:, k]
+
+
 def _fields() -> dict[str, FieldKind]:
-    mm, MPa, strain = ("mm", 1e3), ("MPa", 1e-6), ("10⁻³", 1e3)
+    mm, MPa, small = ("mm", 1e3), ("MPa", 1e-6), ("10⁻³", 1e3)
+
+    def u(state: BodyState) -> Array:
+        return state.u
+
+    def stress(state: BodyState) -> Array:
+        return state.stress
+
+    def strain(state: BodyState) -> Array:
+        return state.strain
+
+    def principal(of: Of) -> Of:
+        return lambda state: fem.principal(of(state))
+
     found = {
         "displacement": FieldKind(
-            "Displacement", *mm, False, lambda s: np.asarray(np.linalg.norm(s.u, axis=1))
+            "Displacement", *mm, False, lambda state: np.asarray(np.linalg.norm(state.u, axis=1))
         )
     }
     for k, axis in enumerate("xyz"):
-        found[f"displacement_{axis}"] = FieldKind(
-            f"Displacement {axis}", *mm, True, lambda s, k=k: s.u[:, k]
-        )
+        found[f"displacement_{axis}"] = FieldKind(f"Displacement {axis}", *mm, True, _part(u, k))
     found["von_mises"] = FieldKind(
-        "von Mises stress", *MPa, False, lambda s: fem.von_mises(s.stress)
+        "von Mises stress", *MPa, False, lambda state: fem.von_mises(state.stress)
     )
-    for k in range(3):
-        found[f"principal_{k + 1}"] = FieldKind(
-            f"Principal stress {k + 1}", *MPa, True, lambda s, k=k: fem.principal(s.stress)[:, k]
-        )
     for name, title, unit, of in (
-        ("stress", "Stress", MPa, lambda s: s.stress),
-        ("strain", "Strain", strain, lambda s: s.strain),
+        ("stress", "Stress", MPa, stress),
+        ("strain", "Strain", small, strain),
     ):
-        for k, axes in enumerate(("xx", "yy", "zz", "xy", "yz", "zx")):
-            found[f"{name}_{axes}"] = FieldKind(
-                f"{title} {axes}", *unit, True, lambda s, k=k, of=of: of(s)[:, k]
+        for k in range(3):
+            found[f"principal_{name}_{k + 1}"] = FieldKind(
+                f"Principal {name} {k + 1}", *unit, True, _part(principal(of), k)
             )
-    for k in (0, 2):
-        found[f"principal_strain_{k + 1}"] = FieldKind(
-            f"Principal strain {k + 1}", *strain, True,
-            lambda s, k=k: fem.principal(s.strain)[:, k],
-        )  # fmt: skip
+        for k, axes in enumerate(("xx", "yy", "zz", "xy", "yz", "zx")):
+            found[f"{name}_{axes}"] = FieldKind(f"{title} {axes}", *unit, True, _part(of, k))
     found["element_von_mises"] = FieldKind(
         "von Mises stress of elements", *MPa, False, lambda s: s.recovered.cell_von_mises, True
     )
@@ -232,13 +244,14 @@ def scale_of(
     >>> scale_of([np.linspace(0.3, 37.0, 50)]).ticks
     (0.0, 10.0, 20.0, 30.0, 40.0)
     """
-    from matplotlib.ticker import MaxNLocator
-
     every = np.concatenate([np.zeros(0), *(v[np.isfinite(v)] for v in values)])
     least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
     both = signed and least < 0.0 < most
     if limits is None:
-        low, high = np.percentile(every, [OUTSIDE, 100.0 - OUTSIDE]) if len(every) else (0.0, 1.0)
+        low, high = (
+            float(np.percentile(every, share)) if len(every) else 0.0
+            for share in (OUTSIDE, 100.0 - OUTSIDE)
+        )
         if both:
             high = max(abs(low), abs(high))
             low = -high
@@ -246,10 +259,8 @@ def scale_of(
             low, high = min(low, 0.0), max(high, 0.0)
             low = 0.0 if high > 0.0 else low
         if not high - low > 1e-9 * max(abs(low), abs(high)):
-            # nothing differs: some range round it
-            spread = abs(high) or 1.0
-            low, high = (low - 0.5 * spread, high + 0.5 * spread) if high else (0.0, spread)
-        ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+            low, high = min(low, 0.0), max(high, 0.0) if high else 1.0
+        ticks = _ticks(low, high)
         limits = float(ticks[0]), float(ticks[-1])
     else:
         low, high = limits
@@ -257,7 +268,7 @@ def scale_of(
             raise InputError(
                 f"limits of a field; got {low:g} to {high:g}; expected growing numbers"
             )
-        ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
+        ticks = _ticks(low, high)
         ticks = ticks[(ticks >= low) & (ticks <= high)]
     name = colormap or (DIVERGING if both else SEQUENTIAL)
     color_map(name)
@@ -266,20 +277,26 @@ def scale_of(
     return ColorScale(*limits, marks, name, least < limits[0] - slack, most > limits[1] + slack)
 
 
+def _ticks(low: float, high: float) -> Array:
+    from matplotlib.ticker import MaxNLocator
+
+    return np.asarray(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high), np.float64)
+
+
 def format_value(value: float, step: float | None = None) -> str:
     """A number for people: as many digits as ``step`` has, or four.
 
     Examples
     --------
     >>> from gpusim.view.fields import format_value
-    >>> format_value(-2.5, 0.5), format_value(1234567.0), format_value(0.00001234)
-    ('−2.5', '1.235×10⁶', '1.234×10⁻⁵')
+    >>> format_value(2.5, 0.5), format_value(12.3456)
+    ('2.5', '12.35')
     """
     size = max(abs(value), step or 0.0)
     if size and not 1e-3 <= size < 1e5:
         mantissa, _, power = f"{value:.3e}".partition("e")
         digits = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        text = f"{mantissa.rstrip('0').rstrip('.')}×10{digits}" if value else "0"
+        text = f"{mantissa.rstrip('0').rstrip('.')}×10{digits}" if value else "0"  # noqa: RUF001
     elif step is None:
         text = f"{value:.4g}"
     else:
@@ -324,7 +341,7 @@ def draw_legend(
     strips = corners + np.stack([np.zeros(height), top + np.arange(height)], axis=1)[:, None]
     shades = np.ones((height, 4))
     shades[:, :3] = colors[np.rint(rows).astype(int)]
-    overlay.polygons(strips, shades)
+    overlay.polygons(strips.astype(np.float64), shades)
     middle = left + 0.5 * bar
     if scale.above:
         overlay.polygon([(left, top), (middle, top - tip), (left + bar, top)], tuple(colors[-1]))

@@ -94,7 +94,6 @@ class Overlay:
         self.device, self.atlas = device, GlyphAtlas()
         self._quads: list[npt.NDArray[np.void]] = []
         self._letters: Buffer | None = None
-        self._buffer: Buffer | None = None
 
     def clear(self) -> None:
         """Forget what was collected and not drawn."""
@@ -225,9 +224,6 @@ class Overlay:
             self._record(recording, target, quads)
 
     def _record(self, recording: Recording, target: Any, quads: npt.NDArray[np.void]) -> None:
-        if self._buffer is None or self._buffer.nbytes < quads.nbytes:
-            self._buffer = self.device.empty(2 * quads.nbytes, "overlay.quads")
-        self._buffer.write(quads)
         coverage = self.atlas.coverage
         if self._letters is None or self._letters.nbytes != max(coverage.nbytes, 4):
             some = coverage if coverage.size else np.zeros(4, np.uint8)
@@ -235,7 +231,7 @@ class Overlay:
         raster = self.device.raster("view/overlay", (target.format,), depth="over")
         bindings = raster.bind(
             params={"width": target.width, "height": target.height},
-            quads=self._buffer, letters=self._letters,
+            quads=self.device.buffer(quads, "overlay.quads"), letters=self._letters,
         )  # fmt: skip
         recording.draw(
             raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),

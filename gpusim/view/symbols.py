@@ -1,4 +1,4 @@
-"""Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras, a grid.
+"""Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras, grid.
 
 Everything is projected in float64 by the camera itself, distortion included, and drawn by an
 `gpusim.view.overlay.Overlay`. What a body hides is left out or pale, if the frame is given.
@@ -125,7 +125,7 @@ class Symbols:
         return self.place.window(self.camera.project(points))
 
     def seen(self, points: Array) -> npt.NDArray[np.bool_]:
-        """(n,): whether no body hides these points (n, 3); what is out of the image isn't hidden."""
+        """(n,): whether no body hides points (n, 3); what is out of the image isn't hidden."""
         if self.frame is None or not len(points):
             return np.ones(len(points), bool)
         view = self.frame.view
@@ -195,7 +195,8 @@ class Symbols:
     ) -> None:
         """Small pyramids, tips (n, 3), whose bases lie along ``axes`` (n, 3); hidden ones pale."""
         tip, axis = (np.asarray(v, np.float64).reshape(-1, 3) for v in (tips, axes))
-        order = np.argsort(-self.camera.to_camera(tip)[:, 2])
+        depth = self.camera.to_camera(tip)[:, 2]
+        order = np.argsort(-depth)[: int((depth > 0.0).sum())]
         tip, axis = tip[order], axis[order]
         axis = axis / np.linalg.norm(axis, axis=1)[:, None]
         size = self.size_at(tip, pixels)[:, None]
@@ -243,27 +244,30 @@ class Symbols:
     # -- what a scene has ------------------------------------------------------------------
 
     def supports(self, points: Array, fixed: npt.NDArray[np.bool_], most: int = 60) -> None:
-        """Pyramids at supported nodes, points (n, 3), one for every direction that is ``fixed``
-        (n, 3), with their bases away from the middle of ``points``.
+        """Pyramids at supported nodes, points (n, 3), ``fixed`` (n, 3) in some directions.
 
-        Give all nodes of the surface. Of more than ``most``, or close ones, some are taken, evenly
-        spread; of those that are hidden none, unless all are.
+        One that is held in all has one pyramid, others one for every direction; their bases lie
+        away from the middle of ``points``. Give all nodes of the surface. Of more than ``most``, or
+        close ones, some are taken, evenly spread; of those that are hidden none, unless all are.
         """
-        middle = points.mean(axis=0)
-        own = fixed.any(axis=1)
-        points, fixed = points[own], fixed[own]
-        apart = float(np.median(self.size_at(points, 18.0))) if len(points) else 0.0
-        for k in range(3):
-            held = points[fixed[:, k]]
-            if not len(held):
-                continue
-            seen = self.seen(held)
-            held = held[seen] if seen.any() else held
-            at, _, _ = clusters(held, np.ones((len(held), 3)), most, apart)
-            nearest = [int(np.argmin(((held - one) ** 2).sum(axis=1))) for one in at]
-            tips = held[nearest]
-            sign = np.where(tips[:, k] >= middle[k], 1.0, -1.0)
-            self.pyramids(tips, sign[:, None] * np.eye(3)[k], SUPPORT)
+        held = fixed.any(axis=1)
+        if not held.any():
+            return
+        apart = float(np.median(self.size_at(points[held], 18.0)))
+        clamped: npt.NDArray[np.bool_] = np.asarray(fixed.all(axis=1))
+        away = points - points.mean(axis=0)
+        if clamped.any():
+            main = int(np.argmax(np.abs(away[clamped].mean(axis=0))))
+            fixed = np.where(clamped[:, None], np.arange(3) == main, fixed)
+        for k in np.flatnonzero(fixed.any(axis=0)):
+            own = fixed[:, k]
+            seen = own.copy()
+            seen[own] = self.seen(points[own])
+            own = seen if seen.any() else own
+            at, _, _ = clusters(points[own], np.ones((int(own.sum()), 3)), most, apart)
+            nearest = [int(np.argmin(((points[own] - one) ** 2).sum(axis=1))) for one in at]
+            sign = np.where(away[own, k] >= 0.0, 1.0, -1.0)[nearest]
+            self.pyramids(points[own][nearest], sign[:, None] * np.eye(3)[k], SUPPORT)
 
     def loads(
         self, points: Array, forces: Array, most: int = 40, pixels: float = 70.0,
@@ -301,8 +305,8 @@ class Symbols:
         for k in np.argsort(-R[2], kind="stable"):
             along = size * R[:2, k]
             self._flat_arrows(np.stack([middle, middle + along])[None], AXES[k], 2.5)
-            place = middle + along * (1.0 + 11.0 / max(float(np.hypot(*along)), 11.0))
-            self.overlay.text(*place, "xyz"[k], 14, AXES[k], anchor="mm", halo=halo)
+            name_x, name_y = middle + along * (1.0 + 11.0 / max(float(np.hypot(*along)), 11.0))
+            self.overlay.text(name_x, name_y, "xyz"[k], 14, AXES[k], anchor="mm", halo=halo)
 
     def cameras(self, cameras: Sequence[Camera], depth: float, color: Shade = CAMERA) -> None:
         """Other cameras as pyramids ``depth`` m deep, with their names; bent as their lenses do."""

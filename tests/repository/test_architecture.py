@@ -47,10 +47,11 @@ NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "plan": {"gpu", "scene"},
-    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure"},
+    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
     "notebook": NUMERICS | {"pipeline"},
+    "view": NUMERICS | {"plan", "pipeline"},
     "__init__": NUMERICS | {"plan", "pipeline"},
     "cli": NUMERICS | {"bench", "plan", "pipeline", "__init__"},
     "__main__": {"cli"},

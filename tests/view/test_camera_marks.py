@@ -1,0 +1,72 @@
+"""What one sees through a camera of the scene: its frame, depth of field and distortion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gpusim as gs
+from gpusim.gpu import Device
+from gpusim.optics.lens.thin_lens import focus_of
+from gpusim.twin_checks.overlays import pixels_of
+from gpusim.view.camera_marks import (
+    depth_of_field,
+    draw_distortion,
+    draw_image_frame,
+    draw_principal_point,
+)
+from gpusim.view.overlay import Overlay
+from gpusim.view.placement import Placement
+from tests.support.view_bodies import camera_before
+
+
+def test_the_blur_at_both_limits_is_what_was_asked_for() -> None:
+    camera = camera_before()
+    lens = gs.Lens(f_number=4.0, focal_length=0.03, focus_distance=1.1)
+    found = depth_of_field(camera, lens, blur=0.7)
+    assert found is not None and found.near < 1.1 < found.far
+    for depth in (found.near, found.far):
+        focus = focus_of(lens, camera, np.array([depth]), 1.0)
+        assert focus.largest == pytest.approx(0.7, rel=1e-9)
+    far = depth_of_field(camera, gs.Lens(f_number=22.0, focal_length=0.03, focus_distance=3.0))
+    assert far is not None and np.isinf(far.far) and "to infinity, focus" in far.describe()
+    assert depth_of_field(camera, None) is None and depth_of_field(camera, gs.Lens()) is None
+
+
+def test_the_frame_leaves_the_image_free(device: Device) -> None:
+    camera = gs.Camera.from_lens((36, 24), 30, (300, 200), (0, -1, 0), (0, 0, 0))
+    place = Placement.fit(camera, 150, 140)
+    assert (place.x, place.y, place.scale) == (0.0, 20.0, 0.5)
+    overlay = Overlay(device)
+    draw_image_frame(overlay, camera, place, 150, 140, outside="#102030", border="white")
+    target = device.texture(150, 140, "rgba8unorm", "test.frame")
+    overlay.draw(target)
+    found = pixels_of(device, target)
+    assert (found[20:120, :, 3] == 0).all()
+    assert (found[:19] == [0x10, 0x20, 0x30, 255]).all()
+    assert (found[19] == 255).all() and (found[120] == 255).all()
+    assert (place.pixels(place.window(np.array([[3.0, 4.0]]))) == [[3.0, 4.0]]).all()
+
+
+def test_the_cross_is_on_the_principal_point(device: Device) -> None:
+    camera, overlay = camera_before([-0.2, 0.05, 0.0, 0.0]), Overlay(device)
+    place = Placement(13.0, 5.0, 1.5)
+    draw_principal_point(overlay, camera, place)
+    corner = overlay.quads()["corner"].reshape(-1, 2)
+    expected = place.window(camera.K[:2, 2])
+    assert (corner.min(axis=0) + corner.max(axis=0)) / 2 == pytest.approx(expected, abs=0.51)
+
+
+def test_the_distortion_grid_is_bent_as_the_lens_does(device: Device) -> None:
+    overlay, camera = Overlay(device), camera_before([-0.2, 0.05, 1e-3, -2e-3])
+    most = draw_distortion(overlay, camera, Placement())
+    border = np.array([[0.0, 0.0], [230.0, 0.0], [0.0, 153.0], [230.0, 153.0]])
+    # the corners are where most lenses distort most
+    reference = np.hypot(*(camera.undistort(border) - border).T).max()
+    assert 0.7 * reference < most <= 1.05 * reference
+    places = overlay.quads()["corner"].astype(np.float64).mean(axis=1) - 0.5
+    step = 231 / 12
+    ideal = (camera.undistort(places) - camera.K[:2, 2]) / step
+    off = np.abs(ideal - np.rint(ideal)).min(axis=1) * step
+    assert off.max() < 0.05 and len(places) > 1000
+    assert draw_distortion(Overlay(device), camera_before(), Placement()) == 0.0
