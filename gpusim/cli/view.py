@@ -42,9 +42,7 @@ def view(
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
-    size: Annotated[
-        str, typer.Option(metavar="WxH", help="Of the window, px.")
-    ] = "1280x800",
+    size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")
     ] = False,

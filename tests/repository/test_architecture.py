@@ -45,11 +45,12 @@ NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "plan": {"gpu", "scene"},
-    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure"},
+    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
+    "view": NUMERICS | {"plan", "pipeline"},
     "__init__": NUMERICS | {"plan", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "pipeline", "__init__"},
+    "cli": NUMERICS | {"bench", "plan", "pipeline", "view", "__init__"},
     "__main__": {"cli"},
 }
 

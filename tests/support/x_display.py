@@ -129,5 +129,3 @@ def x_display() -> Iterator[XDisplay]:
     finally:
         server.terminate()
         server.wait()
-
-

@@ -76,7 +76,7 @@ def test_looking_through_a_camera_of_the_scene(viewer: Viewer) -> None:
 
 def test_coarser_cameras_and_rows_see_the_same(viewer: Viewer) -> None:
     camera = viewer.view.camera(*SIZE)
-    point = np.array(viewer.view.pivot) + [0.01, 0.02, 0.005]
+    point = np.add(viewer.view.pivot, (0.01, 0.02, 0.005))
     at = camera.project(point)
     np.testing.assert_allclose(coarser(camera, 3).project(point), (at + 0.5) / 3 - 0.5, atol=1e-10)
     np.testing.assert_allclose(rows_of(camera, 40, 20).project(point), at - [0, 40], atol=1e-10)
@@ -120,8 +120,10 @@ def test_mouse(viewer: Viewer) -> None:
     assert found is not None and found.name == "bar" and found.paint == "side"
     np.testing.assert_allclose(found.reference, [0.12, 0.0, 0.005], atol=1e-6)
     cell = viewer.content.objects.bodies[0].mesh.cells["hex8"][found.element]  # type: ignore
-    low, high = (viewer.content.objects.bodies[0].mesh.points[cell].min(0),  # type: ignore
-                 viewer.content.objects.bodies[0].mesh.points[cell].max(0))  # type: ignore
+    low, high = (
+        viewer.content.objects.bodies[0].mesh.points[cell].min(0),  # type: ignore
+        viewer.content.objects.bodies[0].mesh.points[cell].max(0),
+    )  # type: ignore
     assert (found.reference >= low - 1e-9).all() and (found.reference <= high + 1e-9).all()
     viewer.key(".")
     assert viewer.view.distance < 0.2
@@ -145,7 +147,7 @@ def test_solving_in_the_background_then_frames_and_fields(device: Device, scene_
     points = viewer.surfaces()[0].points
     skin = viewer.content.skins[0]
     np.testing.assert_allclose(points, skin.at_vertices(skin.mesh.points + 2 * viewer.content
-                                                        .displacement(0, 1)), atol=1e-12)  # fmt: skip
+                                                        .displacement(0, 1)), atol=1e-12)  # fmt: skip  # noqa: E501
     viewer.press(3 * 14, SIZE[1] - 18, 1)  # the slider's left end
     viewer.release(3 * 14, SIZE[1] - 18)
     assert viewer.frame == 0
