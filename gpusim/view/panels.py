@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +18,7 @@ from gpusim.view.keys import help_lines
 from gpusim.view.mesh_edges import element_edges
 from gpusim.view.overlay import Overlay
 from gpusim.view.symbols import Symbols
-
-if TYPE_CHECKING:
-    from gpusim.view.view_state import ViewState
+from gpusim.view.view_state import ViewState
 
 __all__ = ["draw_panels", "slider_frame"]
 
@@ -240,7 +237,7 @@ def _selection_lines(viewer: ViewState, moved: Array, pixel: Array) -> list[str]
         lines.append(f"pixel {column:.1f}, {row:.1f}")
 
     def mm(values: Array) -> str:
-        return ", ".join(format_value(1e3 * float(v), 1e-2) for v in values) + " mm"
+        return ", ".join(format_value(round(1e3 * float(v), 3) + 0.0, 1e-2) for v in values) + " mm"
 
     lines.append(f"at rest {mm(found.reference)}")
     if content.moves and found.element is not None:

@@ -22,7 +22,6 @@ from gpusim.view.content.loading import load_content, load_solution
 from gpusim.view.field_colors import FieldColors, corner_values
 from gpusim.view.fields import field_kind, scale_of, surface_field
 from gpusim.view.overlay import Overlay
-from gpusim.view.panels import draw_panels
 from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
@@ -282,8 +281,11 @@ class ViewState:
                     self._draw_field(target, recording)
             else:
                 overlay.rectangle(0, 0, target.width, target.height, "#23292f")
-            draw_panels(self, overlay)
+            self.draw_over(overlay)
             overlay.draw(target, recording)
+
+    def draw_over(self, overlay: Overlay) -> None:
+        """Collect what stands over the picture."""
 
     def _draw_field(self, target: Any, recording: Any) -> None:
         """The colours of the field over the picture."""

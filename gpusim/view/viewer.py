@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from gpusim.view.fields import FIELDS
 from gpusim.view.keys import KEYS
-from gpusim.view.panels import slider_frame
+from gpusim.view.overlay import Overlay
+from gpusim.view.panels import draw_panels, slider_frame
 from gpusim.view.picking import pick
 from gpusim.view.placement import Placement
 from gpusim.view.turntable import camera_lines
@@ -42,6 +43,10 @@ class Viewer(ViewState):
     """
 
     _drag: dict[str, Any] | None = None
+
+    def draw_over(self, overlay: Overlay) -> None:
+        """Title, slider, help and the like."""
+        draw_panels(self, overlay)
 
     # -- keys ---------------------------------------------------------------------------------
 

@@ -53,7 +53,7 @@ ALLOWED |= {
     "notebook": NUMERICS | {"pipeline"},
     "view": NUMERICS | {"plan", "pipeline"},
     "__init__": NUMERICS | {"plan", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "pipeline", "__init__"},
+    "cli": NUMERICS | {"bench", "plan", "pipeline", "view", "__init__"},
     "__main__": {"cli"},
 }
 

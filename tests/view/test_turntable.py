@@ -36,7 +36,7 @@ def test_z_is_up_and_the_pivot_in_the_middle() -> None:
     camera = VIEW.camera(WIDTH, HEIGHT)
     np.testing.assert_allclose(camera.project(VIEW.pivot), [639.5, 394.5], atol=1e-10)
     assert camera.camera_from_world[0, 2] == 0.0  # level
-    assert camera.project(np.array(VIEW.pivot) + [0, 0, 0.1])[1] < 394.5
+    assert camera.project(np.add(VIEW.pivot, (0, 0, 0.1)))[1] < 394.5
     assert np.linalg.norm(camera.eye - VIEW.pivot) == pytest.approx(2.3, rel=1e-14)
 
 

@@ -76,7 +76,7 @@ def test_looking_through_a_camera_of_the_scene(viewer: Viewer) -> None:
 
 def test_coarser_cameras_and_rows_see_the_same(viewer: Viewer) -> None:
     camera = viewer.view.camera(*SIZE)
-    point = np.array(viewer.view.pivot) + [0.01, 0.02, 0.005]
+    point = np.add(viewer.view.pivot, (0.01, 0.02, 0.005))
     at = camera.project(point)
     np.testing.assert_allclose(coarser(camera, 3).project(point), (at + 0.5) / 3 - 0.5, atol=1e-10)
     np.testing.assert_allclose(rows_of(camera, 40, 20).project(point), at - [0, 40], atol=1e-10)
@@ -147,7 +147,7 @@ def test_solving_in_the_background_then_frames_and_fields(device: Device, scene_
     points = viewer.surfaces()[0].points
     skin = viewer.content.skins[0]
     np.testing.assert_allclose(points, skin.at_vertices(skin.mesh.points + 2 * viewer.content
-                                                        .displacement(0, 1)), atol=1e-12)  # fmt: skip
+                                                        .displacement(0, 1)), atol=1e-12)  # fmt: skip  # noqa: E501
     viewer.press(3 * 14, SIZE[1] - 18, 1)  # the slider's left end
     viewer.release(3 * 14, SIZE[1] - 18)
     assert viewer.frame == 0

@@ -108,6 +108,7 @@ def solve_here() -> None:
 
 
 def _solve(scene: Scene, folder: Path, progress: Any) -> None:
+    from gpusim.files.atomic_files import atomic_stream
     from gpusim.pipeline.build.modelling import build_model, support_of_freedom
     from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
     from gpusim.pipeline.build.surfaces import build_body
@@ -129,7 +130,8 @@ def _solve(scene: Scene, folder: Path, progress: Any) -> None:
     )  # fmt: skip
     held = [support_of_freedom(parts) for parts in objects.bodies]
     objects.solved = SceneSolution.of(found, models, held)
-    np.savez(folder / "displacement.npz", allow_pickle=False, **objects.solved.arrays())
+    with atomic_stream(folder / "displacement.npz") as stream:
+        np.savez(stream, allow_pickle=False, **objects.solved.arrays())
     progress(0.85, "stress")
     write_stresses(
         folder / "stress.npz", objects.bodies, models, objects.history, objects.displacement,
