@@ -176,10 +176,10 @@ class Speckle(Patterned):
     softness_mm: Annotated[float, Field(ge=0)] = 0.0
     """The standard deviation of the edges' profile; 0 is a hard edge."""
     softness = SI[float]("mm")
-    size_law: Literal["fixed", "uniform", "lognormal"] = "fixed"
-    """How the diameters are distributed."""
     spread: Annotated[float, Field(ge=0)] = 0.0
-    """Standard deviation of the diameters over their mean."""
+    """Standard deviation of the diameters over their mean: 0 makes all equal; 0.4 looks sprayed."""
+    size_law: Literal["fixed", "uniform", "lognormal"] = "lognormal"
+    """How the diameters are spread: as a spray's drops are ("lognormal"), or evenly."""
     arrangement: Literal["random", "grid"] = "random"
     """Sprayed speckles overlap; those on a grid are moved at random as far as none touches."""
     seed: Seed = 0
