@@ -70,9 +70,10 @@ class SpeckleGrid:
 class DiscGrid:
     """Cells and discs of all speckled regions.
 
-    A cell's texel is (start, count, smallest, -) of its list; a disc's is (s, t, radius, 1 / (2 r h)), s
-    and t relative to the cell's corner, with h the half width of its edge (0 where it is hard).
-    ``start`` (C + 1,) and ``disc`` (E, 4) are the same before rounding, without the offset.
+    A cell's texel is (start, count, smallest, -) of its list; a disc's is (s, t, radius,
+    1 / (2 r h)), s and t relative to the cell's corner, with h the half width of its edge (0 where
+    it is hard). ``start`` (C + 1,) and ``disc`` (E, 4) are the same before rounding, without the
+    offset.
     """
 
     grids: tuple[SpeckleGrid, ...]
@@ -177,7 +178,8 @@ def _region(
     varied = half == 0.0 and cuts > 1 and paint.smallest < paint.largest
     grid = SpeckleGrid(
         cell, (int(lowest[0]), int(lowest[1])), (columns, rows), first, cuts,
-        paint.smallest if varied else 0.0, half > 0.0, pieces_of(paint) if grazing else None, paint.coverage,
+        paint.smallest if varied else 0.0, half > 0.0, pieces_of(paint) if grazing else None,
+        paint.coverage,
     )  # fmt: skip
     origin = lowest * cell
     centre, radius = paint.discs(origin, origin + cell * np.array([columns, rows]))

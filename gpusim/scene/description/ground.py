@@ -105,20 +105,22 @@ class Painted(Table):
 class Patterned(Painted):
     up: Direction | None = None
     """Roughly up on the surface; without it +z, on horizontal faces +y."""
-    mapping: Literal["plane", "cylinder", "unfold"] = "plane"
-    """How the pattern lies on the faces: "plane" faces only; round a "cylinder"; or laid on any
-    faces as if they were unfolded, without smearing in holes and on sides (speckle only)."""
+    mapping: Literal["plane", "cylinder", "unfold", "uv"] = "plane"
+    """How the pattern lies on the faces: "plane" faces only; round a "cylinder"; "unfold": laid on
+    any faces as if they were unfolded, without smearing in holes and on sides (speckle only); "uv":
+    by the texture coordinates of the prop's file (pictures only)."""
     axis_point_mm: Vector | None = None
     """A point on the axis of the cylinder."""
     axis_point = SI[Vec3 | None]("mm")
     axis: Direction | None = None
     """The cylinder's axis, which is up."""
     unfolds: ClassVar[bool] = False
+    has_texels: ClassVar[bool] = False
 
     @property
     def wrap(self) -> Wrap | None:
         """None: on plane faces only."""
-        return None if self.mapping == "plane" else Wrap(self.axis_point, self.axis)
+        return None if self.mapping in ("plane", "uv") else Wrap(self.axis_point, self.axis)
 
     @model_validator(mode="after")
     def _check_mapping(self) -> Patterned:
@@ -132,6 +134,8 @@ class Patterned(Painted):
         not_zero("axis", self.axis)
         if self.mapping == "unfold" and not self.unfolds:
             raise fault("mapping", "a pattern with places", Words("unfold"), "plane or cylinder")
+        if self.mapping == "uv" and not self.has_texels:
+            raise fault("mapping", "no picture", Words("uv"), 'another, or type = "image"')
         return self
 
     @model_validator(mode="after")
