@@ -28,7 +28,7 @@ from gpusim.mesh.formats.cad import check_gmsh, mesh_cad
 from gpusim.mesh.formats.element_sizes import SizeBox
 from gpusim.mesh.formats.reader import read_mesh
 from gpusim.mesh.formats.surfaces import read_surface
-from gpusim.mesh.formats.textures import FileMaterial, TexturedSurface, read_textured
+from gpusim.mesh.formats.textures import read_textured
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quality import Quality, mesh_quality
 from gpusim.mesh.selection import select_faces, select_nodes
@@ -37,12 +37,10 @@ __all__ = [
     "CELL_TYPES",
     "CellType",
     "Faces",
-    "FileMaterial",
     "Mesh",
     "Notch",
     "Quality",
     "SizeBox",
-    "TexturedSurface",
     "beam",
     "boundary_faces",
     "box",

@@ -40,7 +40,7 @@ def told(scene: Scene, path: str, value: Any) -> str:
 @pytest.mark.parametrize(
     ("path", "value", "line"),
     [
-        ("body.0.paint.1.albedo", ..., "body.crane.paint.column.albedo: missing; expected a number "
+        ("prop.0.paint.0.albedo", ..., "prop.wall.paint.static.albedo: missing; expected a number "
          "from 0 to 1 (of the ground, outside the pattern)"),
         ("material.0.youngs_modulus_GPa", ..., "material.steel.youngs_modulus_GPa: missing; "
          "expected a number > 0, or a list of 3 numbers > 0 (orthotropic: [E1, E2, E3] along"),

@@ -43,13 +43,6 @@ class TexturedSurface:
     ``uv`` (F, 4, 2): texture coordinates of each face's corners, from the picture's lower left
     corner, in its widths and heights; NaN where the file has none. ``material`` (F,): which of the
     ``materials`` a face has, -1 none.
-
-    Examples
-    --------
-    >>> text = "v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nvt 0 0\\nvt 1 0\\nvt 0 1\\nf 1/1 2/2 3/3\\n"
-    >>> _ = pathlib.Path("corner.obj").write_text(text)
-    >>> gs.mesh.read_textured("corner.obj").uv[0, :3].tolist()
-    [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
     """
 
     points: npt.NDArray[np.float64]
@@ -70,6 +63,14 @@ def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
     ------
     InputError
         As `read_surface`, or texture coordinates that a face names but the file hasn't.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> text = "v 0 0 0\\nv 1 0 0\\nv 0 1 0\\nvt 0 0\\nvt 1 0\\nvt 0 1\\nf 1/1 2/2 3/3\\n"
+    >>> _ = pathlib.Path("corner.obj").write_text(text)
+    >>> gs.mesh.read_textured("corner.obj").uv[0, :3].tolist()
+    [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
     """
     file = read_input(path, "a file of faces")
     if file.suffix not in TEXTURED_SUFFIXES:

@@ -25,6 +25,7 @@ from gpusim.optics.light.lights import (
     SpotLight,
     SunLight,
 )
+from gpusim.optics.light.studio import studio
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -242,6 +243,11 @@ def _light(light: m.Light, read: Reader) -> Light:
         if light.path:
             return EnvironmentLight.read(
                 read(light.path), scale=light.scale, up=light.up, forward=forward,
+                occlusion=light.occlusion,
+            )  # fmt: skip
+        if light.studio:
+            return EnvironmentLight(
+                image=light.studio * studio(), up=light.up, forward=forward,
                 occlusion=light.occlusion,
             )  # fmt: skip
         return EnvironmentLight(

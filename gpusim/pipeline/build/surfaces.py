@@ -14,7 +14,8 @@ from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field
 from gpusim.files.input_file import InputFile, Reader, read_input
-from gpusim.mesh import Mesh, TexturedSurface, read_surface, read_textured
+from gpusim.mesh import Mesh, read_surface, read_textured
+from gpusim.mesh.formats.textures import TexturedSurface
 from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
+from .finishes import FINISHES, FinishName
 from .loads import Where
 from .table import (
     SI,
@@ -60,6 +61,8 @@ class Painted(Table):
     """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
     pictures shine with their ground, as under a varnish."""
 
+    named: Annotated[FinishName | None, Field(alias="finish")] = None
+    """Gives albedo, roughness, metallic and bump, each of which may be said otherwise beside it."""
     roughness: Albedo = 1.0
     """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
     metallic: Albedo = 0.0
@@ -88,6 +91,13 @@ class Painted(Table):
             height, length = in_si(self.bump_um, "um"), in_si(self.bump_length_mm, "mm")
             bump = Bump(height, length, self.bump_along, self.bump_stretch, self.bump_seed)
         return Finish(self.roughness, self.metallic, bump)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill(cls, given: Any) -> Any:
+        name = given.get("finish") if isinstance(given, dict) else None
+        finish = FINISHES.get(name) if isinstance(name, str) else None
+        return finish.filled(given) if finish else given
 
     @model_validator(mode="after")
     def _check_bump(self) -> Painted:
