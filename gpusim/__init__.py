@@ -16,6 +16,7 @@ Its parts, in the order in which they import each other:
 - `validation`: Arguments of the Python API, checked before any work.
 - `interrupts`: Ctrl-C while a command starts.
 - `printable`: Texts of other people, shown without what commands a terminal.
+- `display`: How objects show themselves in notebooks, and draw themselves.
 - `field_summary`: How objects with arrays show themselves at a prompt.
 - `arrays`: What NumPy lacks, or does slowly.
 - `files`: Read once, written whole.
@@ -33,6 +34,8 @@ Its parts, in the order in which they import each other:
 - `plan`: The stages of a run, and their costs.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.
+- `notebook`: Tables, pictures and plots for notebooks.
+- `view`: The preview window.
 - `bench`: Run time against error, on this machine.
 - `twin_checks`: Each shader against its NumPy twin.
 - `cli`: The command line.

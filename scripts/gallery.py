@@ -106,7 +106,7 @@ def crane() -> Picture:
         "camera.front.resolution_px": [720, 480], "camera.front.focal_mm": 62.0,
         "camera.front.position_mm": [330.0, -1000.0, 330.0],
         "camera.front.target_mm": [190.0, -20.0, 425.0],
-        "light.room.sky_W_m2_sr": 2.4, "light.lamp-near.size_mm": [300.0, 300.0],
+        "light.room.studio_W_m2_sr": 2.0, "light.lamp-near.size_mm": [300.0, 300.0],
         "sensor.gamma": 2.2, "output.truth": [], "measure": [],
     }.items():  # fmt: skip
         scene = scene.replace(key, value)

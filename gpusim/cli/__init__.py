@@ -11,6 +11,7 @@ The other commands are below. Its modules:
 - `measuring`: The commands that measure pictures, as they are typed.
 - `correlation`: What ``gpusim dic`` does.
 - `calibrating`: What ``gpusim calibrate`` does.
+- `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
 """

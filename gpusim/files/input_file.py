@@ -180,15 +180,25 @@ def _open(path: str, flags: int) -> int:
 _ABAQUS = re.compile(rb"^[ \t]*\*\s*INCLUDE\s*,\s*INPUT\s*=\s*([^,\r\n]+)", re.I | re.M)
 _NASTRAN = re.compile(rb"^[ \t]*INCLUDE\b[\s=]*('[^']*'|\"[^\"]*\"|[^\r\n$'\"]+)", re.I | re.M)
 _STATEMENTS = {".inp": _ABAQUS} | dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), _NASTRAN)
+_LOOKS = {
+    ".obj": re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n#]+)", re.M),
+    ".mtl": re.compile(rb"^[ \t]*map_Kd[ \t]+(?:-[^\r\n]*[ \t])?([^\r\n#]+)", re.M),
+}
+"""Materials and pictures, which may be missing where nothing is painted with them."""
 _MOST = 1000
 
 
 def included_files(file: InputFile) -> tuple[InputFile, ...]:
-    """All files that a mesh file names with *INCLUDE or INCLUDE, and those that they name.
+    """All files that a mesh file names with *INCLUDE or INCLUDE, and those that they name; an
+    OBJ's materials and their pictures, if they are there.
 
     Raises InputError for one that can't be read; readers say in which line it is named. Files of
     other kinds include nothing.
     """
+    if file.suffix in _LOOKS:
+        beside = {file.path.parent / _text(name) for name in _LOOKS[file.suffix].findall(file.data)}
+        named = [read_input(path) for path in sorted(beside) if path.is_file()]
+        return tuple(named + [picture for mtl in named for picture in included_files(mtl)])
     statement = _STATEMENTS.get(file.suffix)
     if statement is None:
         return ()

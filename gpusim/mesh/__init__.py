@@ -28,6 +28,7 @@ from gpusim.mesh.formats.cad import check_gmsh, mesh_cad
 from gpusim.mesh.formats.element_sizes import SizeBox
 from gpusim.mesh.formats.reader import read_mesh
 from gpusim.mesh.formats.surfaces import read_surface
+from gpusim.mesh.formats.textures import read_textured
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.quality import Quality, mesh_quality
 from gpusim.mesh.selection import select_faces, select_nodes
@@ -53,6 +54,7 @@ __all__ = [
     "quadratic",
     "read_mesh",
     "read_surface",
+    "read_textured",
     "select_faces",
     "select_nodes",
     "set_faces",

@@ -54,9 +54,13 @@ class Speckle(Colored):
         S((r^2 - x^2) / (2 r)), where S climbs from 0 to 1 like the distribution function of a
         normal variable (that of Beta(4, 4), within +-3 ``softness``); the form keeps the disc's
         area. Where discs overlap, what they leave uncovered multiplies.
-    size_law : of the diameters: "fixed", "uniform" or "lognormal" (ends at 3 standard deviations
-        of the logarithm).
-    spread : standard deviation of the diameters over their mean.
+    spread : standard deviation of the diameters over their mean; 0: all are equal. That of the
+        logarithm is sqrt(ln(1 + spread^2)).
+    size_law : of the diameters: "lognormal", as drops of a spray have them (Babinsky and Sojka,
+        "Modeling drop size distributions", Prog. Energy Combust. Sci. 28, 2002), "uniform", or
+        "fixed" (no spread). Lognormal sizes end at 3 standard deviations of the logarithm on both
+        sides, which takes 0.1 % off the mean diameter at a spread of 0.3, 0.3 % at 0.5, 1.2 % at
+        1, and nothing off the coverage.
     arrangement : "random" is the Boolean model: discs overlap. "grid" is a hexagonal grid whose
         discs are each moved at random as far as none can touch another, like a printed pattern.
     seed : equal seeds give equal patterns.
@@ -77,7 +81,7 @@ class Speckle(Colored):
     diameter: float
     coverage: float = 0.5
     softness: float = 0.0
-    size_law: str = "fixed"
+    size_law: str = "lognormal"
     spread: float = 0.0
     arrangement: str = "random"
     seed: int = 0
@@ -151,15 +155,15 @@ class Speckle(Colored):
 
     def radii(self, quantile: Array) -> Array:
         """Radii at quantiles 0 … 1 of the size law."""
-        if self.size_law == "uniform":
+        if self.spread == 0.0:
+            share = np.ones_like(quantile)
+        elif self.size_law == "uniform":
             share = 1.0 + np.sqrt(3.0) * self.spread * (2.0 * quantile - 1.0)
-        elif self.size_law == "lognormal":
+        else:
             deviation = np.sqrt(np.log1p(self.spread**2))
             tail = 0.5 * (1.0 + _normal_share(LONGEST_TAIL))
             z = scipy.special.ndtri(1.0 - tail + quantile * (2.0 * tail - 1.0))
             share = np.exp(deviation * z - 0.5 * deviation**2)
-        else:
-            share = np.ones_like(quantile)
         result: Array = 0.5 * self.diameter * share
         return result
 

@@ -7,5 +7,6 @@ Its modules:
 - `scenes`: Small scenes: every kind of paint and of lamp, and what casts shadows.
 - `solver`: Stages of the solver.
 - `shadow`: Stages of the search for shadows, and of ambient occlusion.
+- `overlays`: What is drawn over the preview.
 - `images`: Other stages of an image, and the correlation of subsets.
 """

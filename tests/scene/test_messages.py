@@ -40,7 +40,7 @@ def told(scene: Scene, path: str, value: Any) -> str:
 @pytest.mark.parametrize(
     ("path", "value", "line"),
     [
-        ("body.0.paint.1.albedo", ..., "body.crane.paint.column.albedo: missing; got neither "
+        ("prop.0.paint.0.albedo", ..., "prop.wall.paint.static.albedo: missing; got neither "
          "albedo nor color; expected a number from 0 to 1, or a colour (of the ground, outside"),
         ("body.0.paint.1.albedo", "#c0a08", 'crane.paint.column.albedo: no colour; got "#c0a08"; '
          'expected a number from 0 to 1, a list of 3 of them (red, green, blue), or "#rrggbb"'),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 from scipy.spatial import cKDTree
+from scipy.special import ndtr
 
 from gpusim.errors import InputError
 from gpusim.surface.paint import Speckle
@@ -95,6 +96,20 @@ def test_diameters_follow_their_law(law: str, spread: float) -> None:
     assert abs(np.std(2.0 * radii) / (4.0 * spread) - 1.0) < 0.05
 
 
+def test_a_spread_alone_is_that_of_a_spray() -> None:
+    """Means of the cut lognormal law in closed form, as the docstring has them; equal without."""
+    assert Speckle(4.0, spread=0.4) == Speckle(4.0, size_law="lognormal", spread=0.4)
+    quantile = (np.arange(100_000) + 0.5) / 100_000
+    assert np.array_equal(Speckle(4.0).radii(quantile), np.full(100_000, 2.0))
+    for spread, loss in ((0.3, 0.001), (0.5, 0.003), (1.0, 0.012)):
+        sigma = np.sqrt(np.log1p(spread**2))
+        share = np.diff(ndtr([-3.0 - sigma, 3.0 - sigma]))[0] / np.diff(ndtr([-3.0, 3.0]))[0]
+        radii = Speckle(4.0, spread=spread).radii(quantile)
+        assert abs(radii.mean() / 2.0 - share) < 1e-5
+        assert abs(1.0 - share - loss) < 5e-4
+        assert abs(np.std(np.log(radii)) / sigma - 1.0) < 0.02
+
+
 def test_a_disc_keeps_its_area_and_its_edge_has_the_requested_deviation() -> None:
     x = np.linspace(0.0, 40.0, 400_001)
     for r, softness in ((6.0, 0.5), (3.0, 0.5), (2.0, 1.0), (1.0, 0.5)):
@@ -144,7 +159,7 @@ def test_the_seed_decides_and_places_are_even() -> None:
         (lambda: Speckle(1.0, 0.5, 0.6), ("Speckle softness", "0.6", "half the diameter")),
         (lambda: Speckle(1.0, 0.5, -0.1), ("Speckle softness", "-0.1")),
         (lambda: Speckle(1.0, size_law="normal"), ("size_law", "'normal'", "lognormal")),
-        (lambda: Speckle(1.0, spread=0.2), ("Speckle spread", "0.2", "fixed")),
+        (lambda: Speckle(1.0, size_law="fixed", spread=0.2), ("Speckle spread", "0.2", "fixed")),
         (lambda: Speckle(1.0, size_law="uniform", spread=0.6), ("spread", "0.6", "uniform")),
         (lambda: Speckle(1.0, arrangement="rows"), ("arrangement", "'rows'", "grid")),
         (lambda: Speckle(1.0, 0.95, arrangement="grid"), ("coverage", "0.95", "would touch")),

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.formats.gltf import gltf_meshes
 
 __all__ = ["read_surface"]
 
@@ -159,19 +160,14 @@ def off(file: InputFile) -> Surface:
 
 
 def gltf(file: InputFile) -> Surface:
-    """All meshes of a glTF where its nodes place them; a .gltf holds its buffers itself."""
-    import trimesh  # takes a second, for one format
-
-    kind = file.path.suffix.lower()[1:]
-    try:
-        scene = trimesh.load_scene(file.stream(), file_type=kind, process=False)
-        placed = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
-        found: Any = trimesh.util.concatenate(placed) if placed else trimesh.Trimesh()
-        points, faces = np.asarray(found.vertices), np.asarray(found.faces, np.int64)
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, MemoryError) as error:
-        said = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        fail(file, f"damaged, no glTF, or with buffers in other files (save as .glb); got {said}")
-    return points.reshape(-1, 3), np.column_stack([faces.reshape(-1, 3), np.full(len(faces), -1)])
+    """All meshes of a glTF where its nodes place them."""
+    points, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for mesh in gltf_meshes(file):
+        points.append(np.asarray(mesh.vertices).reshape(-1, 3))
+        faces.append(np.asarray(mesh.faces, np.int64).reshape(-1, 3) + count)
+        count += len(points[-1])
+    corners = np.concatenate(faces)
+    return np.concatenate(points), np.column_stack([corners, np.full(len(corners), -1)])
 
 
 _TYPES = {
@@ -365,6 +361,13 @@ def read_surface(
     >>> points.shape, faces.shape
     ((8, 3), (12, 4))
     """
+    return numbered_surface(path)[:2]
+
+
+def numbered_surface(
+    path: str | os.PathLike[str] | InputFile,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """What `read_surface` returns, and which (F,) of the file's faces each is."""
     name = path.path if isinstance(path, InputFile) else Path(path)
     kind = _FORMATS.get(name.suffix.lower())
     if kind is None:
@@ -387,4 +390,4 @@ def read_surface(
                             axis=1) > 0.0)  # fmt: skip
     if flat.all():
         raise InputError(f"{name}: {len(flat)} faces without area; expected some with")
-    return points, faces[~flat].astype(np.int32)
+    return points, faces[~flat].astype(np.int32), np.flatnonzero(~flat)

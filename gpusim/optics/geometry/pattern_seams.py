@@ -1,4 +1,4 @@
-"""Edges of triangles across which the speckle on them jumps or bends.
+"""Edges of triangles across which the speckle, or a picture by texture coordinates, jumps or bends.
 
 A pixel is painted with the pattern of the triangle at its centre, continued. That is right for a
 plane, and second-order right where neighbours turn little; at the rim of a tube it isn't, nor
@@ -15,10 +15,13 @@ import numpy.typing as npt
 
 from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.triangle_corners import CHUNK
+from gpusim.surface.bitmap import Image
+from gpusim.surface.frames import Atlas, Frame
+from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.topology import Topology
 
-__all__ = ["speckle_jumps"]
+__all__ = ["grain_of", "speckle_jumps"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -37,9 +40,20 @@ ROUNDING = 1e-9
 """Of a cosine, by which a quick look may be off."""
 
 
+TEXELS = 5.0
+"""Of a picture, that count as a speckle's diameter does."""
+
+
+def grain_of(paint: Paint, frame: Frame) -> float:
+    """Size of the finest parts of a paint that may jump; 0 where no edges are looked for."""
+    if isinstance(paint, Speckle):
+        return paint.diameter
+    return TEXELS * paint.texel if isinstance(paint, Image) and isinstance(frame, Atlas) else 0.0
+
+
 def speckle_jumps(
     topology: Topology, kept: Numbers, own: Flags, st_of: Callable[[Numbers], Array],
-    points: Array, ideal: Array, paint: Speckle, whole: bool,
+    points: Array, ideal: Array, grain: float, whole: bool,
 ) -> Numbers:  # fmt: skip
     """Numbers of the edges in a region with speckle whose pixels are put together.
 
@@ -47,6 +61,7 @@ def speckle_jumps(
     ----------
     kept : (n,) triangles that may be seen; ``own`` (n,) which of them are the region's.
     st_of : paint coordinates (m, 3, 2) of the corners of some (m,) of the triangles ``kept``.
+    grain : the speckle's diameter, or what stands for it (`grain_of`).
     points, ideal : vertices in camera space and on the ideal image; infinite behind the camera.
     whole : a vertex has the same coordinates in all triangles; then there are no seams.
     """
@@ -75,7 +90,7 @@ def speckle_jumps(
         turned = vertices[:, 0] > vertices[:, 1]
         pair[turned] = pair[turned, ::-1]
         ends.append(pair)
-    seam = np.abs(ends[0] - ends[1]).max(axis=(1, 2), initial=0.0) > SEAM * paint.diameter
+    seam = np.abs(ends[0] - ends[1]).max(axis=(1, 2), initial=0.0) > SEAM * grain
     corners = [topology.triangles[kept[rows]] for rows in at]
     bent = np.zeros(len(inner), bool)
     for vertices in corners:
@@ -92,7 +107,7 @@ def speckle_jumps(
         length = np.linalg.norm(ideal[edge[:, 1]] - ideal[edge[:, 0]], axis=1)
         narrow = np.minimum(narrow, np.abs(area) / np.maximum(length, 1e-300))
     jump = np.sqrt(((slopes[0] - slopes[1]) ** 2).sum(axis=(1, 2)))
-    bends = jump > BEND * paint.diameter * np.clip(narrow, 1e-3, 1.0)
+    bends = jump > BEND * grain * np.clip(narrow, 1e-3, 1.0)
     result: Numbers = inner[np.concatenate([np.flatnonzero(seam), some[bends]])]
     return result
 

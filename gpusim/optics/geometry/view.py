@@ -29,7 +29,7 @@ from gpusim.optics.geometry.clipping import (
 from gpusim.optics.geometry.culling import cull
 from gpusim.optics.geometry.feature_edges import area_normals, feature_edges
 from gpusim.optics.geometry.index_buffer import IndexedTriangles, whole_triangles
-from gpusim.optics.geometry.pattern_seams import speckle_jumps
+from gpusim.optics.geometry.pattern_seams import grain_of, speckle_jumps
 from gpusim.optics.geometry.pixel_footprint import RegionPaint, regions_of, with_reach
 from gpusim.optics.geometry.triangle_corners import (
     POSITION,
@@ -47,7 +47,6 @@ from gpusim.optics.geometry.vertex_attributes import (
     turned_corners,
 )
 from gpusim.surface.frames import PaintFrame
-from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
 __all__ = ["FIXED", "MAX_EDGE", "RegionPaint", "View", "look"]
@@ -332,11 +331,11 @@ def _seen_of(
     if lit:
         table.smooth(surface, shape, kept, turned)
     for number, paint in enumerate(surface.paints.values()):
-        if isinstance(paint, Speckle):
+        if number in surface.extents and (grain := grain_of(paint, surface.paint_frame(number))):
             own = surface.regions[topology.source[kept]] == number
             plane = isinstance(surface.paint_frame(number), PaintFrame)
             st_of = partial(table.paint_at, turned)
-            shows[speckle_jumps(topology, kept, own, st_of, points, ideal, paint, plane)] = True
+            shows[speckle_jumps(topology, kept, own, st_of, points, ideal, grain, plane)] = True
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]

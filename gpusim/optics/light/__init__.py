@@ -10,6 +10,7 @@ In the order in which data passes:
   summed up.
 - `quadrature`: Lamps reduced to tables of point emitters, and the faces that shadows are taken
   of.
+- `studio`: A photographer's studio as surroundings.
 - `environment`: Surroundings far away: what they light diffusely, and what glossy paints mirror
   of them.
 - `microfacet_material`: Glossy paints of a view: their microfacets, and tables of what they

@@ -44,14 +44,36 @@ def speckle_cover(
     grid = table.grids[number]
     start, stop, inside = _lists(table, grid, at)
     cover = np.zeros(len(at))
-    n = grid.cuts
-    for j in range(n):
-        for i in range(n):
-            x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
-            centre = local[inside] + x * ex[inside] + y * ey[inside]
-            part = _soft if grid.soft else _hard
-            cover[inside] += part(table, start, stop, centre, ex[inside] / n, ey[inside] / n)
-    return cover / n**2
+    part = _soft if grid.soft else _hard
+    cuts = np.full(len(inside), grid.cuts)
+    if grid.smallest > 0.0:
+        cuts = _cuts_under(table, grid, start, stop, local[inside], ex[inside], ey[inside])
+    for n in np.unique(cuts):
+        some = np.flatnonzero(cuts == n)
+        own = inside[some]
+        for j in range(n):
+            for i in range(n):
+                x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
+                centre = local[own] + x * ex[own] + y * ey[own]
+                sides = ex[own] / n, ey[own] / n
+                cover[own] += part(table, start[some], stop[some], centre, *sides)
+        cover[own] /= n**2
+    return cover
+
+
+def _cuts_under(
+    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
+) -> Long:
+    """How often footprints (n,) are cut a side, by the smallest disc whose edge crosses each."""
+    reach = 0.5 * np.sqrt(np.maximum(((ex + ey) ** 2).sum(axis=1), ((ex - ey) ** 2).sum(axis=1)))
+    cuts = np.ones(len(centre), np.int64)
+    for k in range(int((stop - start).max(initial=0))):
+        own = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[own] + k]
+        gap = np.hypot(*(centre[own] - disc[:, :2]).T) - disc[:, 2]
+        wanted = np.ceil(grid.cuts * grid.smallest / disc[:, 2] - 1e-4).astype(np.int64)
+        cuts[own] = np.where(np.abs(gap) < reach[own], np.maximum(cuts[own], wanted), cuts[own])
+    return cuts
 
 
 def grazing_cover(

@@ -49,7 +49,8 @@ KEPT = 4
 class SpeckleGrid:
     """A region's cells in paint coordinates: side ``cell``, lowest cell, and counts.
 
-    ``first`` is the texel of its first cell; ``cuts`` how often a footprint is cut a side.
+    ``first`` is the texel of its first cell; ``cuts`` how often a footprint over the smallest disc
+    is cut a side. ``smallest``: that disc's radius where others are cut less, else 0.
     ``pieces``: how long those of larger footprints than the table was made for are, if there are
     such, and ``coverage`` what the longest ones get.
     """
@@ -59,6 +60,7 @@ class SpeckleGrid:
     shape: tuple[int, int]
     first: int
     cuts: int
+    smallest: float
     soft: bool
     pieces: Pieces | None
     coverage: float
@@ -68,9 +70,10 @@ class SpeckleGrid:
 class DiscGrid:
     """Cells and discs of all speckled regions.
 
-    A cell's texel is (start, count, -, -) of its list; a disc's is (s, t, radius, 1 / (2 r h)), s
-    and t relative to the cell's corner, with h the half width of its edge (0 where it is hard).
-    ``start`` (C + 1,) and ``disc`` (E, 4) are the same before rounding, without the offset.
+    A cell's texel is (start, count, smallest, -) of its list; a disc's is (s, t, radius,
+    1 / (2 r h)), s and t relative to the cell's corner, with h the half width of its edge (0 where
+    it is hard). ``start`` (C + 1,) and ``disc`` (E, 4) are the same before rounding, without the
+    offset.
     """
 
     grids: tuple[SpeckleGrid, ...]
@@ -90,6 +93,8 @@ class DiscGrid:
             data = np.zeros((cells + len(self.disc), 4), np.float32)
             data[:cells, 0] = self.start[:-1] + cells
             data[:cells, 1] = np.diff(self.start)
+            for grid in self.grids:
+                data[grid.first : grid.first + grid.shape[0] * grid.shape[1], 2] = grid.smallest
             data[cells:] = self.disc
             texels = Texels(device, max(len(data), 1), "rgba32float", "speckle.discs")
             if len(data):
@@ -169,9 +174,12 @@ def _region(
             f"Speckle diameter; got {paint.diameter:g}, which makes {columns} x {rows} cells; "
             f"expected at most {MAX_TEXELS}"
         )
+    cuts = _cuts(paint, reach)
+    varied = half == 0.0 and cuts > 1 and paint.smallest < paint.largest
     grid = SpeckleGrid(
-        cell, (int(lowest[0]), int(lowest[1])), (columns, rows), first, _cuts(paint, reach),
-        paint.softness > 0.0, pieces_of(paint) if grazing else None, paint.coverage,
+        cell, (int(lowest[0]), int(lowest[1])), (columns, rows), first, cuts,
+        paint.smallest if varied else 0.0, half > 0.0, pieces_of(paint) if grazing else None,
+        paint.coverage,
     )  # fmt: skip
     origin = lowest * cell
     centre, radius = paint.discs(origin, origin + cell * np.array([columns, rows]))
@@ -184,14 +192,17 @@ def _region(
     wide, tall = (stop - start).max(axis=0, initial=-1) + 1
     for dj in range(int(tall)):
         for di in range(int(wide)):
-            at = start + np.array([di, dj])
+            # where sizes differ, few discs reach far
+            own = np.flatnonzero(
+                (stop[:, 0] - start[:, 0] >= di) & (stop[:, 1] - start[:, 1] >= dj)
+            )
+            at, place = start[own] + np.array([di, dj]), position[own]
             # distance from the disc's centre to the cell, grown by what a pixel reaches
-            gap = np.maximum(np.maximum(at - position, position - at - 1.0) * cell - margin, 0.0)
-            meets = gap[:, 0] ** 2 + gap[:, 1] ** 2 < outer**2
+            gap = np.maximum(np.maximum(at - place, place - at - 1.0) * cell - margin, 0.0)
+            meets = gap[:, 0] ** 2 + gap[:, 1] ** 2 < outer[own] ** 2
             meets &= ((at >= 0) & (at < np.array([columns, rows]))).all(axis=1)
-            own = np.flatnonzero(meets)
-            slots.append(at[own, 1] * columns + at[own, 0])
-            owners.append(own)
+            slots.append(at[meets, 1] * columns + at[meets, 0])
+            owners.append(own[meets])
     slot, owner = _sorted(slots, owners, columns * rows, len(centre))
     corner = np.stack([slot % columns, slot // columns], axis=1) * cell + origin
     inverse = 0.5 / (radius * half) if half > 0.0 else np.zeros_like(radius)

@@ -17,6 +17,7 @@ from gpusim.optics.light.lights import (
     SpotLight,
     SunLight,
 )
+from gpusim.optics.light.studio import studio
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -44,6 +45,11 @@ def _light(light: m.Light, read: Reader) -> Light:
             return EnvironmentLight.read(
                 read(light.path), scale=light.scale, up=light.up, forward=forward,
                 occlusion=light.occlusion, channels=light.channels,
+            )  # fmt: skip
+        if light.studio:
+            return EnvironmentLight(
+                image=light.studio * studio(), up=light.up, forward=forward,
+                occlusion=light.occlusion,
             )  # fmt: skip
         return EnvironmentLight(
             light.sky, light.ground, up=light.up, forward=forward, occlusion=light.occlusion

@@ -13,15 +13,17 @@ import numpy.typing as npt
 from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field
-from gpusim.files.input_file import Reader, read_input
-from gpusim.mesh import Mesh, read_surface
+from gpusim.files.input_file import InputFile, Reader, read_input
+from gpusim.mesh import Mesh, read_surface, read_textured
+from gpusim.mesh.formats.textures import TexturedSurface
 from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
 from gpusim.surface.paint import Paint, Plain
-from gpusim.surface.surface import plane_frame
+from gpusim.surface.surface import plane_frame, triangulate
+from gpusim.surface.texture import textured
 
 __all__ = ["BodyParts", "build_body", "build_prop", "posed", "rotation"]
 
@@ -101,6 +103,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints
         return _target(paint, frame.coordinates(np.array(paint.places)))
     s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
     if isinstance(paint, m.Picture):
+        assert paint.path is not None and paint.texel is not None  # it isn't laid by UV
         return paints.Image.read(
             read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
             ground=paint.albedo, gamma=paint.gamma, channels=paint.channels, **finish,
@@ -194,7 +197,7 @@ def _painted(
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
         found[paint.name] = Plain(paint.albedo, *finish_of(paint))
-        if isinstance(paint, m.Plain):
+        if isinstance(paint, m.Plain) or paint.mapping == "uv":
             continue
         own, place = region == number, f"{where}, paint {paint.name!r}"
         if not own.any():
@@ -243,14 +246,74 @@ def _plate(prop: m.Plate, read: Reader) -> Surface:
 
 def _faces(prop: m.Shape, read: Reader) -> Surface:
     """Triangles of a file without solids; a face belongs to the last paint that matches it."""
-    points, faces = read_surface(read(prop.path))
+    by_uv = [p for p in prop.paints if isinstance(p, m.Picture) and p.mapping == "uv"]
+    look = read_textured(read(prop.path)) if by_uv else None
+    points, faces = (look.points, look.faces) if look else read_surface(read(prop.path))
     points = points * prop.scale
     region, where = np.zeros(len(faces), np.int32), f"prop {prop.name!r}"
     for number, paint in enumerate(prop.paints, start=1):
         place = f"{where}, paint {paint.name!r}"
         region[surface_faces_of(points, faces, paint.where, place)] = number
     found, frames = _painted(where, prop.paints, points, faces, region, read)
+    for paint in by_uv:
+        assert look is not None
+        own = np.flatnonzero(region == list(found).index(paint.name))
+        place = f"{where}, paint {paint.name!r}"
+        for number, (faces_of_it, name, what) in enumerate(_looks(look, paint, own, place, read)):
+            region[faces_of_it] = region[own[0]] if number == 0 else len(found)
+            found[name], frame = _by_uv(look, paint, faces_of_it, what, place)
+            if frame is not None:
+                frames[name] = frame
     return Surface(points, faces, found, region, frames=frames, name=prop.name)
+
+
+Look = InputFile | tuple[float, float, float] | None
+"""A picture, a colour, or that of the paint's ground."""
+
+
+def _looks(
+    surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], where: str, read: Reader
+) -> list[tuple[npt.NDArray[np.int64], str, Look]]:
+    """Of a paint's ``own`` faces (n,) those that look alike, a name, and how they look."""
+    if not len(own):
+        raise InputError(f"{where}: every face it matches is painted over by a later paint")
+    if paint.path is not None:
+        return [(own, paint.name, read(paint.path))]
+    if not surface.materials:
+        raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
+    result: list[tuple[npt.NDArray[np.int64], str, Look]] = []
+    for number in np.unique(surface.material[own]).tolist():
+        material = surface.materials[number] if number >= 0 else None
+        if material is not None and material.missing:
+            raise InputError(f"{where}: {material.missing!r}, of material {material.name!r}, isn't "
+                             "there; expected it beside the prop's file")  # fmt: skip
+        name = f"{paint.name}/{material.name if material else 'none'}" if result else paint.name
+        look = material and (material.picture or material.color)
+        result.append((own[surface.material[own] == number], name, look))
+    return result
+
+
+def _by_uv(
+    surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], look: Look, where: str
+) -> tuple[Paint, Atlas | None]:
+    """The paint of faces ``own`` (n,), and where it lies on them."""
+    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
+    if not isinstance(look, InputFile):
+        return Plain(paint.albedo if look is None else look, **finish), None
+    corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
+    triangles, source = triangulate(corner.astype(np.int32))
+    wanted = np.isin(source, own)
+    try:
+        picture = paints.Image.read(
+            look, 1.0, dark=paint.dark, light=paint.light, ground=paint.albedo, gamma=paint.gamma,
+            channels=paint.channels, **finish,
+        )  # fmt: skip
+        picture, places = textured(picture, surface.uv.reshape(-1, 2)[triangles[wanted]])
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    st = np.full((len(triangles), 3, 2), np.nan)
+    st[wanted] = places
+    return picture, Atlas(st)
 
 
 def posed(surface: Surface, prop: m.Prop, pose: m.Pose | None = None) -> Surface:

@@ -102,7 +102,10 @@ def check_views(scene: Scene) -> None:
 
 
 def _read_picture(paint: m.Picture, scene: Scene) -> None:
-    Image.read(scene.input(paint.path), paint.texel, gamma=paint.gamma, channels=paint.channels)
+    if paint.path is not None:
+        Image.read(
+            scene.input(paint.path), paint.texel or 1.0, gamma=paint.gamma, channels=paint.channels
+        )
 
 
 def _check_field(mesh: m.FieldMesh, name: str, scene: Scene, warnings: list[str]) -> None:

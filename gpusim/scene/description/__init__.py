@@ -7,6 +7,7 @@ In the order in which data passes:
 - `material`: ``[[material]]``: elasticity, density and thermal expansion.
 - `loads`: What holds and moves a body, and ``where``.
 - `mesh`: How a body's mesh is made, or read.
+- `finishes`: Finishes by name: what surfaces of workshops look like.
 - `ground`: What every paint says: where it is, how its ground shines, how a pattern lies on faces.
 - `targets`: Targets of photogrammetry and of lens tests.
 - `paint`: What a surface looks like.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import Annotated, ClassVar, Literal, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
 
 from pydantic import Field, model_validator
 
 from .colors import SceneColor, Shade
+from .finishes import FINISHES, FinishName
 from .loads import Where
 from .table import (
     SI,
@@ -61,6 +62,8 @@ class Painted(Table):
     """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
     pictures shine with their ground, as under a varnish."""
 
+    named: Annotated[FinishName | None, Field(alias="finish")] = None
+    """Gives albedo, roughness, metallic and bump, each of which may be said otherwise beside it."""
     roughness: Share = 1.0
     """1: matte. Less: glossy, lacquer at about 0.3, brushed steel (with metallic) at 0.4."""
     metallic: Share = 0.0
@@ -106,6 +109,13 @@ class Painted(Table):
             bump = Bump(height, length, self.bump_along, self.bump_stretch, self.bump_seed)
         return Finish(self.roughness, self.metallic, bump)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _fill(cls, given: Any) -> Any:
+        name = given.get("finish") if isinstance(given, dict) else None
+        finish = FINISHES.get(name) if isinstance(name, str) else None
+        return finish.filled(given) if finish else given
+
     @model_validator(mode="after")
     def _check_bump(self) -> Painted:
         slope = sqrt(2.0) * self.bump_um * 1e-3 / self.bump_length_mm
@@ -122,20 +132,22 @@ class Painted(Table):
 class Patterned(Painted):
     up: Direction | None = None
     """Roughly up on the surface; without it +z, on horizontal faces +y."""
-    mapping: Literal["plane", "cylinder", "unfold"] = "plane"
-    """How the pattern lies on the faces: "plane" faces only; round a "cylinder"; or laid on any
-    faces as if they were unfolded, without smearing in holes and on sides (speckle only)."""
+    mapping: Literal["plane", "cylinder", "unfold", "uv"] = "plane"
+    """How the pattern lies on the faces: "plane" faces only; round a "cylinder"; "unfold": laid on
+    any faces as if they were unfolded, without smearing in holes and on sides (speckle only); "uv":
+    by the texture coordinates of the prop's file (pictures only)."""
     axis_point_mm: Vector | None = None
     """A point on the axis of the cylinder."""
     axis_point = SI[Vec3 | None]("mm")
     axis: Direction | None = None
     """The cylinder's axis, which is up."""
     unfolds: ClassVar[bool] = False
+    has_texels: ClassVar[bool] = False
 
     @property
     def wrap(self) -> Wrap | None:
         """None: on plane faces only."""
-        return None if self.mapping == "plane" else Wrap(self.axis_point, self.axis)
+        return None if self.mapping in ("plane", "uv") else Wrap(self.axis_point, self.axis)
 
     @model_validator(mode="after")
     def _check_mapping(self) -> Patterned:
@@ -149,6 +161,8 @@ class Patterned(Painted):
         not_zero("axis", self.axis)
         if self.mapping == "unfold" and not self.unfolds:
             raise fault("mapping", "a pattern with places", Words("unfold"), "plane or cylinder")
+        if self.mapping == "uv" and not self.has_texels:
+            raise fault("mapping", "no picture", Words("uv"), 'another, or type = "image"')
         return self
 
     @model_validator(mode="after")

@@ -161,20 +161,29 @@ class Environment(Tinted):
     scene file."""
     channels: Literal["rgb", "grey"] = "rgb"
     """"rgb": a file in colour is light in colour; "grey": its luminance alone counts."""
+    studio_W_m2_sr: Length | None = None
+    """Mean radiance of a photographer's studio: soft boxes, a horizon and a pale floor, for steel
+    to mirror; instead of sky and ground or a file."""
+    studio = SI[float]("W_m2_sr", without=0.0)
     scale_W_m2_sr: Length = 1.0
     """Radiance of the value 1 in the file."""
     scale = SI[float]("W_m2_sr")
     up: Direction = (0.0, 0.0, 1.0)
     """Where the file's first row looks."""
     forward: Direction | None = None
-    """Where the file's middle column looks; without it +y, or +x where up is along y."""
+    """Where the middle of the file or studio is; without it +y, or +x where up is along y."""
     occlusion: bool = False
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
     @model_validator(mode="after")
     def _check(self) -> Environment:
         not_zero("up", self.up, "one that isn't zero")
-        if self.path is None:
+        if self.studio_W_m2_sr is not None:
+            for key, value in (("sky_W_m2_sr", self.sky_W_m2_sr), ("file", self.path),
+                               ("ground_W_m2_sr", self.ground_W_m2_sr)):  # fmt: skip
+                if value is not None:
+                    raise fault(key, "beside studio_W_m2_sr", value, "one of them")
+        elif self.path is None:
             for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
                 if getattr(self, key) is None:
                     raise fault(key, "missing", Words("neither file nor both radiances"),
@@ -185,7 +194,8 @@ class Environment(Tinted):
         for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
             if getattr(self, key) is not None:
                 raise fault(key, "beside file", getattr(self, key), "one of them")
-        known_suffix("picture", self.path, PANORAMA_SUFFIXES)
+        if self.path is not None:
+            known_suffix("picture", self.path, PANORAMA_SUFFIXES)
         if self.forward is not None and parallel(self.up, self.forward):
             raise fault("forward", "is along up, or zero", self.forward, "a vector across it")
         return self

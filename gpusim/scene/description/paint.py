@@ -44,6 +44,7 @@ __all__ = [
     "Picture",
     "Plain",
     "Speckle",
+    "not_by_uv",
 ]
 
 
@@ -177,10 +178,10 @@ class Speckle(Patterned):
     softness_mm: Annotated[float, Field(ge=0)] = 0.0
     """The standard deviation of the edges' profile; 0 is a hard edge."""
     softness = SI[float]("mm")
-    size_law: Literal["fixed", "uniform", "lognormal"] = "fixed"
-    """How the diameters are distributed."""
     spread: Annotated[float, Field(ge=0)] = 0.0
-    """Standard deviation of the diameters over their mean."""
+    """Standard deviation of the diameters over their mean: 0 makes all equal; 0.4 looks sprayed."""
+    size_law: Literal["fixed", "uniform", "lognormal"] = "lognormal"
+    """How the diameters are spread: as a spray's drops are ("lognormal"), or evenly."""
     arrangement: Literal["random", "grid"] = "random"
     """Sprayed speckles overlap; those on a grid are moved at random as far as none touches."""
     seed: Seed = 0
@@ -219,14 +220,16 @@ class Speckle(Patterned):
 class Picture(Patterned):
     """A picture: its values are albedo, its pixels squares on the surface."""
 
+    has_texels: ClassVar[bool] = True
     type: Literal["image"]
-    path: Annotated[str, Field(min_length=1, alias="file")]
-    """PNG or TIFF, 8 or 16 bit; relative to the scene file."""
-    texel_mm: Length
-    """Side of a pixel of the picture on the surface."""
+    path: Annotated[str | None, Field(min_length=1, alias="file")] = None
+    """PNG or TIFF, 8 or 16 bit; relative to the scene file. With mapping "uv" it may be left out:
+    then each face has the picture, or the plain colour, of its material in the prop's file."""
+    texel_mm: Length | None = None
+    """Side of a pixel of the picture on the surface; none with mapping "uv"."""
     texel = SI[float]("mm")
-    origin_mm: Vector
-    """The lower left corner of the picture, seen from outside."""
+    origin_mm: Vector | None = None
+    """The lower left corner of the picture, seen from outside; none with mapping "uv"."""
     origin = SI[Vec3]("mm")
     dark: Shade = 0.0
     """Of the value 0."""
@@ -236,6 +239,26 @@ class Picture(Patterned):
     """How the file's values are coded."""
     channels: Literal["rgb", "grey"] = "rgb"
     """"rgb": a file in colour is paint in colour; "grey": its brightness (luma) alone counts."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Picture:
+        by_uv = self.mapping == "uv"
+        for key, value in (("texel_mm", self.texel_mm), ("origin_mm", self.origin_mm)):
+            if (value is not None) == by_uv:
+                got, wanted = (value, "none") if by_uv else (Words("none"), "one")
+                raise fault(key, f"with mapping {self.mapping!r}", got, wanted)
+        if self.path is None and not by_uv:
+            raise fault("file", "missing", Words("none"), "a PNG or TIFF")
+        return self
+
+
+def not_by_uv(paints: tuple[Paint, ...], key: str = "paint") -> None:
+    """Refuse pictures by texture coordinates where there are none."""
+    for number, paint in enumerate(paints):
+        if isinstance(paint, Picture) and paint.mapping == "uv":
+            wanted = "another, or a [[prop]] of an .obj, .glb or .gltf"
+            expected = f"{key}.{number}.mapping", "only a prop's file has texture coordinates"
+            raise fault(*expected, Words("uv"), wanted)
 
 
 Pattern = Markers | Checker | Dots | Speckle | Picture | Target

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from .mesh import MESH_SUFFIXES
-from .paint import Markers, Paint, PaintTable
+from .paint import Markers, Paint, PaintTable, not_by_uv
 from .table import (
     SI,
     Direction,
@@ -33,6 +33,7 @@ __all__ = ["SURFACE_SUFFIXES", "Box", "Calibration", "Plate", "Pose", "Prop", "P
 
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
+TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
 PropLength = Annotated[float, Field(gt=0, le=1e10)]
 
@@ -90,6 +91,7 @@ class Plate(_Prop):
     def _check(self) -> Plate:
         if parallel(self.normal, self.up):
             raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
+        not_by_uv(self.paints)
         paint = self.paint
         if not paint.where.is_everything:
             raise fault("paint.0.where", "a plate has one face", Words("a selection"), "no where")
@@ -134,6 +136,11 @@ class Box(_Shaped):
     """Along x, y, z, before rotation, at most 1e10 mm."""
     size = SI[Vec3]("mm")
 
+    @model_validator(mode="after")
+    def _check(self) -> Box:
+        not_by_uv(self.paints)
+        return self
+
     @property
     def stand(self) -> Pose:
         """The pose in which it stands."""
@@ -156,7 +163,9 @@ class Shape(_Shaped):
 
     @model_validator(mode="after")
     def _check(self) -> Shape:
-        known_suffix("file", self.path, SURFACE_SUFFIXES + MESH_SUFFIXES)
+        suffix = known_suffix("file", self.path, SURFACE_SUFFIXES + MESH_SUFFIXES)
+        if suffix not in TEXTURED_SUFFIXES:
+            not_by_uv(self.paints)
         return self
 
     @property

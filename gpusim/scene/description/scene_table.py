@@ -13,7 +13,7 @@ from .lights import LightTable
 from .loads import Amplitude, Load, LoadTable, Support, Where
 from .material import Material, MaterialTable
 from .mesh import BeamMesh, BoxMesh, FieldMesh, MeshRecipe, MeshTable, NotchRecipe
-from .paint import Paint, PaintTable
+from .paint import Paint, PaintTable, not_by_uv
 from .processing import Analysis, MeasureTable, Output, Render, Solver, Variant
 from .prop import Calibration, PropTable
 from .sensor import Sensor
@@ -92,6 +92,7 @@ class BodyTable(Table):
 
     @model_validator(mode="after")
     def _check(self) -> BodyTable:
+        not_by_uv(self.paint)
         if self.field is None:
             for key, what in (("material", "the name of a [[material]]"), ("mesh", "a mesh")):
                 if getattr(self, key) is None:

@@ -6,8 +6,9 @@
 // 0 none, 1 discs with soft edges, 2 with hard ones, 3 both kinds in one view
 override speckle: u32;
 
-// a cell's texel is (start, count, -, -) of its list; a disc's (s, t, radius, 1 / (2 r h)), s and t
-// from the cell's corner, h the half width of its edge
+// a cell's texel is (start, count, smallest, -) of its list, where discs differ the radius of the
+// smallest; a disc's is (s, t, radius, 1 / (2 r h)), s and t from the cell's corner, h the half width
+// of its edge
 @group(0) @binding(16) var speckles: texture_storage_2d<rgba32float, read>;
 
 const GAUSS: f32 = 0.3872983346207417;
@@ -156,12 +157,31 @@ fn hard_cover(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f) -> f32 {
     return select(share, 1.0, whole);
 }
 
+// How often a footprint is cut a side: `most` over the smallest disc, less where no edge of a small
+// one crosses it.
+fn cuts_under(first: u32, count: u32, p: vec2f, ex: vec2f, ey: vec2f, most: f32, smallest: f32) -> u32 {
+    let reach = 0.5 * max(length(ex + ey), length(ex - ey));
+    var n = 1.0;
+    if (count == 0u) { return 1u; }
+    var i = first;
+    loop {
+        let disc = textureLoad(speckles, texel(i));
+        let crosses = abs(length(p - disc.xy) - disc.z) < reach;
+        n = select(n, max(n, ceil(most * smallest / disc.z - 1e-4)), crosses);
+        i++;
+        if (i >= first + count) { break; }
+    }
+    return u32(n);
+}
+
 // Covered share of the parallelogram with centre p, from the corner of the cell whose texel is
-// `cell`, and sides ex, ey, cut into n x n pieces.
-fn speckle_cover(cell: u32, p: vec2f, ex: vec2f, ey: vec2f, n: u32) -> f32 {
+// `cell`, and sides ex, ey, cut into pieces, at most `most` a side.
+fn speckle_cover(cell: u32, p: vec2f, ex: vec2f, ey: vec2f, most: u32) -> f32 {
     let list = textureLoad(speckles, texel(cell));
     let first = u32(list.x);
     let count = u32(list.y);
+    var n = most;
+    if (speckle > 1u && list.z > 0.0) { n = cuts_under(first, count, p, ex, ey, f32(most), list.z); }
     let step = 1.0 / f32(n);
     var sum = 0.0;
     let pieces = n * n;

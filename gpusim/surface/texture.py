@@ -1,0 +1,67 @@
+"""Pictures that lie on a surface by texture coordinates (u, v), as other programs unwrap them.
+
+Paint coordinates are texels here: u times the picture's width, v times its height.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.surface.bitmap import WIDEST, Image
+
+__all__ = ["textured"]
+
+Array = npt.NDArray[np.float64]
+
+ROUND = 1e-4
+"""Of a picture's side, by which coordinates may miss its border."""
+
+NARROW = 1e-3
+"""Side, in texels, of what is seen by a triangle to which one point of the picture belongs."""
+
+
+def textured(picture: Image, uv: npt.ArrayLike) -> tuple[Image, Array]:
+    """A picture and where on it the corners of triangles lie, from texture coordinates.
+
+    ``picture`` has texels of side 1; ``uv`` (T, 3, 2) counts its widths and heights from its lower
+    left corner. Beyond 0 to 1 it is repeated. Returns it, repeated as often as asked for, and the
+    paint coordinates (T, 3, 2) for `gpusim.surface.frames.Atlas`.
+
+    Raises
+    ------
+    InputError
+        Coordinates that aren't finite, or that repeat it beyond the largest size of pictures.
+
+    Examples
+    --------
+    >>> from gpusim.surface.texture import textured
+    >>> picture = gs.paint.Image(np.eye(4), texel=1.0)
+    >>> wide, st = textured(picture, [[[1.5, 0.0], [2.5, 0.0], [2.5, 1.0]]])
+    >>> wide.pixels.shape, st[0].tolist()
+    ((4, 8), [[2.0, 0.0], [6.0, 0.0], [6.0, 4.0]])
+    """
+    uv = np.array(uv, np.float64).reshape(-1, 3, 2)
+    if not np.isfinite(uv).all():
+        raise InputError("texture coordinates; got faces without; expected some for every corner")
+    uv -= np.floor(uv.min(axis=1, keepdims=True) + ROUND)
+    rows, columns = picture.pixels.shape[:2]
+    tiles = np.maximum(np.ceil(uv.max(axis=(0, 1), initial=1.0) - ROUND), 1.0)
+    if not (tiles * (columns, rows) <= WIDEST).all():
+        raise InputError(
+            f"texture coordinates; got some that repeat a picture of {columns} x {rows} "
+            f"{tiles[0]:g} x {tiles[1]:g} times; expected at most {WIDEST} pixels a side"
+        )
+    wide, tall = tiles.astype(int).tolist()
+    if wide * tall > 1:
+        more = (1,) * (picture.pixels.ndim - 2)
+        picture = replace(picture, pixels=np.tile(picture.pixels, (tall, wide, *more)))
+    st = np.clip(uv, 0.0, tiles) * (columns, rows)
+    # exporters give some triangles one point of the picture, or a line: a tiny part of it
+    a, b = st[:, 1] - st[:, 0], st[:, 2] - st[:, 0]
+    empty = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < NARROW**2
+    st[empty] = st[empty].mean(axis=1, keepdims=True) + NARROW * np.array([[0, 0], [1, 0], [0, 1]])
+    return picture, st
