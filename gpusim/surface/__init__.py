@@ -7,6 +7,7 @@ In the order in which data passes:
   relief.
 - `fiducials`: ArUco and AprilTag markers, ChArUco boards, ring codes.
 - `speckle`: Random discs of paint.
+- `texture`: Pictures laid by the texture coordinates of a file.
 - `bitmap`: A bitmap as paint.
 - `paint`: All paints, and those of plain shapes: boards, dots, lines, circles, stars.
 - `frames`: Paint coordinates of regions: of a plane, round a cylinder, or of any surface unfolded.
