@@ -97,9 +97,8 @@ def rays(picture: Array, camera: gs.Camera, n: int) -> Array:
     return result.reshape(camera.height, n, camera.width, n).mean(axis=(1, 3))
 
 
-@pytest.mark.parametrize("backend", ["gpu", "numpy"])
-def test_a_picture_lies_as_the_coordinates_say_seams_included(tmp_path: Path, backend: str) -> None:
-    """0.6 to 2.4 texels a pixel against 4096 rays each, through the OBJ's text alone.
+def test_a_picture_lies_as_the_coordinates_say_seams_included(tmp_path: Path) -> None:
+    """0.6 to 2.4 texels a pixel against 1600 rays each, through the OBJ's text alone.
 
     Pixels of the ridge are as right as those at any edge of a bitmap; were it none, single ones
     would be off by 0.06.
@@ -110,14 +109,13 @@ def test_a_picture_lies_as_the_coordinates_say_seams_included(tmp_path: Path, ba
         (7.2, 4.8), 9.0, (93, 62), (4e-3, -0.09, 7e-3), (0.0, 0.0, 0.0)
     )  # fmt: skip
     picture = cv2.imread(str(tmp_path / "photo.png"), cv2.IMREAD_GRAYSCALE) / 255.0
-    want = rays(picture, camera, 64)
+    want = rays(picture, camera, 40)
     shows = np.isfinite(want)
-    frame = gs.render([surface], camera, backend=backend).radiance
-    error = (frame - want)[shows]
-    print(f"{backend}: RMS {np.sqrt(np.mean(error**2)):.1e}, worst {np.abs(error).max():.1e}")
     assert shows.mean() > 0.4 and np.ptp(want[shows]) > 0.5
-    assert np.sqrt(np.mean(error**2)) < 1e-3
-    assert np.abs(error).max() < 8e-3
+    for backend in ("gpu", "numpy"):
+        error = (gs.render([surface], camera, backend=backend).radiance - want)[shows]
+        rms, worst = np.sqrt(np.mean(error**2)), np.abs(error).max()
+        assert rms < 1e-3 and worst < 8e-3, f"{backend}: RMS {rms:.1e}, worst {worst:.1e}"
 
 
 def test_materials_are_pictures_or_colours(tmp_path: Path) -> None:
@@ -127,7 +125,7 @@ def test_materials_are_pictures_or_colours(tmp_path: Path) -> None:
     assert names == ["look", "look", "look/red paint", "look/red paint"]
     red = surface.paints["look/red paint"]
     assert isinstance(red, Plain) and red.roughness == 0.4
-    assert abs(red.albedo - (0.2126 * 0.5 + 0.7152 * 0.1 + 0.0722 * 0.05)) < 1e-12
+    assert red.albedo == (0.5, 0.1, 0.05)
     assert isinstance(surface.paints["look"], Image)
     # one picture for all, whatever the file says
     cv2.imwrite(str(tmp_path / "other.png"), np.full((4, 5), 128, np.uint8))
@@ -176,7 +174,7 @@ def test_a_glb_with_its_picture_inside(tmp_path: Path) -> None:
     given = scene(tmp_path / "sign.glb")
     paint = build_prop(given.props[0], given.input).paints["look"]
     assert isinstance(paint, Image)
-    assert (paint.pixels[:3] > 100).all() and not paint.pixels[3:].any()
+    assert (paint.pixels[:3] == (255, 128, 0)).all() and not paint.pixels[3:].any()
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -55,7 +56,11 @@ class Environment:
             return None
         if len(found) > 1:
             raise InputError(f"render lights; got {len(found)} environments; expected at most one")
-        light = found[0]
+        return Environment._of_light(found[0])
+
+    @staticmethod
+    @lru_cache(maxsize=16)
+    def _of_light(light: EnvironmentLight) -> Environment:
         up = np.array(light.up, np.float64)
         up /= np.linalg.norm(up)
         forward = np.array(light.forward, np.float64)
@@ -93,6 +98,16 @@ class Environment:
 
     def blurred(self, alpha: float) -> Array:
         """The map (H, W) as the lobe of GGX with ``alpha`` sees it around each direction."""
+        if alpha not in self._blurred:
+            self._blurred[alpha] = self._blur(alpha)
+        return self._blurred[alpha]
+
+    @cached_property
+    def _blurred(self) -> dict[float, Array]:
+        """By alpha: finding them takes longer than many a picture."""
+        return {}
+
+    def _blur(self, alpha: float) -> Array:
         rows, columns = self.shape
         target, _ = _directions(rows, columns)
         fine = self.image if columns > 1 else np.repeat(self.image, 2 * FINE, axis=1)

@@ -261,7 +261,8 @@ class EnvironmentLight(ColoredLight):
                         f"EnvironmentLight {name}; got {value}; expected a radiance from 0 up"
                     )
             return
-        image = np.asarray(self.image, np.float64)
+        image = np.array(self.image, np.float64)
+        image.setflags(write=False)  # what follows from it is kept
         shaped = image.ndim == 2 or image.shape[2:] == (3,)
         if not shaped or not image.size or not np.isfinite(image).all():
             raise InputError(

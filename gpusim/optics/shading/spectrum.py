@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +54,7 @@ def is_coloured_scene(
     return any(map(is_colored, (background, *paints, *(lights or ()))))
 
 
+@lru_cache(maxsize=64)
 def grey_light(light: Light) -> Light:
     """As what is equally sensitive in all bands sees it."""
     if not is_colored(light):

@@ -104,8 +104,3 @@ def test_wrong_arguments_name_themselves(change: dict[str, object], words: str) 
     picture = speckles(57, 33)
     with pytest.raises(InputError, match=words):
         dic_sequence(picture, [picture], **{"subset": 15, **change})
-
-
-def test_colour_is_refused_in_words() -> None:
-    with pytest.raises(InputError, match="grey"):
-        dic_sequence(np.zeros((40, 50, 3)), [np.zeros((40, 50, 3))])

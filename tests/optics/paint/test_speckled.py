@@ -50,7 +50,9 @@ def test_edges_that_bend_are_those_that_a_look_at_all_finds() -> None:
     own = np.ones(len(kept), bool)
     own[::7] = False
     found = [
-        speckle_jumps(topology, kept, own, lambda rows: st[rows], points, ideal, HARD, whole)
+        speckle_jumps(
+            topology, kept, own, lambda rows: st[rows], points, ideal, HARD.diameter, whole
+        )
         for whole in (False, True)
     ]
     assert np.array_equal(*(np.sort(edges) for edges in found))
