@@ -142,6 +142,7 @@ class Viewer(ViewState):
         while (path := Path(f"{self.path.stem}-{number:03d}.png")).exists():
             number += 1
         if self.save is not None:
+            self.message = ""
             self.save(path)
             self.say(f"saved {path}")
 
