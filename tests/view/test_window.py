@@ -38,7 +38,8 @@ class Window:
             env={**os.environ, "DISPLAY": display.name, "PYTHONPATH": os.pathsep.join(sys.path)},
         )  # fmt: skip
         self.lines: queue.Queue[str] = queue.Queue()
-        threading.Thread(target=self._read, daemon=True).start()
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
 
     def _read(self) -> None:
         assert self.process.stdout
@@ -88,6 +89,10 @@ def window(tmp_path: Path) -> Iterator[Window]:
         finally:
             made.process.kill()
             made.process.wait()
+            made.reader.join()
+            for pipe in (made.process.stdout, made.process.stderr):
+                assert pipe is not None
+                pipe.close()
 
 
 def body(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
