@@ -38,7 +38,7 @@ def view(
         typer.Option(metavar="FILE.png", help="Write what the window would show; no display."),
     ] = None,
     camera: Annotated[str | None, typer.Option(help="Look through this camera.")] = None,
-    frame: Annotated[int | None, typer.Option(help="Show this frame.")] = None,
+    frame: Annotated[int | None, typer.Option(help="Show this frame, once it is solved.")] = None,
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
@@ -57,19 +57,21 @@ def view(
         with importing():
             from gpusim.gpu import default_device
             from gpusim.view.screenshot import (
+                check_ending,
                 look_as_asked,
                 save_screenshot,
                 wait_for_solution,
             )
             from gpusim.view.viewer import Viewer
 
-        solved = screenshot is None or frame is not None or field is not None
-        viewer = Viewer(default_device(), path, pixels, solve=solved)
+        if screenshot is not None:
+            check_ending(screenshot)
+        loaded = frame is not None or field is not None
+        viewer = Viewer(default_device(), path, pixels, solve=screenshot is None or loaded)
         try:
-            if screenshot is not None:
+            if loaded:
                 wait_for_solution(viewer)
-            if screenshot is not None or viewer.content is None:
-                look_as_asked(viewer, camera, frame, field)
+            look_as_asked(viewer, camera, frame, field)
             if screenshot is not None:
                 save_screenshot(viewer, screenshot)
                 out(str(screenshot))

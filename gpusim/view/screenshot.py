@@ -41,6 +41,12 @@ def screenshot(viewer: Viewer, size: tuple[int, int] | None = None) -> npt.NDArr
     return np.ascontiguousarray(rows[:, :width, :3])
 
 
+def check_ending(path: Path) -> None:
+    """Raises InputError for another than that of a PNG."""
+    if path.suffix.lower() != ".png":
+        raise InputError(f"view: screenshot; got {path}; expected a name that ends with .png")
+
+
 def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = None) -> None:
     """Write it as PNG.
 
@@ -49,8 +55,7 @@ def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = N
     InputError
         Another ending, or a place that can't be written to.
     """
-    if path.suffix.lower() != ".png":
-        raise InputError(f"view: screenshot; got {path}; expected a name that ends with .png")
+    check_ending(path)
     pixels = Image.fromarray(screenshot(viewer, size))
     try:
         with atomic_stream(path) as stream:
