@@ -120,6 +120,10 @@ class Layout:
                 groups.append(self._groups(resources[i]))
         return Bindings(self, tuple(groups), tuple(rows), uniforms, values)
 
+    def bind_used(self, values: dict[str, Any]) -> Bindings:
+        """The same, without those of the ``values`` that aren't among the bindings."""
+        return self.bind({name: value for name, value in values.items() if name in self.bindings})
+
     def _uniform(self, binding: Binding, value: Any, where: str) -> Any:
         dtype, _ = type_layout(binding.type, self.module.structs, where)
         return Uniform(self.device, value, f"{self.module.name}.{binding.name}").live(dtype, where)
@@ -307,5 +311,4 @@ class Kernel:
     def bind_used(self, **values: Any) -> Bindings:
         """The same with values that several entries share: those that this one doesn't use are left
         out."""
-        own = self.layout.bindings
-        return self.layout.bind({name: value for name, value in values.items() if name in own})
+        return self.layout.bind_used(values)

@@ -129,5 +129,4 @@ class Raster:
 
     def bind_used(self, **values: Any) -> Bindings:
         """The same with values of which some are left out: those that this program doesn't use."""
-        own = self.layout.bindings
-        return self.layout.bind({name: value for name, value in values.items() if name in own})
+        return self.layout.bind_used(values)

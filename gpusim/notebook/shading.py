@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays import srgb
 from gpusim.gpu.device import device_if_open
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.rendering.local_origin import local_view
@@ -90,16 +90,7 @@ def resized_camera(camera: Camera, most_width: int = WIDTH, most_height: int = 4
 
 def _scaled(camera: Camera, factor: float) -> Camera:
     width, height = (max(1, round(factor * side)) for side in (camera.width, camera.height))
-    # pixel centres are integers: the picture's corner is at -1/2
-    turn = np.array(
-        [
-            [width / camera.width, 0.0, 0.5 * (width / camera.width - 1.0)],
-            [0.0, height / camera.height, 0.5 * (height / camera.height - 1.0)],
-            [0.0, 0.0, 1.0],
-        ]
-    )
-    through = None if camera.lens_K is None else turn @ camera.lens_K
-    return replace(camera, width=width, height=height, K=turn @ camera.K, lens_K=through)
+    return camera.reframed(width, height, scale=(width / camera.width, height / camera.height))
 
 
 def shaded(
@@ -180,6 +171,4 @@ def _patterns(surfaces: Sequence[Surface], camera: Camera) -> npt.NDArray[np.flo
 
 def encoded(linear: npt.NDArray[np.floating]) -> Pixels:
     """Linear values, 0 to 1, by the curve of sRGB (IEC 61966-2-1) as 8 bit."""
-    value = np.clip(linear, 0.0, 1.0)
-    curve = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255.0 * curve), np.uint8)
+    return np.asarray(np.rint(255.0 * srgb.encoded(np.clip(linear, 0.0, 1.0))), np.uint8)

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.fem import Model, Solution
 from gpusim.notebook.axes import draw_faces, space_axes
@@ -196,7 +197,6 @@ def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]
     return surface, colours
 
 
-def _linear(encoded: Array) -> Array:
-    """Linear values of sRGB's (IEC 61966-2-1), a little brighter: shading darkens them."""
-    value = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return np.minimum(1.25 * value, 1.0)
+def _linear(colours: Array) -> Array:
+    """Linear values of sRGB's, a little brighter: shading darkens them."""
+    return np.minimum(1.25 * decoded(colours), 1.0)

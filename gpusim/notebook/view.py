@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import tempfile
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -64,14 +63,16 @@ def view(scene: Scene, camera: str | None, size: tuple[int, int]) -> Any:
         import anywidget  # noqa: F401 - rendercanvas's message would name no extra
         from rendercanvas import anywidget as canvases
 
-        window, viewers = (import_module(f"gpusim.view.{name}") for name in ("window", "viewer"))
     except ImportError:
         return _still(scene, camera, size, INSTALL)
-    viewer = viewers.Viewer(default_device(), _file_of(scene), size)
+    from gpusim.view.viewer import Viewer
+    from gpusim.view.window import WindowView
+
+    viewer = Viewer(default_device(), _file_of(scene), size)
     if camera is not None:
         viewer.look_through(names.index(camera))
     canvas = canvases.RenderCanvas(size=size)
-    window.WindowView(viewer, canvas, canvases.loop, types=False)
+    WindowView(viewer, canvas, canvases.loop, types=False)
     return canvas
 
 

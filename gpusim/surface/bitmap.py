@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
@@ -218,7 +219,7 @@ class Image(Colored):
         full = 1.0 if self.pixels.dtype.kind == "f" else float(np.iinfo(self.pixels.dtype).max)
         share = self.pixels / full
         if self.gamma == "srgb":
-            share = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+            share = decoded(share)
         dark = grey(self.dark)
         result: Array = dark + (grey(self.light) - dark) * share
         return result

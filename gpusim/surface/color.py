@@ -17,6 +17,7 @@ from typing import Any, Self, TypeVar, overload
 
 import numpy as np
 
+from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.validation import is_number
 
@@ -51,7 +52,7 @@ def color(value: float | str | Sequence[float]) -> Color:
     """
     given: Any = value
     if isinstance(value, str) and re.fullmatch("#[0-9a-fA-F]{6}", value):
-        given = [_decoded(int(value[k : k + 2], 16) / 255.0) for k in (1, 3, 5)]
+        given = decoded(np.array([int(value[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0).tolist()
     elif isinstance(value, np.ndarray):
         given = value.tolist()
     if is_number(given) and np.isfinite(given):
@@ -61,11 +62,6 @@ def color(value: float | str | Sequence[float]) -> Color:
         raise InputError(f"colour; got {value!r}; expected '#rrggbb', a number, or three numbers")
     red, green, blue = map(float, numbers)
     return red if red == green == blue else (red, green, blue)
-
-
-def _decoded(value: float) -> float:
-    """The linear value of an encoded one of sRGB."""
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
 
 
 def is_colored(value: object) -> bool:

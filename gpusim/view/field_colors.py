@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.srgb import decoded, encoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
 from gpusim.optics.frame import Frame
@@ -20,7 +21,6 @@ from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.surface.surface import Surface
-from gpusim.view.overlay import decoded
 from gpusim.view.placement import Placement
 
 __all__ = [
@@ -285,8 +285,7 @@ def field_colors_twin(
     plane = frame.planes[len(frame.planes) // 2].radiance
     light = shade + (1.0 - shade) * np.sqrt(np.clip(plane / white, 0.0, 1.0))
     color *= light[..., None]
-    curve = 1.055 * np.maximum(color, 1e-9) ** (1 / 2.4) - 0.055
-    shown = np.where(color <= 0.0031308, 12.92 * color, curve)
+    shown = encoded(color)
     share = (count / samples**2)[..., None]
     result = share * np.concatenate([shown, np.ones_like(share)], axis=2) + (1.0 - share) * picture
     shown32: npt.NDArray[np.float32] = result.astype(np.float32)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import ImageColor
 
+from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording
 from gpusim.view.glyphs import GlyphAtlas
@@ -237,11 +238,6 @@ class Overlay:
             raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
             size=(target.width, target.height), clear=None,
         )  # fmt: skip
-
-
-def decoded(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Linear values of those that sRGB has encoded, both from 0 to 1."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def overlay_twin(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -309,13 +308,5 @@ def _within(camera: Camera, width: int, height: int) -> tuple[Camera, int, int]:
     """A camera with as many pixels as its image has in the middle of a window, and its corner."""
     scale = min(width / camera.width, height / camera.height)
     columns, rows = max(round(scale * camera.width), 1), max(round(scale * camera.height), 1)
-    x, y = columns / camera.width, rows / camera.height
-
-    def scaled(K: Array) -> Array:
-        result = np.diag([x, y, 1.0]) @ K
-        result[:2, 2] += [0.5 * x - 0.5, 0.5 * y - 0.5]
-        return result
-
-    lens = None if camera.lens_K is None else scaled(camera.lens_K)
-    seen = replace(camera, width=columns, height=rows, K=scaled(camera.K), lens_K=lens)
+    seen = camera.reframed(columns, rows, scale=(columns / camera.width, rows / camera.height))
     return seen, (width - columns) // 2, (height - rows) // 2

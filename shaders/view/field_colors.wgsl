@@ -1,6 +1,7 @@
 // A field's colours over a picture. First all triangles are drawn with the colour of their values,
 // those without a field as nothing, some samples to a pixel; then their mean is put over the picture,
 // as light as the radiance says. The NumPy form is gpusim/view/field_colors.py.
+#import lib/light/srgb
 #import lib/raster/screen
 
 struct Params {
@@ -81,11 +82,6 @@ fn vertex_over(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
     return vec4f(2.0 * at.x / placing.size.x - 1.0, 1.0 - 2.0 * at.y / placing.size.y, 0.0, 1.0);
 }
 
-fn encoded(value: vec3f) -> vec3f {
-    let curve = 1.055 * pow(max(value, vec3f(1e-9)), vec3f(1.0 / 2.4)) - 0.055;
-    return select(curve, 12.92 * value, value <= vec3f(0.0031308));
-}
-
 @fragment
 fn fragment_over(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let samples = i32(placing.samples);
@@ -105,5 +101,6 @@ fn fragment_over(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let light = placing.shade + (1.0 - placing.shade) * sqrt(clamp(seen, 0.0, 1.0));
     let color = light * sum.rgb / sum.a;
     let share = placing.opacity * sum.a / f32(samples * samples);
-    return vec4f(select(color, encoded(color), placing.encode == 1u), share);
+    let shown = vec3f(encoded(color.r), encoded(color.g), encoded(color.b));
+    return vec4f(select(color, shown, placing.encode == 1u), share);
 }

@@ -50,7 +50,7 @@ ALLOWED |= {
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
-    "notebook": NUMERICS | {"pipeline"},
+    "notebook": NUMERICS | {"pipeline", "view"},
     "view": NUMERICS | {"plan", "pipeline"},
     "__init__": NUMERICS | {"plan", "pipeline"},
     "cli": NUMERICS | {"bench", "plan", "pipeline", "view", "__init__"},

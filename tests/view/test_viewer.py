@@ -12,6 +12,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.scene.toml_text import toml_text
 from gpusim.view.content.loading import load_content
+from gpusim.view.picture.moving_picture import moving_picture
 from gpusim.view.picture.progressive_picture import coarser, rows_of
 from gpusim.view.screenshot import screenshot, wait_for_solution
 from gpusim.view.viewer import Viewer
@@ -81,6 +82,20 @@ def test_coarser_cameras_and_rows_see_the_same(viewer: Viewer) -> None:
     np.testing.assert_allclose(coarser(camera, 3).project(point), (at + 0.5) / 3 - 0.5, atol=1e-10)
     np.testing.assert_allclose(rows_of(camera, 40, 20).project(point), at - [0, 40], atol=1e-10)
     assert (coarser(camera, 3).width, coarser(camera, 3).height) == (111, 69)
+
+
+def test_a_moving_picture_has_the_colours_of_the_scene(device: Device) -> None:
+    corners = [[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]
+    wall = gs.Surface(corners, [[0, 1, 2, 3]], paint=gs.paint.Plain("#c04020"))
+    camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, -4, 0), (0, 0, 0))
+    lamp = [gs.PointLight((1, -3, 1), 20.0, shadows=False, color=(1.0, 0.8, 0.5))]
+    moving = moving_picture(device, [wall], camera, lamp, (0.0, 0.1, 0.2))
+    still = gs.render([wall], camera, lamp, background=(0.0, 0.1, 0.2), device=device)
+    assert moving.radiance.shape == (40, 60, 3)
+    np.testing.assert_allclose(
+        moving.radiance[15:25, 25:35], still.radiance[15:25, 25:35], rtol=1e-5
+    )
+    np.testing.assert_allclose(moving.radiance[0, 0], (0.0, 0.1, 0.2), rtol=1e-6)
 
 
 def test_keys_change_what_is_seen(viewer: Viewer) -> None:

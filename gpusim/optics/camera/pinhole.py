@@ -178,6 +178,36 @@ class Camera:
         """The same camera with an ideal lens."""
         return self if self.distortion is None else replace(self, distortion=None)
 
+    def reframed(
+        self,
+        width: int,
+        height: int,
+        corner: tuple[float, float] = (0.0, 0.0),
+        scale: tuple[float, float] = (1.0, 1.0),
+    ) -> Camera:
+        """The same view in an image of other pixels.
+
+        It has ``width`` x ``height`` px, begins at the ``corner`` (column, row) of this one, and
+        has ``scale`` (across, down) pixels for each of this one's.
+
+        Examples
+        --------
+        >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+        >>> camera.reframed(12, 8, scale=(2, 2)).K[:2, 2].tolist()
+        [5.5, 3.5]
+        """
+        times = np.array(scale, np.float64)
+
+        def moved(K: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+            result = K.copy()
+            result[:2, 2] -= corner
+            result[:2] *= times[:, None]
+            result[:2, 2] += 0.5 * times - 0.5  # integers are pixels' centres
+            return result
+
+        lens_K = None if self.lens_K is None else moved(self.lens_K)
+        return replace(self, width=width, height=height, K=moved(self.K), lens_K=lens_K)
+
     @staticmethod
     @checked
     def from_lens(

@@ -120,16 +120,7 @@ def photograph(
     >>> gs.photograph([wall], camera, lens=lens, backend="numpy").radiance.shape
     (4, 6)
     """
-    if lens is not None and not isinstance(lens, Lens):
-        raise InputError(f"photograph lens; got {lens!r}; expected a Lens")
-    if shutter is not None and not isinstance(shutter, Shutter):
-        raise InputError(f"photograph shutter; got {shutter!r}; expected a Shutter")
-    fixed = [] if callable(surfaces) else surfaces
-    if not (isinstance(fixed, Sequence) and all(isinstance(one, Surface) for one in fixed)):
-        expected = "a list of Surface, or a function of the time that returns one"
-        raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
-    if not np.isfinite(time):
-        raise InputError(f"photograph time; got {time}; expected seconds")
+    _check(surfaces, lens, shutter, time)
     lens, shutter = lens or Lens(), shutter or Shutter()
     exposure = plan_exposure(surfaces, camera, lens, shutter, time, error)
     device = working_device("photograph", backend, device)
@@ -156,6 +147,20 @@ def photograph(
     frame.facts = dict(exposure.facts)
     frame.warnings = (*wound_inwards(*exposure.sight), *exposure.warnings)
     return frame
+
+
+def _check(surfaces: object, lens: Lens | None, shutter: Shutter | None, time: float) -> None:
+    """Refuse what isn't to be photographed."""
+    if lens is not None and not isinstance(lens, Lens):
+        raise InputError(f"photograph lens; got {lens!r}; expected a Lens")
+    if shutter is not None and not isinstance(shutter, Shutter):
+        raise InputError(f"photograph shutter; got {shutter!r}; expected a Shutter")
+    fixed = [] if callable(surfaces) else surfaces
+    if not (isinstance(fixed, Sequence) and all(isinstance(one, Surface) for one in fixed)):
+        expected = "a list of Surface, or a function of the time that returns one"
+        raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
+    if not np.isfinite(time):
+        raise InputError(f"photograph time; got {time}; expected seconds")
 
 
 def plan_exposure(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.grey import LUMINANCE
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_file import decode, decoding
@@ -15,8 +16,6 @@ from gpusim.files.picture_file import decode, decoding
 __all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
 
 PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
-LUMINANCE = np.array([0.0722, 0.7152, 0.2126])
-"""Of blue, green and red (ITU-R BT.709), in OpenCV's order."""
 
 
 def read_panorama(
@@ -64,4 +63,4 @@ def read_panorama(
         return values
     if channels == "rgb" and (values != values[..., :1]).any():
         return np.ascontiguousarray(values[..., ::-1])
-    return np.asarray(values @ LUMINANCE)
+    return np.asarray(values @ np.array(LUMINANCE)[::-1])

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.srgb import encoded
 from gpusim.errors import InputError
 from gpusim.optics.sensor.demosaicing import TILES, demosaiced
 from gpusim.validation import real_numbers
 
-__all__ = ["RAW_BITS", "Development", "at_least", "check_gains", "encoded"]
+__all__ = ["RAW_BITS", "Development", "at_least", "check_gains", "stored"]
 
 F32 = npt.NDArray[np.float32]
 RAW_BITS = 16
@@ -50,7 +51,7 @@ class Development:
             share = np.clip(demosaiced(share, self.bayer, self.demosaic), 0.0, 1.0)
         full = np.float32(2**self.bits - 1)
         kind = np.uint8 if self.bits <= 8 else np.uint16
-        return np.asarray(np.rint(encoded(share, self.gamma) * full), kind)
+        return np.asarray(np.rint(stored(share, self.gamma) * full), kind)
 
     def _channels(self, share: F32) -> Iterator[tuple[F32, float]]:
         """What belongs to a channel, and its gain."""
@@ -89,10 +90,9 @@ def check_gains(given: object, filtered: bool) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def encoded(share: F32, gamma: float | str) -> F32:
+def stored(share: F32, gamma: float | str) -> F32:
     """Shares of full scale, 0 to 1, as they are stored: share^(1 / gamma), or by the curve of sRGB
     (IEC 61966-2-1)."""
     if gamma == "srgb":
-        bright = np.float32(1.055) * share ** np.float32(1.0 / 2.4) - np.float32(0.055)
-        return np.where(share <= np.float32(0.0031308), np.float32(12.92) * share, bright)
+        return encoded(share)
     return share if gamma == 1.0 else share ** np.float32(1.0 / float(gamma))

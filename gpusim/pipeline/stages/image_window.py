@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,14 +34,7 @@ class Window:
 
     def camera(self, whole: Camera) -> Camera:
         """The camera whose image is this part of the one of ``whole``."""
-
-        def moved(K: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            result = K.copy()
-            result[:2, 2] -= [self.left, self.top]
-            return result
-
-        lens_K = None if whole.lens_K is None else moved(whole.lens_K)
-        return replace(whole, width=self.width, height=self.height, K=moved(whole.K), lens_K=lens_K)
+        return whole.reframed(self.width, self.height, (self.left, self.top))
 
     def placed(self, part: npt.NDArray[Any], whole: Camera) -> npt.NDArray[Any]:
         """The whole image, black around ``part``."""

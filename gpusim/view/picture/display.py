@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.srgb import encoded
 from gpusim.gpu import Device, Recording
 from gpusim.optics.frame import Frame
 from gpusim.view.placement import Placement
@@ -95,5 +96,4 @@ def display_twin(
         ends = [np.take(values, np.clip(low + k, 0, count - 1), axis) for k in (0, 1)]
         values = (1.0 - share) * ends[0] + share * ends[1]
     value = np.where(inside, np.clip(exposure * values, 0.0, 1.0), 0.0)
-    curve = 1.055 * np.maximum(value, 0.0031308) ** (1.0 / 2.4) - 0.055
-    return np.where(value <= 0.0031308, 12.92 * value, curve)
+    return encoded(value)

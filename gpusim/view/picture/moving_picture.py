@@ -20,6 +20,7 @@ from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 
 __all__ = ["moving_picture", "unshadowed"]
@@ -48,7 +49,7 @@ def moving_picture(
     surfaces: Sequence[Surface],
     camera: Camera,
     lights: Sequence[Light] | None,
-    background: float = 0.0,
+    background: Color = 0.0,
 ) -> Frame:
     """As `gpusim.optics.render` shows ``surfaces``, but for shadows and edges.
 
@@ -61,13 +62,12 @@ def moving_picture(
     there, viewer, lamps, origin = local(surfaces, camera, lights)
     view = look(there, viewer, lamps is not None)
     plan = plan_frame(view, lamps)
-    buffers = SceneBuffers(
-        device, Setup.build(view, lamps, background, there, device), None, fine=plan.deferred
-    )
+    setup = Setup.build(view, lamps, background, there, device)
+    buffers = SceneBuffers(device, setup, None, fine=plan.deferred)
     shading = ShadingPass(buffers, plan.rows, plan.deferred, painter=plan.painter)
     bands = []
     for row0 in range(0, camera.height, plan.rows):
         rows = min(plan.rows, camera.height - row0)
-        bands.append(Band.of(device, row0, rows, shading.stride))
+        bands.append(Band.of(device, row0, rows, shading.stride, len(setup.bands)))
         shading.draw(bands[-1])
-    return Frame(seen_from_origin(view, origin), device, tuple(bands))
+    return Frame.of_bands(seen_from_origin(view, origin), device, bands)

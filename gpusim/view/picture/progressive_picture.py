@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.gpu import Device, Recording
 from gpusim.optics.camera.pinhole import Camera
@@ -49,28 +47,13 @@ def coarser(camera: Camera, factor: int) -> Camera:
     """The camera with pixels ``factor`` times as wide and high, over all of the image at least."""
     if factor == 1:
         return camera
-
-    def scaled(K: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        result = np.diag([1.0 / factor, 1.0 / factor, 1.0]) @ K
-        result[:2, 2] += 0.5 / factor - 0.5  # integers are pixels' centres
-        return result
-
-    return replace(
-        camera, width=-(-camera.width // factor), height=-(-camera.height // factor),
-        K=scaled(camera.K), lens_K=None if camera.lens_K is None else scaled(camera.lens_K),
-    )  # fmt: skip
+    width, height = -(-camera.width // factor), -(-camera.height // factor)
+    return camera.reframed(width, height, scale=(1.0 / factor, 1.0 / factor))
 
 
 def rows_of(camera: Camera, first: int, count: int) -> Camera:
     """The camera whose image is ``count`` rows of another's, from row ``first``."""
-
-    def moved(K: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        result = K.copy()
-        result[1, 2] -= first
-        return result
-
-    lens = None if camera.lens_K is None else moved(camera.lens_K)
-    return replace(camera, height=count, K=moved(camera.K), lens_K=lens)
+    return camera.reframed(camera.width, count, (0, first))
 
 
 class ProgressivePicture:

@@ -1,5 +1,7 @@
 // Radiance as colours of a screen: scaled to the target's size, exposed, with the curve of sRGB.
 // The NumPy form is gpusim/view/picture/display.py.
+#import lib/light/srgb
+
 override coloured: u32;  // 0: one plane, which all three bindings hold
 
 struct Params {
@@ -35,12 +37,6 @@ fn pixel(x: i32, y: i32) -> vec3f {
     return vec3f(red[place], green[place], blue[place]);
 }
 
-fn encoded(linear: f32) -> f32 {
-    let value = clamp(linear, 0.0, 1.0);
-    let curve = 1.055 * pow(max(value, 0.0031308), 1.0 / 2.4) - 0.055;
-    return select(curve, 12.92 * value, value <= 0.0031308);
-}
-
 @fragment
 fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let at = (position.xy - vec2f(params.left, params.top)) * params.scale;
@@ -57,7 +53,7 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
         let below = mix(pixel(first.x, first.y + 1), pixel(first.x + 1, first.y + 1), t.x);
         value = mix(above, below, t.y);
     }
-    value *= params.exposure;
+    value = clamp(params.exposure * value, vec3f(0.0), vec3f(1.0));
     if (coloured == 0u) { return vec4f(vec3f(encoded(value.x)), 1.0); }
     return vec4f(encoded(value.x), encoded(value.y), encoded(value.z), 1.0);
 }
