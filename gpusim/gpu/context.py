@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import cached_property
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -195,6 +196,11 @@ class DeviceContext:
                 usage=wgpu.BufferUsage.UNIFORM,
             )
         return self._opaque_zero
+
+    @cached_property
+    def smooth_sampler(self) -> Any:
+        """What interpolates between a texture's texels, for a binding of type ``sampler``."""
+        return self.gpu.create_sampler(mag_filter="linear", min_filter="linear")
 
     def sync(self) -> None:
         """Wait until everything submitted so far is done.

@@ -37,6 +37,7 @@ class Layout:
             visibility |= getattr(wgpu.ShaderStage, stage.upper())
         used = {name for entry in entries for name in module.entries[entry].bindings}
         self.bindings = {n: b for n, b in module.bindings.items() if n in used}
+        self._sampled = any(b.type == "sampler" for b in self.bindings.values())
         self.groups: list[Any] = []
         count = 1 + max((b.group for b in self.bindings.values()), default=-1)
         with device.guard(f"layout of {module.name}"):
@@ -66,8 +67,12 @@ class Layout:
             return {"buffer": {"type": "storage" if b.writable else "read-only-storage"}}
         if b.type.startswith("texture_depth_2d"):
             return {"texture": {"sample_type": "depth", "view_dimension": "2d"}}
+        if b.type == "sampler":
+            return {"sampler": {"type": "filtering"}}
         if b.type.startswith("texture_2d<"):
             sample = _SAMPLE[b.type[len("texture_2d<") : -1].strip()]
+            if sample == "unfilterable-float" and self._sampled:
+                sample = "float"
             return {"texture": {"sample_type": sample, "view_dimension": "2d"}}
         stored = _STORED.fullmatch(b.type)
         if stored:
@@ -158,6 +163,8 @@ class Layout:
                     "in one binding (use Device.split)"
                 )
             return {"buffer": value.gpu}
+        if binding.type == "sampler":
+            return value
         if not hasattr(value, "view"):
             raise InputError(
                 f"{where}.{binding.name}; got {type(value).__name__}; expected a Texture"

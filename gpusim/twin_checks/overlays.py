@@ -23,7 +23,12 @@ from gpusim.view.field_colors import (
     finer,
 )
 from gpusim.view.overlay import Overlay, overlay_twin
-from gpusim.view.picture.display import display_twin, draw_frame
+from gpusim.view.picture.display import (
+    display_twin,
+    draw_enlarged,
+    draw_frame,
+    enlarged_twin,
+)
 from gpusim.view.placement import Placement
 
 STEP = 1.0 / 255.0
@@ -82,22 +87,37 @@ def check_field_colors(device: Device) -> None:
 
 @twin_check("view/picture/display")
 def check_display(device: Device) -> None:
-    """A grey and a coloured picture, as large as the target's pixels and larger, in two bands."""
-    random = np.random.default_rng(3)
+    """A grey and a coloured picture in two bands, pixel for pixel."""
     target = device.texture(61, 37, "rgba8unorm", "twin.display")
+    for frame in _grey_and_coloured(device):
+        with device.recording("twin.display") as recording:
+            draw_frame(device, recording, target, 3, 2, frame, 1.2)
+        wanted = np.pad(display_twin(frame.radiance, 1.2), ((2, 21), (3, 35), (0, 0)))
+        got = pixels_of(device, target)[..., :3] * STEP
+        compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
+
+
+@twin_check("view/picture/enlarge")
+def check_enlarge(device: Device) -> None:
+    """The same, larger."""
+    target = device.texture(61, 37, "rgba8unorm", "twin.enlarge")
+    for frame in _grey_and_coloured(device):
+        with device.recording("twin.enlarge") as recording:
+            draw_enlarged(device, recording, target, Placement(scale=2.6), frame, 1.2)
+        wanted = enlarged_twin(display_twin(frame.radiance, 1.2), 61, 37, 2.6)
+        got = pixels_of(device, target)[..., :3] * STEP
+        # rounded twice, and weights have 8 bits on devices
+        compare("enlarged", got, wanted, atol=2.1 * STEP, rtol=0.0)
+
+
+def _grey_and_coloured(device: Device) -> tuple[Frame, Frame]:
+    """Pictures of noise in two bands."""
+    random = np.random.default_rng(3)
     surfaces, camera, _ = shadow_scene()
     view = look(surfaces, replace(camera, width=23, height=14), lit=False)
     planes = [random.random((14, 23)) for _ in range(3)]
-    for scale, smooth, parts in ((2.6, True, (14,)), (2.6, False, (9, 5)), (1.0, True, (9, 5))):
-        frames = [Frame(view, device, _bands(device, plane, parts)) for plane in planes]
-        for frame in (frames[0], Frame.of_planes(frames)):
-            with device.recording("twin.display") as recording:
-                draw_frame(
-                    device, recording, target, Placement(scale=scale), frame, 1.2, smooth=smooth
-                )
-            wanted = display_twin(frame.radiance, 61, 37, 1.2, scale, smooth)
-            got = pixels_of(device, target)[..., :3] * STEP
-            compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
+    frames = [Frame(view, device, _bands(device, plane, (9, 5))) for plane in planes]
+    return frames[0], Frame.of_planes(frames)
 
 
 def _bands(

@@ -1,8 +1,7 @@
-"""Radiance as colours of a screen, on the device: scaled, exposed, with the curve of sRGB."""
+"""Radiance as colours of a screen, on the device: exposed, with the curve of sRGB, enlarged."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,87 +12,109 @@ from gpusim.gpu import Device, Recording
 from gpusim.optics.frame import Frame
 from gpusim.view.placement import Placement
 
-__all__ = ["display_twin", "draw_frame"]
+__all__ = ["display_twin", "draw_enlarged", "draw_frame", "enlarged_twin"]
 
 
 def draw_frame(
     device: Device,
     recording: Recording,
     target: Any,
-    place: Placement,
+    left: int,
+    top: int,
     frame: Frame,
     exposure: float,
     *,
-    first_row: int = 0,
-    rows: int | None = None,
     clear: bool = True,
-    smooth: bool = True,
 ) -> None:
-    """Draw a frame over a target, at its place there; what lies beside it stays.
+    """Draw a frame over a target, pixel for pixel from a place there on; what lies beside it stays.
 
     ``target``: a `gpusim.gpu.Texture`, or what has its ``view``, ``format``, ``width`` and
     ``height``, of a format without "-srgb": the curve is put on here. ``exposure``: 1 / the
-    radiance that is white. ``first_row``, ``rows``: the frame is a part of a picture of so many
-    rows, and begins there. ``clear``: the target is made black before. ``smooth``: interpolated
-    between pixels where the sizes differ, within each of the frame's bands.
+    radiance that is white. ``clear``: the target is made black before.
 
     Examples
     --------
     >>> from gpusim.view.picture.display import draw_frame
-    >>> from gpusim.view.placement import Placement
     >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
-    >>> camera = gs.Camera.from_lens((36, 24), 50, (6, 4), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
+    >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
     >>> frame = gs.render([wall], camera)
     >>> target = frame.device.texture(60, 40, "rgba8unorm", "screen")
     >>> with frame.device.recording("view") as recording:
-    ...     draw_frame(frame.device, recording, target, Placement(scale=10.0), frame, 1.0)
+    ...     draw_frame(frame.device, recording, target, 0, 0, frame, 1.0)
     """
-    height = rows or frame.height
     raster = device.raster(
         "view/picture/display", (target.format,), {"coloured": float(frame.coloured)}, depth="none"
     )
-    for red, green, blue in zip(*_three(frame.planes), strict=True):
+    planes = frame.planes
+    bands = zip(*(planes[k % len(planes)].bands for k in range(3)), strict=True)
+    for red, green, blue in bands:
         bindings = raster.bind(
             params={
-                "width": frame.width, "height": height, "row0": first_row + red.row0,
-                "rows": red.rows, "stride": red.stride, "blend": int(smooth),
-                "left": place.x, "top": place.y, "scale": 1.0 / place.scale, "exposure": exposure,
+                "size": (target.width, target.height), "place": (left, top + red.row0),
+                "width": frame.width, "rows": red.rows, "stride": red.stride,
+                "exposure": exposure,
             },
             red=red.buffer, green=green.buffer, blue=blue.buffer,
         )  # fmt: skip
         recording.draw(
-            raster, bindings, colors=(target,), depth=None, vertices=3,
+            raster, bindings, colors=(target,), depth=None, vertices=6,
             size=(target.width, target.height), clear=0.0 if clear else None,
         )  # fmt: skip
         clear = False
 
 
-def _three(planes: Sequence[Frame]) -> list[Any]:
-    """Bands of red, green and blue."""
-    return [planes[k % len(planes)].bands for k in range(3)]
+def draw_enlarged(
+    device: Device,
+    recording: Recording,
+    target: Any,
+    place: Placement,
+    frame: Frame,
+    exposure: float,
+) -> None:
+    """Draw a frame over a target made black, at its place there, interpolated between its pixels.
+
+    As colours of the screen: a frame with fewer pixels than its place has looks better by no other
+    way, and none is as quick.
+    """
+    small = device.target(frame.width, frame.height, "rgba8unorm", "view.small")
+    draw_frame(device, recording, small, 0, 0, frame, exposure)
+    raster = device.raster("view/picture/enlarge", (target.format,), depth="none")
+    bindings = raster.bind(
+        params={
+            "size": (target.width, target.height), "place": (place.x, place.y),
+            "scale": place.scale,
+        },
+        picture=small, smooth_sampler=device.smooth_sampler,
+    )  # fmt: skip
+    recording.draw(
+        raster, bindings, colors=(target,), depth=None, vertices=6,
+        size=(target.width, target.height), clear=0.0,
+    )  # fmt: skip
 
 
 def display_twin(
-    radiance: npt.NDArray[np.floating[Any]],
-    width: int,
-    height: int,
-    exposure: float,
-    scale: float = 1.0,
-    smooth: bool = True,
+    radiance: npt.NDArray[np.floating[Any]], exposure: float
 ) -> npt.NDArray[np.float64]:
-    """Colours (height, width, 3), 0 to 1, of a picture (H, W) or (H, W, 3) from a target's corner
-    on, where its pixels are ``scale`` px wide; 0 beside it."""
+    """Colours (H, W, 3), 0 to 1, of a picture (H, W) or (H, W, 3)."""
     values = np.atleast_3d(radiance).astype(np.float64)
-    values = np.broadcast_to(values, (*values.shape[:2], 3))
+    shown = encoded(np.clip(exposure * values, 0.0, 1.0))
+    return np.broadcast_to(shown, (*values.shape[:2], 3))
+
+
+def enlarged_twin(
+    colors: npt.NDArray[np.float64], width: int, height: int, scale: float
+) -> npt.NDArray[np.float64]:
+    """Colours (height, width, 3) of a target, from whose corner on the pixels of a picture
+    (H, W, 3) are ``scale`` px wide; 0 beside it."""
+    values = colors
     inside = np.ones((height, width, 1), bool)
     for axis, size in ((0, height), (1, width)):
         count = values.shape[axis]
         at = (np.arange(size) + 0.5) / scale
         along = [-1 if k == axis else 1 for k in range(3)]
         inside &= (at < count).reshape(along)
-        low = np.floor(at - 0.5 if smooth else at).astype(int)
-        share = (at - 0.5 - low if smooth else np.zeros(size)).reshape(along)
+        low = np.floor(at - 0.5).astype(int)
+        share = (at - 0.5 - low).reshape(along)
         ends = [np.take(values, np.clip(low + k, 0, count - 1), axis) for k in (0, 1)]
         values = (1.0 - share) * ends[0] + share * ends[1]
-    value = np.where(inside, np.clip(exposure * values, 0.0, 1.0), 0.0)
-    return encoded(value)
+    return np.where(inside, values, 0.0)

@@ -15,7 +15,7 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.renderer import render
 from gpusim.surface.surface import Surface
-from gpusim.view.picture.display import draw_frame
+from gpusim.view.picture.display import draw_enlarged, draw_frame
 from gpusim.view.picture.moving_picture import moving_picture, unshadowed
 from gpusim.view.placement import Placement
 
@@ -134,13 +134,15 @@ class ProgressivePicture:
         """Draw what there is on a target, from a corner on."""
         if self.shot is None or self.base is None:
             return
-        place = Placement(left, top, self.coarseness)
-        draw_frame(self.device, recording, target, place, self.base, exposure)
+        if self.coarseness == 1:
+            draw_frame(self.device, recording, target, left, top, self.base, exposure)
+        else:
+            place = Placement(left, top, self.coarseness)
+            draw_enlarged(self.device, recording, target, place, self.base, exposure)
         for first, part in self.parts:
             draw_frame(
-                self.device, recording, target, Placement(left, top), part, exposure,
-                first_row=first, rows=self.shot.camera.height, clear=False, smooth=False,
-            )  # fmt: skip
+                self.device, recording, target, left, top + first, part, exposure, clear=False
+            )
 
     def release(self) -> None:
         """Give the device's memory back."""
