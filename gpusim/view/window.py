@@ -11,6 +11,7 @@ import warnings
 from typing import Any
 
 from gpusim.errors import InputError
+from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
@@ -127,7 +128,8 @@ def open_window(viewer: Viewer) -> None:
         vsync=False,
     )  # fmt: skip
     WindowView(viewer, canvas, loop, types=True)
-    loop.run()
+    with one_blas_thread():  # once, and not for every picture
+        loop.run()
 
 
 def serve_view(viewer: Viewer, port: int) -> None:
@@ -147,4 +149,5 @@ def serve_view(viewer: Viewer, port: int) -> None:
     del websockets
     canvas = RenderCanvas(size=viewer.size, title=TITLE, max_fps=FRAMES_PER_SECOND)
     WindowView(viewer, canvas, loop, types=False)
-    uvicorn.run(asgi, host=LOCAL, port=port, log_level="warning", ws="websockets-sansio")
+    with one_blas_thread():
+        uvicorn.run(asgi, host=LOCAL, port=port, log_level="warning", ws="websockets-sansio")

@@ -24,8 +24,8 @@ from gpusim.optics.geometry.triangle_corners import CHUNK, ST, corner_range
 from gpusim.optics.geometry.view import RegionPaint, View
 from gpusim.optics.paint.disc_grid import MAX_TEXELS, DiscGrid, speckle_table
 from gpusim.optics.paint.feature_overlap import refuse_overlap
+from gpusim.surface.color import Colored
 from gpusim.surface.features import Features, Paint
-from gpusim.surface.paint import Checker, Dots
 from gpusim.surface.speckle import Speckle
 
 __all__ = ["FINEST", "LOOP_TURNS", "PAINT", "FeatureGrid"]
@@ -239,9 +239,9 @@ def _file(region: RegionPaint, extent: float) -> _RegionCells | None:
     """File a region's features; None without any."""
     # a pixel is twice the reach, at most
     longest = 2.0 ** np.ceil(np.log2(max(2.0 * region.reach * extent, 1e-300)))
-    if not isinstance(region.paint, Checker | Dots):
+    if not isinstance(region.paint, Colored):  # a user's own: who knows what changes in it
         return _file_features(region, longest)
-    # these are equal by value: the frames of a series share what is filed
+    # the frames of a series, and of a view that turns, share what is filed
     wide = 2.0 ** (np.ceil(16.0 * np.log2(max(region.reach, 1e-300))) / 16.0)
     low, high = (tuple(corner.tolist()) for corner in (region.low, region.high))
     reach = float(wide) if region.reach > 0.0 else 0.0
