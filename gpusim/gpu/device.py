@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from threading import Lock
@@ -14,7 +15,7 @@ from gpusim.errors import InputError
 from gpusim.gpu.buffer import Buffer, BufferPool, RealBuffer, SplitBuffer, to_real
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
-from gpusim.gpu.programs import Programs
+from gpusim.gpu.programs import Programs, program_key
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texture_array import Texels
@@ -146,6 +147,16 @@ class Device(DeviceContext):
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
         return self.programs.raster(name, color_formats, constants, entries, depth)
+
+    def rasters(
+        self,
+        wanted: Sequence[
+            tuple[str, tuple[str, ...], dict[str, float] | None, tuple[str, str], str]
+        ],
+    ) -> list[Raster]:
+        """Several of them, with the arguments of `raster` for each, compiled side by side."""
+        self.programs.begin(program_key(n, e, c, f, d) for n, f, c, e, d in wanted)
+        return [self.raster(*one) for one in wanted]
 
     def texture(self, width: int, height: int, fmt: str, label: str) -> Texture:
         """A texture that can be rendered to and read by kernels."""

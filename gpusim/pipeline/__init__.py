@@ -11,9 +11,20 @@ In the order in which data passes:
 - `runner`: Stages in turn, timed, recorded, reported.
 """
 
-from gpusim.pipeline.runner.run import run
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpusim.pipeline.runner.run import run as run
 
 __all__ = ["run"]
+
+
+def __getattr__(name: str) -> Any:
+    if name != "run":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from gpusim.pipeline.runner.run import run  # all stages, of which a preview needs but few
+
+    return run
 
 
 def __dir__() -> list[str]:

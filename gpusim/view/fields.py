@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim import fem
 from gpusim.errors import InputError
 from gpusim.mesh import Mesh
 from gpusim.surface import Skin
 from gpusim.view.field_colors import SurfaceField
 from gpusim.view.overlay import Overlay, Shade, display_color
+
+if TYPE_CHECKING:
+    from gpusim.fem import Model, Stress
 
 __all__ = [
     "FIELDS", "BodyState", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
@@ -29,6 +32,14 @@ OUTSIDE = 0.2
 """Per cent of the values that may lie beyond either end of a scale, such as stress in corners."""
 
 
+def _fem() -> Any:
+    """The solver: half a second to import, which a window without fields doesn't need."""
+    from gpusim import fem
+
+    return fem
+
+
+
 @dataclass(frozen=True, eq=False)
 class BodyState:
     """A body in one frame, from which its fields follow.
@@ -41,19 +52,20 @@ class BodyState:
 
     mesh: Mesh
     u: Array
-    model: fem.Model | None = None
+    model: Model | None = None
     formulation: str | None = None
     temperature: float = 0.0
     reactions: Array | None = None
     nodal_stress: Array | None = None
 
     @cached_property
-    def recovered(self) -> fem.Stress:
+    def recovered(self) -> Stress:
         """The stress of ``u``. Raises InputError for a body without a model."""
         if self.model is None:
             raise InputError("field: stress and strain; got a body without a material to solve")
         change = self.temperature or None
-        return fem.stress(self.model, self.u, self.formulation, temperature=change)
+        found: Stress = _fem().stress(self.model, self.u, self.formulation, temperature=change)
+        return found
 
     @property
     def stress(self) -> Array:
@@ -64,7 +76,7 @@ class BodyState:
     def strain(self) -> Array:
         """(N, 6) as tensor components; where materials meet that of the greatest stress."""
         found = self.recovered
-        order = np.argsort(fem.von_mises(found.values), kind="stable")
+        order = np.argsort(_fem().von_mises(found.values), kind="stable")
         result = np.zeros((self.mesh.node_count, 6))
         result[found.node_of[order]] = found.strains[order]
         result[:, 3:] *= 0.5
@@ -119,7 +131,7 @@ def _fields() -> dict[str, FieldKind]:
         return state.strain
 
     def principal(of: Of) -> Of:
-        return lambda state: fem.principal(of(state))
+        return lambda state: _fem().principal(of(state))
 
     found = {
         "displacement": FieldKind(
@@ -129,7 +141,7 @@ def _fields() -> dict[str, FieldKind]:
     for k, axis in enumerate("xyz"):
         found[f"displacement_{axis}"] = FieldKind(f"Displacement {axis}", *mm, True, _part(u, k))
     found["von_mises"] = FieldKind(
-        "von Mises stress", *MPa, False, lambda state: fem.von_mises(state.stress)
+        "von Mises stress", *MPa, False, lambda state: _fem().von_mises(state.stress)
     )
     for name, title, unit, of in (
         ("stress", "Stress", MPa, stress),

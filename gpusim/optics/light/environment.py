@@ -112,15 +112,19 @@ class Environment:
         target, _ = _directions(rows, columns)
         fine = self.image if columns > 1 else np.repeat(self.image, 2 * FINE, axis=1)
         source, weight = _directions(*fine.shape)
-        radiance = fine.reshape(-1)
+        weights = np.stack([weight * fine.reshape(-1), weight], axis=1)
         result = np.zeros(len(target))
         a2 = max(alpha, 1.5 / FINE) ** 2
-        for k in range(0, len(target), 256):
-            cosine = target[k : k + 256] @ source.T
+        for k in range(0, len(target), 16):  # what stays in the processor's cache
+            lobe = target[k : k + 16] @ source.T
             # the half vector lies half way: cos^2 of half the angle
-            square = np.clip(0.5 * (1.0 + cosine), 0.0, 1.0)
-            lobe = np.maximum(cosine, 0.0) / (square * (a2 - 1.0) + 1.0) ** 2 * weight
-            result[k : k + 256] = lobe @ radiance / lobe.sum(axis=1)
+            square = np.clip(0.5 * (1.0 + lobe), 0.0, 1.0)
+            square *= a2 - 1.0
+            square += 1.0
+            np.maximum(lobe, 0.0, out=lobe)
+            lobe /= square * square
+            sums = lobe @ weights
+            result[k : k + 16] = sums[:, 0] / sums[:, 1]
         return result.reshape(rows, columns)
 
     def mirrored(self, maps: Array, which: npt.NDArray[np.int32], direction: Array) -> Array:

@@ -158,7 +158,7 @@ class ShadingPass:
         self.colors: tuple[Texture, ...] = colors
         self._pass: DeferredPass | ForwardPass
         if visibility is not None:
-            self._pass = DeferredPass(buffers, rows, programs, visibility, colors == self.planes)
+            self._pass = DeferredPass(buffers, rows, programs, visibility, colors)
         else:
             self._pass = ForwardPass(buffers, rows, programs, self.colors, entry, painter)
 
@@ -210,12 +210,11 @@ class ForwardPass:
         formats = tuple(texture.format for texture in colors)
         self._draws: list[tuple[Raster, Buffer, int]] = []
         # what is in front comes first where depths are compared, else last
-        for program in reversed(programs) if painter else programs:
-            raster = device.raster(
-                setup.program("optics/shading/forward_pass"), formats, program.constants,
-                ("vertex", entry),
-                "none" if painter else "greater",
-            )  # fmt: skip
+        programs = programs[::-1] if painter else programs
+        name, entries = setup.program("optics/shading/forward_pass"), ("vertex", entry)
+        depth = "none" if painter else "greater"
+        rasters = device.rasters([(name, formats, v.constants, entries, depth) for v in programs])
+        for raster, program in zip(rasters, programs, strict=True):
             count = len(program.triangles)
             numbers = program.triangles if count else NONE
             self._draws.append((raster, device.buffer(numbers, "shade.order"), count))
@@ -252,11 +251,18 @@ class DeferredPass:
         rows: int,
         programs: list[Program],
         visibility: VisibilityBuffer,
-        plain: bool,
+        colors: tuple[Texture, ...],
     ) -> None:
         device, view = buffers.device, buffers.setup.view
-        self._entry = "fragment_seen" if plain else "fragment_seen_marked"
-        self.buffers, self.programs, self.visibility = buffers, programs, visibility
+        self.buffers, self.visibility = buffers, visibility
+        plain = len(colors) == len(buffers.setup.bands)
+        name, band = buffers.setup.program("optics/shading/forward_pass"), "vertex_band"
+        formats = tuple(texture.format for texture in colors)
+        entries = (band, "fragment_seen" if plain else "fragment_seen_marked")
+        self._raster_of_levels, *self._rasters = device.rasters([
+            (name, (), programs[0].constants, (band, "fragment_levels"), "greater"),
+            *((name, formats, own.constants, entries, "equal") for own in programs),
+        ])  # fmt: skip
         count = -(-view.count // PER_TEXEL)
         levels = np.zeros(PER_TEXEL * max(count, 1), np.uint8)
         for k, program in enumerate(programs):
@@ -273,24 +279,14 @@ class DeferredPass:
         shared: dict[str, Any],
     ) -> None:
         """Shade a band into ``colors``, whose first one is cleared to the background."""
-        device, ids = self.buffers.device, self.visibility.ids
+        ids = self.visibility.ids
         size = (int(params["width"]), int(params["rows"]))
         self.visibility.record(recording, int(params["row0"]), size[1])
-        name = self.buffers.setup.program("optics/shading/forward_pass")
-        constants = self.programs[0].constants
-        raster = device.raster(name, (), constants, entries=("vertex_band", "fragment_levels"))
+        raster = self._raster_of_levels
         bindings = raster.bind(params=params, ids=ids, levels=self._levels)
         recording.draw(raster, bindings, colors=(), depth=self._depth, vertices=3, size=size)
-        formats = tuple(texture.format for texture in colors)
         clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
-        for k, program in enumerate(self.programs):
-            raster = device.raster(
-                name,
-                formats,
-                program.constants,
-                entries=("vertex_band", self._entry),
-                depth="equal",
-            )
+        for k, raster in enumerate(self._rasters):
             level = {**params, "level": (k + 1) / LEVELS}
             recording.draw(
                 raster, raster.bind_used(params=level, ids=ids, **shared), colors=colors,

@@ -5,23 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.fem import Model
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.thin_lens import Lens
 from gpusim.optics.light.lights import Light
 from gpusim.pipeline.build.cameras import build_lens
-from gpusim.pipeline.build.modelling import build_model, temperature
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
-from gpusim.pipeline.stages.mechanics import Stresses
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.fields import BodyState
 from gpusim.view.picture.neutral import unpainted
+
+if TYPE_CHECKING:  # a third of a second to import, which the first picture doesn't need
+    from gpusim.fem import Model
+    from gpusim.pipeline.stages.mechanics import Stresses
 
 __all__ = ["Content"]
 
@@ -158,6 +159,8 @@ class Content:
     def state(self, body: int, frame: int, solved: bool = False) -> BodyState:
         """A body in a frame, from which its fields follow; ``solved``: those, too, that need what
         it was solved as."""
+        from gpusim.pipeline.build.modelling import temperature
+
         objects = self.objects
         assert objects is not None
         parts, stress = objects.bodies[body], None
@@ -177,6 +180,8 @@ class Content:
         InputError
             As `gpusim.pipeline.build.modelling.build_model`.
         """
+        from gpusim.pipeline.build.modelling import build_model
+
         objects = self.objects
         if objects is None or objects.history.given:
             return None

@@ -15,7 +15,6 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
-from gpusim.pipeline.stages.mechanics import Stresses
 from gpusim.scene import load_scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
@@ -114,6 +113,8 @@ def load_solution(content: Content, folder: Path) -> bool:
     InputError
         They are damaged, or of other bodies.
     """
+    from gpusim.pipeline.stages.mechanics import Stresses
+
     path, stress = folder / "displacement.npz", folder / "stress.npz"
     if not path.is_file():
         return False
