@@ -39,7 +39,6 @@ def _fem() -> Any:
     return fem
 
 
-
 @dataclass(frozen=True, eq=False)
 class BodyState:
     """A body in one frame, from which its fields follow.

@@ -8,6 +8,7 @@ stays under it when the view is panned or zoomed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -64,12 +65,7 @@ class Turntable:
 
     def camera(self, width: int, height: int, name: str = "view") -> Camera:
         """The camera for an image of ``width`` x ``height`` px."""
-        f = 0.5 * height / np.tan(0.5 * self.field_of_view)
-        K = np.array([[f, 0, 0.5 * (width - 1)], [0, f, 0.5 * (height - 1)], [0, 0, 1.0]])
-        pose = np.eye(4)
-        pose[:3, :3] = self.axes
-        pose[:3, 3] = -self.axes @ self.eye
-        return Camera(width, height, K, camera_from_world=pose, name=name)
+        return _camera(self, width, height, name)
 
     # -- moves; sizes and places in px of an image ``height`` px high, y down -----------------
 
@@ -178,3 +174,13 @@ def camera_lines(view: Turntable, width: int, height: int, name: str = "view") -
         f"target_mm = {mm(view.pivot)}",
         f"up = {[round(v, 9) + 0.0 for v in up]}",
     ])  # fmt: skip
+
+
+@lru_cache(maxsize=4)  # several parts of a picture ask for it
+def _camera(view: Turntable, width: int, height: int, name: str) -> Camera:
+    f = 0.5 * height / np.tan(0.5 * view.field_of_view)
+    K = np.array([[f, 0, 0.5 * (width - 1)], [0, f, 0.5 * (height - 1)], [0, 0, 1.0]])
+    pose = np.eye(4)
+    pose[:3, :3] = view.axes
+    pose[:3, 3] = -view.axes @ view.eye
+    return Camera(width, height, K, camera_from_world=pose, name=name)

@@ -30,7 +30,7 @@ ROWS = 160
 COARSENESS = (1, 2, 3, 4, 6)
 """Pixels of the target for one of a picture that moves, along each side."""
 
-SLOW, QUICK = 0.06, 0.04
+SLOW, QUICK = 0.048, 0.034
 """s that a moving picture takes, above and below which the next one is coarser or finer."""
 
 
