@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -42,6 +42,9 @@ def view(
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of a mesh file's coordinates.")
+    ] = "mm",
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")
@@ -67,7 +70,8 @@ def view(
         if screenshot is not None:
             check_ending(screenshot)
         loaded = frame is not None or field is not None
-        viewer = Viewer(default_device(), path, pixels, solve=screenshot is None or loaded)
+        solves = screenshot is None or loaded
+        viewer = Viewer(default_device(), path, pixels, solves, unit)
         try:
             if loaded:
                 wait_for_solution(viewer)

@@ -17,7 +17,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> corners: array<u32>;
 // at every corner: 0 to 1 between the ends of the scale; NONE on what has no field
 @group(0) @binding(4) var<storage, read> values: array<f32>;
-// linear, from one end of the scale to the other
+// linear, from one end of the scale to the other, and how opaque
 @group(0) @binding(5) var<storage, read> colors: array<vec4f>;
 
 const NONE = -1e30;
@@ -45,7 +45,8 @@ fn fragment(in: Varying) -> @location(0) vec4f {
     let last = arrayLength(&colors) - 1u;
     let at = clamp(in.value / in.inverse, 0.0, 1.0) * f32(last);
     let i = min(u32(at), last - 1u);
-    return vec4f(mix(colors[i].rgb, colors[i + 1u].rgb, at - f32(i)), 1.0);
+    let color = mix(colors[i], colors[i + 1u], at - f32(i));
+    return vec4f(color.a * color.rgb, color.a);
 }
 
 struct Placing {

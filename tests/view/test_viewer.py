@@ -209,7 +209,7 @@ def test_a_mesh_and_a_run(device: Device, tmp_path: Path, scene_path: Path) -> N
     gs.export.write_stl(tmp_path / "part.stl", cube.points, gs.mesh.boundary_faces(cube).nodes)
     pictures = []
     for name in ("part.vtu", "part.stl"):
-        viewer = Viewer(device, tmp_path / name, SIZE)
+        viewer = Viewer(device, tmp_path / name, SIZE, unit="mm" if name == "part.stl" else "m")
         assert viewer.fault == "" and viewer.solver is None
         pictures.append(screenshot(viewer)[60:])
         viewer.close()
