@@ -7,6 +7,7 @@ import textwrap
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import GpusimError
 from gpusim.view.camera_marks import (
     draw_distortion,
     draw_image_frame,
@@ -165,7 +166,7 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
 
 def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
     """The legend of a field, in the corner; returns how far down it goes."""
-    if viewer.field is None:
+    if not viewer.field_values or viewer.field is None:
         return 0.0
     kind = field_kind(viewer.field)
     scale = scale_of(viewer.field_values, kind.signed)
@@ -190,7 +191,11 @@ def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
     for number, skin in enumerate(content.skins):
         if shown["mesh"] and hides is not None:
             symbols.elements(element_edges(surfaces[number], skin))
-        model = content.model(number) if shown["supports"] or shown["loads"] else None
+        try:
+            model = content.model(number) if shown["supports"] or shown["loads"] else None
+        except GpusimError as error:  # the picture is as good without
+            viewer.fault = viewer.fault or str(error)
+            continue
         if model is None:
             continue
         nodes = model.mesh.points + viewer.scale * content.displacement(number, viewer.frame)
@@ -256,7 +261,7 @@ def _selection_lines(viewer: ViewState, at: Array, moved: Array, pixel: Array) -
     lines.append(f"at rest {mm(found.reference)}")
     if content.moves and found.element is not None:
         lines.append(f"moved by {mm(moved)}")
-    if viewer.field is not None and found.node is not None:
+    if viewer.field is not None and viewer.field_values and found.node is not None:
         kind = field_kind(viewer.field)
         place = found.element if kind.by_cell else found.node
         value = format_value(float(viewer.field_values[found.surface][place]))

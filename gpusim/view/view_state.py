@@ -36,6 +36,8 @@ Array = npt.NDArray[np.float64]
 MESSAGE_SECONDS = 4.0
 """How long a message stands in the window."""
 
+UNSOLVED = "not solved"
+
 TINT = 0.4
 """Opacity of the tint on what isn't sharp."""
 
@@ -87,13 +89,16 @@ class ViewState:
     def load(self) -> None:
         """Read the file again; what can't be read leaves the last good content, and a fault."""
         try:
-            found = load_content(self.path, self.unit)
+            found = load_content(self.path, self.unit, self.content)
         except (GpusimError, OSError) as error:
             self.fault = str(error)
             return
+        unsolved = self.fault if self.fault.startswith(UNSOLVED) else ""
         earlier, self.content, self.fault = self.content, found, ""
         self.watch.watch((self.path, *found.files))
-        if not found.take_over(earlier):
+        if found.take_over(earlier):
+            self.fault = unsolved
+        else:
             if self.solver is not None:
                 self.solver.stop()
                 self.solver = None
@@ -105,7 +110,7 @@ class ViewState:
             self.through = None
         if earlier is None:
             self.reset()
-        self.changed()
+        self._field_again()
 
     def tick(self) -> bool:
         """Look for what has changed outside; whether there is something new to be drawn."""
@@ -126,14 +131,25 @@ class ViewState:
         assert solver is not None and self.content is not None
         try:
             if solver.fault:
-                self.fault = f"not solved: {solver.fault}"
+                self.fault = f"{UNSOLVED}: {solver.fault}"
             else:
                 load_solution(self.content, solver.folder)
                 self.frame = self.content.frames - 1
         except GpusimError as error:
             self.fault = str(error)
         solver.stop()
-        self.changed()
+        self._field_again()
+
+    def _field_again(self) -> None:
+        """The field of what is shown now; none until that is solved."""
+        if self.content is not None and self.content.unloaded:
+            self.field_values = []
+            self.changed()
+            return
+        try:
+            self.show_field(self.field)
+        except GpusimError as error:
+            self.fault, self.field = str(error), None
 
     # -- what is seen -------------------------------------------------------------------------
 
@@ -205,7 +221,7 @@ class ViewState:
         InputError
             There is no such field, or a body hasn't it.
         """
-        self.field, content = name, self.content
+        self.field, self.field_values, content = name, [], self.content
         if name is not None and content is not None and content.objects is None:
             self.field = None
             raise InputError(f"view --field; got {name!r} for a mesh; expected a scene or a run")
@@ -224,7 +240,7 @@ class ViewState:
     def reset(self) -> None:
         """The last frame as it is, all of it in view."""
         self.frame, self.scale, self.gain, self.through = 0, 1.0, 1.0, None
-        self.view, self._white, self.field = Turntable(), None, None
+        self.view, self._white, self.field, self.field_values = Turntable(), None, None, []
         self.message = ""
         if self.content is not None:
             self.frame = self.content.frames - 1
@@ -291,7 +307,7 @@ class ViewState:
         with self.device.recording("view") as recording:
             if with_picture and base is not None:
                 self.picture.draw(recording, target, left, top, 1.0 / self.white)
-                if self.field is not None:
+                if self.field_values:
                     self._draw_field(target, recording)
                 elif self.sharp is not None and self.shown["cameras"]:
                     colored = self.sharp.tint(base.view)

@@ -153,7 +153,8 @@ class Viewer(ViewState):
 
     def do_next_field(self) -> None:
         names = [None, *(name for name in FIELDS if self.has_field(name))]
-        self.show_field(names[(names.index(self.field) + 1) % len(names)])
+        now = names.index(self.field) if self.field in names else 0
+        self.show_field(names[(now + 1) % len(names)])
         if len(names) == 1:
             self.say("no field: nothing is solved")
 

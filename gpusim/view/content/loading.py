@@ -36,9 +36,10 @@ CURVED = 24
 """Elements around a full circle there."""
 
 
-def load_content(path: Path, unit: FileUnit = "mm") -> Content:
+def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = None) -> Content:
     """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file,
     whose coordinates are in ``unit``, as they would be for a scene (a STEP file says its own).
+    Meshes of an ``earlier`` state of a scene are taken from there.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def load_content(path: Path, unit: FileUnit = "mm") -> Content:
     if path.is_dir():
         return _run(path)
     if suffix == ".toml":
-        return _scene(path)
+        return _scene(path, earlier)
     known = sorted({*MESH_SUFFIXES, *SURFACE_SUFFIXES, *CAD_SUFFIXES})
     if suffix not in known:
         raise InputError(
@@ -84,10 +85,17 @@ def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
     return skin.surface({"neutral": PAINT}, region, {}, path.stem), [skin]
 
 
-def _scene(path: Path) -> Content:
+def _scene(path: Path, earlier: Content | None = None) -> Content:
     scene = load_scene(path)
     objects = SceneObjects(scene, LoadHistory(scene))
-    objects.bodies = [build_body(body, scene.input) for body in scene.bodies]
+    before = earlier.objects if earlier is not None else None
+    made = before.bodies if before is not None and before.scene.files == scene.files else []
+    objects.bodies = [
+        build_body(
+            body, scene.input, next((m.mesh for m in made if m.body.mesh == body.mesh), None)
+        )
+        for body in scene.bodies
+    ]
     objects.props = [build_prop(prop, scene.input) for prop in scene.props]
     if not objects.bodies and not objects.props:
         raise InputError(f"view {path}: nothing to see; expected a body or a prop")
