@@ -72,6 +72,8 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
     if content is not None and viewer.through is not None:
         camera = content.cameras[viewer.through]
         lines.append(f"camera {camera.name}, {camera.width} × {camera.height} px")  # noqa: RUF001
+        if content.lights is None:
+            lines.append("no lamp: a headlight here, albedo alone in images")
         if viewer.sharp is not None:
             tints = "; orange: nearer, blue: beyond" if viewer.shown["cameras"] else ""
             lines.append(viewer.sharp.describe() + tints)
@@ -84,7 +86,7 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
         right, bottom = _panel(overlay, EDGE, top, f"{text or 'solving'} … shown unloaded")
         overlay.rectangle(EDGE, round(bottom), round(share * (right - EDGE)), 4, ACCENT)
     if not viewer.shown["help"]:
-        low = viewer.size[1] - EDGE - (2.0 * SIZE if _has_slider(viewer) else 0.0)
+        low = viewer.size[1] - EDGE - (1.5 * SIZE if _has_slider(viewer) else 0.0)
         _panel(overlay, EDGE, low - 2.05 * SIZE, "h: help")
 
 

@@ -45,8 +45,7 @@ fn fragment(in: Varying) -> @location(0) vec4f {
     let last = arrayLength(&colors) - 1u;
     let at = clamp(in.value / in.inverse, 0.0, 1.0) * f32(last);
     let i = min(u32(at), last - 1u);
-    let color = mix(colors[i], colors[i + 1u], at - f32(i));
-    return vec4f(color.a * color.rgb, color.a);
+    return mix(colors[i], colors[i + 1u], at - f32(i));
 }
 
 struct Placing {
@@ -93,7 +92,8 @@ fn fragment_over(@builtin(position) position: vec4f) -> @location(0) vec4f {
         for (var i = 0; i < samples; i++) {
             let step = (vec2f(f32(i), f32(j)) + 0.5) / f32(samples) - 0.5;
             let cell = vec2i(floor((at + step / placing.scale) * f32(samples)));
-            sum += textureLoad(layer, clamp(cell, vec2i(0), picture * samples - 1), 0);
+            let own = textureLoad(layer, clamp(cell, vec2i(0), picture * samples - 1), 0);
+            sum += vec4f(own.a * own.rgb, own.a);
         }
     }
     if (sum.a == 0.0) { discard; }

@@ -32,6 +32,9 @@ def test_every_pixel_is_told_as_the_truth_has_it(distortion: list[float] | None)
         face = int(truth.face[k])
         assert found.depth == pytest.approx(truth.depth[k], rel=1e-9)
         assert found.reference == pytest.approx(truth.reference[k], abs=1e-9)
+        surface = surfaces[found.surface]
+        now = found.weights @ surface.points[found.vertices]
+        assert now == pytest.approx(found.position, abs=1e-9)
         assert found.displacement == pytest.approx(truth.displacement[k], abs=1e-9)
         assert found.normal @ (found.position - camera_before().eye) < 0.0
         if face >= bodies:
