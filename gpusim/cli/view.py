@@ -10,6 +10,7 @@ import typer
 
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.errors import InputError
+from gpusim.printable import printable
 
 __all__ = ["view"]
 
@@ -71,6 +72,8 @@ def view(
             check_ending(screenshot)
         loaded = frame is not None or field is not None
         solves = screenshot is None or loaded
+        if screenshot is None:  # a CAD file takes seconds
+            typer.echo(f"reading {printable(str(path))} …", err=True)
         viewer = Viewer(default_device(), path, pixels, solves, unit)
         try:
             if loaded:

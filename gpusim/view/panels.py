@@ -75,8 +75,8 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
         if content.lights is None:
             lines.append("no lamp: a headlight here, albedo alone in images")
         if viewer.sharp is not None:
-            tints = "; orange: nearer, blue: beyond" if viewer.shown["cameras"] else ""
-            lines.append(viewer.sharp.describe() + tints)
+            lines.append(viewer.sharp.describe())
+            lines += ["orange is nearer, blue farther"] if viewer.shown["cameras"] else []
     if content is not None and content.moves and viewer.scale != 1.0:
         lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
     right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))

@@ -1,4 +1,4 @@
-"""What is under a pixel: the body or prop, its element, node and field, and the material point."""
+"""What is under a pixel: the body or prop, its element, node and sets, and the material point."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Pick:
     ``normal`` (3,): unit, of the triangle, towards the camera; ``depth``: along the optical axis,
     m. Of bodies, else None: ``element`` (number of the cell), ``node`` (the nearest one of the
     element's face seen), ``node_reference`` (3,) its place before it moved, ``sets``: names of
-    those that the element's face is in. ``value``: of the field shown, in its unit.
+    those that the element's face is in.
     """
 
     column: float
@@ -48,7 +48,6 @@ class Pick:
     element: int | None = None
     node: int | None = None
     node_reference: Array | None = None
-    value: float | None = None
     sets: tuple[str, ...] = ()
     __repr__ = field_summary
 
@@ -56,23 +55,6 @@ class Pick:
     def displacement(self) -> Array:
         """(3,) m."""
         return self.position - self.reference
-
-    def describe(self, title: str = "", unit: str = "") -> str:
-        """Lines for people; ``title`` and ``unit``: of the field shown."""
-        where = [self.name] if self.element is None else [f"{self.name}, element {self.element}"]
-        if self.node is not None:
-            where.append(f"node {self.node}")
-        lines = [", ".join(where), f"pixel ({self.column:.1f}, {self.row:.1f})"]
-        lines.append(f"point {_millimetres(self.reference)} mm")
-        if self.element is not None:
-            lines.append(f"moved {_millimetres(self.displacement)} mm")
-        if self.value is not None:
-            lines.append(f"{title} {self.value:.4g} {unit}".strip())
-        return "\n".join(lines)
-
-
-def _millimetres(vector: Array) -> str:
-    return "(" + ", ".join(f"{1e3 * v + 0.0:.6g}" for v in np.round(vector, 9)) + ")"
 
 
 def pick(
@@ -82,7 +64,6 @@ def pick(
     column: float,
     row: float,
     skins: Sequence[Skin] = (),
-    values: Array | None = None,
 ) -> Pick | None:
     """What is seen at a pixel; None for nothing, or outside of the image.
 
@@ -93,7 +74,6 @@ def pick(
     surfaces : those that were rendered, in order.
     column, row : pixel coordinates: whole numbers are the middles of pixels.
     skins : of the first surfaces, which are bodies.
-    values : (T, 3) of the field shown, from `gpusim.view.field_colors.corner_values`.
 
     Everything is found in float64 at the very place asked for, in the plane of the triangle that
     the pixel's centre sees.
@@ -134,12 +114,11 @@ def pick(
     if number < len(skins):
         sets = _face_sets(skins[number], face)
         element, node, place = _element(skins[number], face, reference)
-    value = None if values is None else float(shares @ values[triangle])
     return Pick(
         float(column), float(row), number, surface.name,
         list(surface.paints)[surface.regions[face]], face, vertices,
         np.array([1.0 - second - third, second, third]), reference, shares @ world, normal, depth,
-        element, node, place, None if value is None or np.isnan(value) else value, sets,
+        element, node, place, sets,
     )  # fmt: skip
 
 
