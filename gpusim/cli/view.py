@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.errors import InputError
+from gpusim.printable import printable
 
 __all__ = ["view"]
 
@@ -42,6 +43,9 @@ def view(
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
+    unit: Annotated[
+        Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of a mesh file's coordinates.")
+    ] = "mm",
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")
@@ -67,7 +71,10 @@ def view(
         if screenshot is not None:
             check_ending(screenshot)
         loaded = frame is not None or field is not None
-        viewer = Viewer(default_device(), path, pixels, solve=screenshot is None or loaded)
+        solves = screenshot is None or loaded
+        if screenshot is None:  # a CAD file takes seconds
+            typer.echo(f"reading {printable(str(path))} …", err=True)
+        viewer = Viewer(default_device(), path, pixels, solves, unit)
         try:
             if loaded:
                 wait_for_solution(viewer)

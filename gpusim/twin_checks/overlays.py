@@ -74,15 +74,16 @@ def check_field_colors(device: Device) -> None:
         SurfaceField(np.linspace(-1.4, 1.0, len(surfaces[2].faces)), by_face=True),
     ]
     values = corner_values(frame.view, surfaces, fields)
-    colors = np.array([[0.1, 0.0, 0.6], [0.2, 0.8, 0.1], [0.9, 0.9, 0.3], [0.8, 0.0, 0.1]])
+    colors = np.array([[0.1, 0.0, 0.6, 1.0], [0.2, 0.8, 0.1, 1.0], [0.9, 0.9, 0.3, 0.0],
+                       [0.8, 0.0, 0.1, 0.6]])  # fmt: skip
     target = device.texture(camera.width, camera.height, "rgba8unorm", "twin.field")
     options: dict[str, Any] = {"white": 0.8, "samples": 2}
     FieldColors(device).draw(target, frame, values, (-1.2, 1.2), colors, **options)
     ids = VisibilityBuffer.of(device, finer(frame.view, 2), 2 * camera.height).read()
     empty = np.zeros((camera.height, camera.width, 4), np.float32)
     twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)
-    # the mean of four samples of 8 bits, rounded to 8 bits
-    compare("field colours", pixels_of(device, target) * STEP, twin, atol=1.6 * STEP, rtol=0.0)
+    # the mean of four samples of 8 bits, times their opacity of 8 bits, rounded to 8 bits
+    compare("field colours", pixels_of(device, target) * STEP, twin, atol=2.1 * STEP, rtol=0.0)
 
 
 @twin_check("view/picture/display")

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.optics.geometry.view import View
 from gpusim.optics.lens.thin_lens import Lens
-from gpusim.view.overlay import Overlay, Shade
+from gpusim.view.overlay import Overlay, Shade, display_color
 from gpusim.view.placement import Placement
 
 __all__ = [
@@ -18,6 +19,10 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 
+NEARER, FARTHER = "#ff8c1a", "#3d7dff"
+"""What is too near to be sharp, and too far."""
+TINTS = 512
+"""Colours from one to the other: they are none within the depth of field."""
 LINES = 12
 """Of the distortion grid across the longer side."""
 
@@ -32,6 +37,22 @@ class DepthOfField:
     focus: float
     blur: float
 
+    def blur_at(self, depth: float) -> float:
+        """Diameter of the disc that a point at a depth is blurred to, px."""
+        return (
+            self.blur * abs(1.0 / depth - 1.0 / self.focus) / (1.0 / self.near - 1.0 / self.focus)
+        )
+
+    def tint(self, view: View) -> tuple[Array, tuple[float, float], Array]:
+        """Depths (T, 3), limits and colours for `gpusim.view.field_colors.FieldColors.draw`: what
+        is nearer than ``near`` and what is beyond ``far`` in a colour each."""
+        depth = view.vertices[view.corner, 2].astype(np.float64)
+        far = min(self.far, max(float(depth.max(initial=0.0)), 2.0 * self.near))
+        edge = (far - self.near) / (TINTS - 3)
+        colors = np.array([display_color(NEARER), display_color(FARTHER)]).repeat(TINTS // 2, 0)
+        colors[1 : -1 if far == self.far else TINTS, 3] = 0.0
+        return depth, (self.near - edge, far + edge), colors
+
     def describe(self) -> str:
         """For people.
 
@@ -39,11 +60,11 @@ class DepthOfField:
         --------
         >>> from gpusim.view.camera_marks import DepthOfField
         >>> DepthOfField(0.95, 1.06, 1.0, 1.0).describe()
-        'Sharp within 1 px from 950 to 1060 mm, focus at 1000 mm'
+        'sharp within 1 px from 950 to 1060 mm, focus at 1000 mm'
         """
         far = "infinity" if np.isinf(self.far) else f"{1e3 * self.far:.4g}"
         return (
-            f"Sharp within {self.blur:g} px from {1e3 * self.near:.4g} to {far} mm, focus at "
+            f"sharp within {self.blur:g} px from {1e3 * self.near:.4g} to {far} mm, focus at "
             f"{1e3 * self.focus:.4g} mm"
         ).replace("infinity mm", "infinity")
 

@@ -141,7 +141,7 @@ class FieldColors:
         target : a `gpusim.gpu.Texture`, or a `gpusim.view.overlay.Target`.
         values : (T, 3), as `corner_values` gives them for ``frame.view``.
         limits : values that the first and the last colour stand for; others have these, too.
-        colors : (C, 3) from 0 to 1 as sRGB has them, C at least 2.
+        colors : (C, 3) from 0 to 1 as sRGB has them, C at least 2; (C, 4) with an opacity.
         white : the radiance that the picture shows as white.
         place : where the picture lies on the target; None: pixel for pixel.
         samples : along a side of a pixel; 1 while things move, 2 or 3 for smooth borders. One that
@@ -238,9 +238,11 @@ def _relative(values: Array, limits: tuple[float, float]) -> npt.NDArray[np.floa
 
 
 def _table(colors: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
-    """(C, 4) linear colours."""
+    """(C, 4) linear colours, and their opacity."""
+    colors = np.asarray(colors, np.float64)
     table = np.ones((len(colors), 4), np.float32)
-    table[:, :3] = decoded(np.asarray(colors, np.float64)[:, :3])
+    table[:, : colors.shape[1]] = colors
+    table[:, :3] = decoded(colors[:, :3])
     return table
 
 
@@ -271,7 +273,7 @@ def field_colors_twin(
 
     ``ids`` (H s, W s): of the `finer` view.
     """
-    table, height, width = _table(colors)[:, :3], *picture.shape[:2]
+    table, height, width = _table(colors), *picture.shape[:2]
     fine = interpolated(finer(frame.view, samples), ids, values)
     some = np.isfinite(fine)
     at = np.clip((np.where(some, fine, 0.0) - limits[0]) / (limits[1] - limits[0]), 0.0, 1.0)
@@ -279,9 +281,10 @@ def field_colors_twin(
     i = np.minimum(at.astype(int), len(table) - 2)
     color = table[i] + (at - i)[..., None] * (table[i + 1] - table[i])
     blocks = (height, samples, width, samples)
-    count = some.reshape(blocks).sum(axis=(1, 3))
-    color = (color * some[..., None]).reshape(*blocks, 3).sum(axis=(1, 3))
-    color /= np.maximum(count, 1)[..., None]
+    alpha = color[..., 3] * some
+    color = (color[..., :3] * alpha[..., None]).reshape(*blocks, 3).sum(axis=(1, 3))
+    count = alpha.reshape(blocks).sum(axis=(1, 3))
+    color /= np.where(count > 0.0, count, 1.0)[..., None]
     plane = frame.planes[len(frame.planes) // 2].radiance
     light = shade + (1.0 - shade) * np.sqrt(np.clip(plane / white, 0.0, 1.0))
     color *= light[..., None]

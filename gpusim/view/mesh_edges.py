@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.frame import Frame
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
-__all__ = ["crease_edges", "element_edges", "silhouette_edges"]
+__all__ = ["crease_edges", "element_edges"]
 
 Array = npt.NDArray[np.float64]
 
@@ -55,15 +54,3 @@ def crease_edges(surface: Surface, angle: float = np.pi / 6) -> Array:
     region = surface.regions[topology.source]
     other = region[topology.first] != region[topology.second]
     return _ends(surface, (cosine < np.cos(angle)) | ~topology.manifold | other)
-
-
-def silhouette_edges(frame: Frame) -> Array:
-    """(n, 2, 3) m, world: silhouettes, creases and borders of paint that face a frame's camera."""
-    view = frame.view
-    triangle, corner = view.edge_source.T
-    T = view.camera.camera_from_world
-    ends = []
-    for k in (corner, (corner + 1) % 3):
-        at = view.vertices[view.corner[triangle, k], :3]
-        ends.append((at - T[:3, 3]) @ T[:3, :3] + view.origin)
-    return np.stack(ends, axis=1)

@@ -7,8 +7,8 @@ import textwrap
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import GpusimError
 from gpusim.view.camera_marks import (
-    depth_of_field,
     draw_distortion,
     draw_image_frame,
     draw_principal_point,
@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 SIZE = 14
 """px of letters."""
 
-INK, PAPER, MUTED = "#16202b", "#ffffffd8", "#5b6770"
+INK, PAPER = "#16202b", "#ffffffd8"
 ACCENT, WARNING = "#1f6fb2", "#9c1c1c"
 EDGE = 14
 """px between panels and the window's border."""
@@ -40,12 +40,15 @@ def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
     if viewer.content is not None and viewer.picture.base is not None:
         _draw_symbols(viewer, overlay)
         _draw_selection(viewer, overlay, _draw_scale(viewer, overlay) + EDGE)
-    bottom = _draw_title(viewer, overlay)
+    _draw_title(viewer, overlay)
     _draw_slider(viewer, overlay)
     if viewer.shown["help"]:
-        _draw_help(viewer, overlay, bottom + EDGE)
-    if viewer.fault or viewer.message:
-        _draw_message(viewer, overlay)
+        _draw_help(viewer, overlay)
+    above = viewer.size[1] - EDGE - 4.0 * SIZE
+    if viewer.fault:
+        above = _draw_message(viewer, overlay, viewer.fault, above, WARNING) - 6.0
+    if viewer.message:
+        _draw_message(viewer, overlay, viewer.message, above)
 
 
 def _panel(
@@ -60,14 +63,20 @@ def _panel(
     return x + wide, y + tall
 
 
-def _draw_title(viewer: ViewState, overlay: Overlay) -> float:
+def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
     content = viewer.content
     lines = [content.title if content is not None else viewer.path.name]
+    if content is not None and content.parts:
+        size = np.ptp(content.outline(0, 1.0), axis=0)
+        lines.append(" × ".join(f"{1e3 * side:.4g}" for side in size) + " mm")  # noqa: RUF001
     if content is not None and viewer.through is not None:
         camera = content.cameras[viewer.through]
         lines.append(f"camera {camera.name}, {camera.width} × {camera.height} px")  # noqa: RUF001
-        sharp = depth_of_field(camera, content.lens(viewer.through))
-        lines += [sharp.describe()] if sharp is not None else []
+        if content.lights is None:
+            lines.append("no lamp: a headlight here, albedo alone in images")
+        if viewer.sharp is not None:
+            lines.append(viewer.sharp.describe())
+            lines += ["orange is nearer, blue farther"] if viewer.shown["cameras"] else []
     if content is not None and content.moves and viewer.scale != 1.0:
         lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
     right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))
@@ -76,36 +85,38 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> float:
         top = bottom + 6
         right, bottom = _panel(overlay, EDGE, top, f"{text or 'solving'} … shown unloaded")
         overlay.rectangle(EDGE, round(bottom), round(share * (right - EDGE)), 4, ACCENT)
-        bottom += 4
     if not viewer.shown["help"]:
-        tall = viewer.size[1] - EDGE - (2.5 * SIZE if _has_slider(viewer) else 0.0)
-        overlay.text(EDGE, tall, "h: help", SIZE, "white", anchor="ld", halo="#00000080")
-    return bottom
+        low = viewer.size[1] - EDGE - (1.5 * SIZE if _has_slider(viewer) else 0.0)
+        _panel(overlay, EDGE, low - 2.05 * SIZE, "h: help")
 
 
-def _draw_help(viewer: ViewState, overlay: Overlay, top: float) -> None:
+def _draw_help(viewer: ViewState, overlay: Overlay) -> None:
     lines = help_lines()
-    first = max(overlay.text_width(key, SIZE) for key, _ in lines) + SIZE
-    wide = first + max(overlay.text_width(text, SIZE) for _, text in lines) + 1.4 * SIZE
-    step = min(1.35 * SIZE, (viewer.size[1] - top - EDGE - SIZE) / len(lines))
-    overlay.rectangle(EDGE, round(top), round(wide), round(step * len(lines) + SIZE), PAPER)
+    size = min(SIZE, (viewer.size[1] - 2 * EDGE) / (1.35 * len(lines) + 1.0))
+    first = max(overlay.text_width(key, size) for key, _ in lines) + size
+    wide = first + max(overlay.text_width(text, size) for _, text in lines) + 1.4 * size
+    tall = (1.35 * len(lines) + 1.0) * size
+    overlay.rectangle(EDGE, EDGE, round(wide), round(tall), "white")
     for number, (key, text) in enumerate(lines):
-        y = top + 0.5 * SIZE + (number + 0.5) * step
-        overlay.text(EDGE + 0.7 * SIZE, y, key, SIZE, ACCENT, anchor="lm")
-        overlay.text(EDGE + 0.7 * SIZE + first, y, text, SIZE, INK, anchor="lm")
+        y = EDGE + 0.5 * size + (number + 0.5) * 1.35 * size
+        overlay.text(EDGE + 0.7 * size, y, key, size, ACCENT, anchor="lm")
+        overlay.text(EDGE + 0.7 * size + first, y, text, size, INK, anchor="lm")
 
 
-def _draw_message(viewer: ViewState, overlay: Overlay) -> None:
-    text = viewer.fault or viewer.message
+def _draw_message(
+    viewer: ViewState, overlay: Overlay, text: str, bottom: float, color: str = INK
+) -> float:
+    """A text in the middle; returns how far up it goes."""
     columns = max(int((viewer.size[0] - 4 * EDGE) / (0.56 * SIZE)), 20)
     lines = [part for line in text.splitlines() for part in textwrap.wrap(line, columns) or [""]]
     shown = "\n".join(lines[:24])
     wide = overlay.text_width(shown, SIZE) + 1.4 * SIZE
     tall = (shown.count("\n") + 1) * 1.35 * SIZE + 0.7 * SIZE
-    x, y = 0.5 * (viewer.size[0] - wide), viewer.size[1] - tall - EDGE - 3.0 * SIZE
-    _panel(overlay, round(x), round(y), shown, WARNING if viewer.fault else INK)
-    if viewer.fault:
-        overlay.rectangle(round(x) - 4, round(y), 4, round(tall), WARNING)
+    x, y = round(0.5 * (viewer.size[0] - wide)), round(bottom - tall)
+    _panel(overlay, x, y, shown, color)
+    if color != INK:
+        overlay.rectangle(x - 4, y, 4, round(tall), color)
+    return y
 
 
 # -- slider
@@ -148,7 +159,8 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
     overlay.rectangle(at - 5, top - 5, 10, BAR + 10, "white")
     overlay.rectangle(at - 4, top - 4, 8, BAR + 8, ACCENT)
     text = viewer.content.frame_text(viewer.frame)
-    overlay.text(left, top - 8, text, SIZE, "white", anchor="ld", halo="#00000080")
+    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    _panel(overlay, round(0.5 * (viewer.size[0] - wide)), top - 8 - 2.05 * SIZE, text)
 
 
 # -- over the picture
@@ -156,7 +168,7 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
 
 def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
     """The legend of a field, in the corner; returns how far down it goes."""
-    if viewer.field is None:
+    if not viewer.field_values or viewer.field is None:
         return 0.0
     kind = field_kind(viewer.field)
     scale = scale_of(viewer.field_values, kind.signed)
@@ -175,10 +187,17 @@ def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
     hides = picture.base if not picture.waits else None
     symbols = Symbols(overlay, camera, place, hides)
     surfaces = viewer.surfaces()
+    if hides is not None:
+        for ends in content.creases:
+            symbols.lines(ends, "#00000090", 1.0)
     for number, skin in enumerate(content.skins):
         if shown["mesh"] and hides is not None:
             symbols.elements(element_edges(surfaces[number], skin))
-        model = content.model(number) if shown["supports"] or shown["loads"] else None
+        try:
+            model = content.model(number) if shown["supports"] or shown["loads"] else None
+        except GpusimError as error:  # the picture is as good without
+            viewer.fault = viewer.fault or str(error)
+            continue
         if model is None:
             continue
         nodes = model.mesh.points + viewer.scale * content.displacement(number, viewer.frame)
@@ -206,12 +225,9 @@ def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
     found, content = viewer.selected, viewer.content
     if found is None or content is None:
         return
-    moved = np.zeros(3)
-    if found.surface < len(content.skins):
-        moved = content.moved_point(found.surface, found.reference, viewer.frame)
-    at = found.position
-    if found.surface < len(content.skins):
-        at = found.reference + viewer.scale * moved
+    shown, true = (surfaces[found.surface].points[found.vertices]
+                   for surfaces in (viewer.surfaces(), content.surfaces(viewer.frame)))  # fmt: skip
+    at, moved = found.weights @ shown, found.weights @ true - found.reference
     camera, _, _ = viewer.camera()
     pixel = camera.project(at)
     x, y = viewer.place.window(pixel)
@@ -219,22 +235,27 @@ def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
         for radius, color in ((7.0, "#000000a0"), (5.0, "#ffd23f")):
             overlay.polygon([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)],
                             color)  # fmt: skip
-    text = "\n".join(_selection_lines(viewer, moved, pixel))
+    text = "\n".join(_selection_lines(viewer, at, moved, pixel))
     wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
     _panel(overlay, round(viewer.size[0] - wide - EDGE), round(top), text)
 
 
-def _selection_lines(viewer: ViewState, moved: Array, pixel: Array) -> list[str]:
+def _selection_lines(viewer: ViewState, at: Array, moved: Array, pixel: Array) -> list[str]:
     found, content = viewer.selected, viewer.content
     assert found is not None and content is not None
-    lines = [f"{found.name}, paint {found.paint}"]
+    lines = [found.name if content.parts else f"{found.name}, paint {found.paint}"]
     if found.element is not None:
         lines.append(f"element {found.element}, node {found.node}")
+    if found.sets:
+        lines.append(f"set {', '.join(found.sets)}")
     if viewer.through is not None:
         whole, (seen, _, _) = content.cameras[viewer.through], viewer.camera()
         share = np.array([whole.width / seen.width, whole.height / seen.height])
         column, row = (pixel + 0.5) * share - 0.5
         lines.append(f"pixel {column:.1f}, {row:.1f}")
+        if viewer.sharp is not None:
+            depth = float(whole.to_camera(at)[2])
+            lines.append(f"depth {1e3 * depth:.4g} mm: blur {viewer.sharp.blur_at(depth):.2g} px")
 
     def mm(values: Array) -> str:
         return ", ".join(format_value(round(1e3 * float(v), 3) + 0.0, 1e-2) for v in values) + " mm"
@@ -242,7 +263,7 @@ def _selection_lines(viewer: ViewState, moved: Array, pixel: Array) -> list[str]
     lines.append(f"at rest {mm(found.reference)}")
     if content.moves and found.element is not None:
         lines.append(f"moved by {mm(moved)}")
-    if viewer.field is not None and found.node is not None:
+    if viewer.field is not None and viewer.field_values and found.node is not None:
         kind = field_kind(viewer.field)
         place = found.element if kind.by_cell else found.node
         value = format_value(float(viewer.field_values[found.surface][place]))

@@ -1,4 +1,4 @@
-"""What is under a pixel: the body or prop, its element, node and field, and the material point."""
+"""What is under a pixel: the body or prop, its element, node and sets, and the material point."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ class Pick:
     """What a pixel sees at ``column``, ``row`` (pixel coordinates, not rounded).
 
     ``surface``: its number among those of the view; ``name``, ``paint``: of the surface and of its
-    region; ``face``: of the surface. ``reference``, ``position`` (3,): the material point before
-    and after it moved, m, world; ``displacement`` (3,): between the two; ``normal`` (3,): unit,
-    of the triangle, towards the camera; ``depth``: along the optical axis, m. Of bodies, else None:
-    ``element`` (number of the cell), ``node`` (the nearest one of the element's face seen),
-    ``node_reference`` (3,) its place before it moved. ``value``: of the field shown, in its unit.
+    region; ``face``: of the surface. ``vertices`` (3,), ``weights`` (3,): of the surface's
+    triangle, which follow the material point to wherever it moves. ``reference``, ``position``
+    (3,): the point before and after it moved, m, world; ``displacement`` (3,): between the two;
+    ``normal`` (3,): unit, of the triangle, towards the camera; ``depth``: along the optical axis,
+    m. Of bodies, else None: ``element`` (number of the cell), ``node`` (the nearest one of the
+    element's face seen), ``node_reference`` (3,) its place before it moved, ``sets``: names of
+    those that the element's face is in.
     """
 
     column: float
@@ -37,6 +39,8 @@ class Pick:
     name: str
     paint: str
     face: int
+    vertices: npt.NDArray[np.integer]
+    weights: Array
     reference: Array
     position: Array
     normal: Array
@@ -44,30 +48,13 @@ class Pick:
     element: int | None = None
     node: int | None = None
     node_reference: Array | None = None
-    value: float | None = None
+    sets: tuple[str, ...] = ()
     __repr__ = field_summary
 
     @property
     def displacement(self) -> Array:
         """(3,) m."""
         return self.position - self.reference
-
-    def describe(self, title: str = "", unit: str = "") -> str:
-        """Lines for people; ``title`` and ``unit``: of the field shown."""
-        where = [self.name] if self.element is None else [f"{self.name}, element {self.element}"]
-        if self.node is not None:
-            where.append(f"node {self.node}")
-        lines = [", ".join(where), f"pixel ({self.column:.1f}, {self.row:.1f})"]
-        lines.append(f"point {_millimetres(self.reference)} mm")
-        if self.element is not None:
-            lines.append(f"moved {_millimetres(self.displacement)} mm")
-        if self.value is not None:
-            lines.append(f"{title} {self.value:.4g} {unit}".strip())
-        return "\n".join(lines)
-
-
-def _millimetres(vector: Array) -> str:
-    return "(" + ", ".join(f"{1e3 * v + 0.0:.6g}" for v in np.round(vector, 9)) + ")"
 
 
 def pick(
@@ -77,7 +64,6 @@ def pick(
     column: float,
     row: float,
     skins: Sequence[Skin] = (),
-    values: Array | None = None,
 ) -> Pick | None:
     """What is seen at a pixel; None for nothing, or outside of the image.
 
@@ -88,7 +74,6 @@ def pick(
     surfaces : those that were rendered, in order.
     column, row : pixel coordinates: whole numbers are the middles of pixels.
     skins : of the first surfaces, which are bodies.
-    values : (T, 3) of the field shown, from `gpusim.view.field_colors.corner_values`.
 
     Everything is found in float64 at the very place asked for, in the plane of the triangle that
     the pixel's centre sees.
@@ -117,17 +102,23 @@ def pick(
     surface = surfaces[number]
     face = int(view.face[triangle]) - sum(len(one.faces) for one in surfaces[:number])
     reference = shares @ corners[:, REFERENCE]
+    first = sum(len(one.topology.triangles) for one in surfaces[:number])
+    vertices = surface.topology.triangles[int(view.source[triangle]) - first]
+    rest = surface.rest[vertices]
+    second, third = np.linalg.lstsq((rest[1:] - rest[0]).T, reference - rest[0], rcond=None)[0]
     normal = np.cross(world[1] - world[0], world[2] - world[0])
     towards = view.camera.eye + view.origin - world[0]
     normal *= np.sign(normal @ towards) / np.linalg.norm(normal)
     element = node = place = None
+    sets: tuple[str, ...] = ()
     if number < len(skins):
+        sets = _face_sets(skins[number], face)
         element, node, place = _element(skins[number], face, reference)
-    value = None if values is None else float(shares @ values[triangle])
     return Pick(
         float(column), float(row), number, surface.name,
-        list(surface.paints)[surface.regions[face]], face, reference, shares @ world, normal,
-        depth, element, node, place, None if value is None or np.isnan(value) else value,
+        list(surface.paints)[surface.regions[face]], face, vertices,
+        np.array([1.0 - second - third, second, third]), reference, shares @ world, normal, depth,
+        element, node, place, sets,
     )  # fmt: skip
 
 
@@ -137,6 +128,14 @@ def _shares(view: View, triangle: int, column: float, row: float) -> tuple[Array
     over_depth = view.planes_of(np.array([triangle]))[0] @ [x, y, 1.0]
     depth = 1.0 / float(over_depth.sum())
     return over_depth * depth, depth
+
+
+def _face_sets(skin: Skin, face: int) -> tuple[str, ...]:
+    """Names of the face sets that a surface's face is in."""
+    number = skin.face_of_piece[face]
+    own = (skin.faces.cell[number], skin.faces.local[number])
+    return tuple(name for name, pairs in skin.mesh.face_sets.items()
+                 if (pairs == own).all(axis=1).any())  # fmt: skip
 
 
 def _element(skin: Skin, face: int, reference: Array) -> tuple[int, int, Array]:

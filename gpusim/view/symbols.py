@@ -1,4 +1,4 @@
-"""Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras, grid.
+"""Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras.
 
 Everything is projected in float64 by the camera itself, distortion included, and drawn by an
 `gpusim.view.overlay.Overlay`. What a body hides is left out or pale, if the frame is given.
@@ -17,7 +17,7 @@ from gpusim.optics.truth import seen_in
 from gpusim.view.overlay import Overlay, Shade, display_color
 from gpusim.view.placement import Placement
 
-__all__ = ["Symbols", "clusters", "frustum", "round_step"]
+__all__ = ["Symbols", "clusters", "frustum"]
 
 Array = npt.NDArray[np.float64]
 
@@ -81,12 +81,6 @@ def frustum(camera: Camera, depth: float, steps: int = 8) -> Array:
     T = camera.camera_from_world
     world: Array = (depth * rays - T[:3, 3]) @ T[:3, :3]
     return world
-
-
-def round_step(length: float) -> float:
-    """The largest of …, 1, 2, 5, 10, … that isn't above ``length`` > 0."""
-    power = 10.0 ** np.floor(np.log10(length))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= 1.000001 * length))
 
 
 class Symbols:
@@ -321,18 +315,3 @@ class Symbols:
             x, y = self.window(eye)
             if np.isfinite([x, y]).all():
                 self.overlay.text(x, y + 16, camera.name, 13, color, "ma", halo="#ffffffc0")
-
-    def ground(self, low: npt.ArrayLike, high: npt.ArrayLike, color: Shade = "#80808070") -> float:
-        """A grid below what lies between corners ``low`` and ``high`` (3,), on the plane z = low;
-        returns the distance of its lines, m, a round number."""
-        a, b = np.asarray(low, np.float64), np.asarray(high, np.float64)
-        extent = max(float((b - a).max()), 1e-9)
-        step = round_step(extent / 5.0)
-        first = np.floor((a[:2] - 0.35 * extent) / step).astype(int)
-        last = np.ceil((b[:2] + 0.35 * extent) / step).astype(int)
-        x, y = (step * np.arange(first[k], last[k] + 1) for k in (0, 1))
-        z = np.full(1, a[2])
-        across = np.stack(np.broadcast_arrays(x[[0, -1]], y[:, None], z[:, None]), axis=-1)
-        along = np.stack(np.broadcast_arrays(x[:, None], y[[0, -1]], z[:, None]), axis=-1)
-        self.lines(np.concatenate([across, along]), color, 1.0)
-        return step

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError
+from gpusim.errors import GpusimError, InputError
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
+from gpusim.scene.description.table import FileUnit
+from gpusim.view.camera_marks import DepthOfField, depth_of_field
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content
 from gpusim.view.content.file_watch import FileWatch
@@ -31,17 +33,16 @@ __all__ = ["ViewState"]
 
 Array = npt.NDArray[np.float64]
 
-CLICK = 4.0
-"""px that the mouse may move in a click."""
-
 MESSAGE_SECONDS = 4.0
 """How long a message stands in the window."""
 
+UNSOLVED = "not solved"
+
+TINT = 0.4
+"""Opacity of the tint on what isn't sharp."""
+
 EXPOSED = 0.995
 """Share of a lit picture's pixels that aren't white."""
-
-ALIASES = {"=": "+", "_": "-"}
-"""Keys that are as good as others."""
 
 
 class ViewState:
@@ -53,9 +54,10 @@ class ViewState:
     """
 
     def __init__(
-        self, device: Device, path: Path, size: tuple[int, int], solve: bool = True
-    ) -> None:
-        self.device, self.path, self.size, self.solves = device, path, size, solve
+        self, device: Device, path: Path, size: tuple[int, int], solve: bool = True,
+        unit: FileUnit = "mm",
+    ) -> None:  # fmt: skip
+        self.device, self.path, self.size, self.solves, self.unit = device, path, size, solve, unit
         self.content: Content | None = None
         self.solver: BackgroundSolver | None = None
         self.fault = self.message = ""
@@ -70,6 +72,7 @@ class ViewState:
         self.field_colors = FieldColors(device)
         self.watch = FileWatch([path])
         self.save: Callable[[Path], None] | None = None
+        self.copy: Callable[[str], None] | None = None
         self._white: float | None = None
         self.field_values: list[Array] = []
         self._until = 0.0
@@ -86,13 +89,16 @@ class ViewState:
     def load(self) -> None:
         """Read the file again; what can't be read leaves the last good content, and a fault."""
         try:
-            found = load_content(self.path)
+            found = load_content(self.path, self.unit, self.content)
         except (GpusimError, OSError) as error:
             self.fault = str(error)
             return
+        unsolved = self.fault if self.fault.startswith(UNSOLVED) else ""
         earlier, self.content, self.fault = self.content, found, ""
         self.watch.watch((self.path, *found.files))
-        if not found.take_over(earlier):
+        if found.take_over(earlier):
+            self.fault = unsolved
+        else:
             if self.solver is not None:
                 self.solver.stop()
                 self.solver = None
@@ -104,7 +110,7 @@ class ViewState:
             self.through = None
         if earlier is None:
             self.reset()
-        self.changed()
+        self._field_again()
 
     def tick(self) -> bool:
         """Look for what has changed outside; whether there is something new to be drawn."""
@@ -125,14 +131,25 @@ class ViewState:
         assert solver is not None and self.content is not None
         try:
             if solver.fault:
-                self.fault = f"not solved: {solver.fault}"
+                self.fault = f"{UNSOLVED}: {solver.fault}"
             else:
                 load_solution(self.content, solver.folder)
                 self.frame = self.content.frames - 1
         except GpusimError as error:
             self.fault = str(error)
         solver.stop()
-        self.changed()
+        self._field_again()
+
+    def _field_again(self) -> None:
+        """The field of what is shown now; none until that is solved."""
+        if self.content is not None and self.content.unloaded:
+            self.field_values = []
+            self.changed()
+            return
+        try:
+            self.show_field(self.field)
+        except GpusimError as error:
+            self.fault, self.field = str(error), None
 
     # -- what is seen -------------------------------------------------------------------------
 
@@ -148,6 +165,14 @@ class ViewState:
         """Where pixels of the picture's camera lie in the window."""
         _, left, top = self.camera()
         return Placement(left, top)
+
+    @property
+    def sharp(self) -> DepthOfField | None:
+        """What the camera that is looked through shows sharp; None where there is no limit."""
+        if self.through is None or self.content is None:
+            return None
+        camera = self.content.cameras[self.through]
+        return depth_of_field(camera, self.content.lens(self.through))
 
     @property
     def white(self) -> float:
@@ -172,6 +197,8 @@ class ViewState:
         """Show a frame, or the first or last one if there are none beyond."""
         last = self.content.frames - 1 if self.content is not None else 0
         frame = min(max(frame, 0), last)
+        if not last:
+            self.say("one frame: nothing moves, or isn't solved yet")
         if frame != self.frame:
             self.frame = frame
             self.show_field(self.field)
@@ -194,7 +221,10 @@ class ViewState:
         InputError
             There is no such field, or a body hasn't it.
         """
-        self.field, content = name, self.content
+        self.field, self.field_values, content = name, [], self.content
+        if name is not None and content is not None and content.objects is None:
+            self.field = None
+            raise InputError(f"view --field; got {name!r} for a mesh; expected a scene or a run")
         if name is not None and content is not None:
             kind, solved = field_kind(name), not self.has_field(name)
             self.field_values = [
@@ -210,7 +240,8 @@ class ViewState:
     def reset(self) -> None:
         """The last frame as it is, all of it in view."""
         self.frame, self.scale, self.gain, self.through = 0, 1.0, 1.0, None
-        self.view, self._white, self.field = Turntable(), None, None
+        self.view, self._white, self.field, self.field_values = Turntable(), None, None, []
+        self.message = ""
         if self.content is not None:
             self.frame = self.content.frames - 1
         self.frame_all()
@@ -276,8 +307,11 @@ class ViewState:
         with self.device.recording("view") as recording:
             if with_picture and base is not None:
                 self.picture.draw(recording, target, left, top, 1.0 / self.white)
-                if self.field is not None:
+                if self.field_values:
                     self._draw_field(target, recording)
+                elif self.sharp is not None and self.shown["cameras"]:
+                    colored = self.sharp.tint(base.view)
+                    self._draw_colors(target, recording, *colored, shade=1.0, opacity=TINT)
             else:
                 overlay.rectangle(0, 0, target.width, target.height, "#23292f")
             self.draw_over(overlay)
@@ -288,7 +322,7 @@ class ViewState:
 
     def _draw_field(self, target: Any, recording: Any) -> None:
         """The colours of the field over the picture."""
-        base, picture = self.picture.base, self.picture
+        base = self.picture.base
         assert base is not None and self.field is not None and self.content is not None
         kind, skins = field_kind(self.field), self.content.skins
         fields = [
@@ -296,11 +330,17 @@ class ViewState:
             for skin, values in zip(skins, self.field_values, strict=True)
         ]
         scale = scale_of(self.field_values, kind.signed)
-        place = self.place
+        values = corner_values(base.view, self.surfaces(), fields)
+        self._draw_colors(target, recording, values, scale.limits, scale.colors)
+
+    def _draw_colors(self, target: Any, recording: Any, *colored: Any, **look: Any) -> None:
+        """Values, limits and colours over the picture."""
+        picture, place = self.picture, self.place
+        assert picture.base is not None
         self.field_colors.draw(
-            target, base, corner_values(base.view, self.surfaces(), fields), scale.limits,
-            scale.colors, white=self.white, place=Placement(place.x, place.y, picture.coarseness),
-            samples=1 if picture.waits else 2, recording=recording,
+            target, picture.base, *colored, white=self.white, recording=recording,
+            place=Placement(place.x, place.y, picture.coarseness),
+            samples=1 if picture.waits else 2, **look,
         )  # fmt: skip
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.view.fields import FIELDS
-from gpusim.view.keys import KEYS
+from gpusim.view.keys import KEYS, Key
 from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, slider_frame
 from gpusim.view.picking import pick
@@ -25,6 +27,9 @@ Array = npt.NDArray[np.float64]
 
 CLICK = 4.0
 """px that the mouse may move in a click."""
+
+AROUND = 4.0
+"""Times as far as the selection alone would be: it is seen with what is round it."""
 
 ALIASES = {"=": "+", "_": "-"}
 """Keys that are as good as others."""
@@ -57,12 +62,20 @@ class Viewer(ViewState):
             if known.key.lower() == wanted.lower():
                 action = getattr(self, f"do_{known.action}", None)
                 if action is None:
-                    self.shown[known.action] = not self.shown[known.action]
-                    if known.action in ("paint", "light"):
-                        self._white = None
-                        self.changed()
+                    self._switch(known)
                 else:
                     action()
+
+    def _switch(self, key: Key) -> None:
+        """On or off, and say so: not all that is switched is in sight."""
+        what, content = key.action, self.content
+        on = self.shown[what] = not self.shown[what]
+        if what in ("paint", "light"):
+            self._white = None
+            self.changed()
+        if what != "help":
+            there = content is None or content.has(what)
+            self.say(f"{what}: {'on' if on else 'off'}{'' if there else ', but there is none'}")
 
     def do_front(self) -> None:
         self.look(self.view.side("front"))
@@ -74,12 +87,12 @@ class Viewer(ViewState):
         self.look(self.view.side("top"))
 
     def do_next_camera(self) -> None:
-        count = len(self.content.cameras) if self.content is not None else 0
-        if not count:
-            self.say("no camera in what is shown")
+        cameras = self.content.cameras if self.content is not None else ()
+        if not cameras:
+            self.say("no camera in what is shown; c writes one")
             return
         following = 0 if self.through is None else self.through + 1
-        self.look_through(following if following < count else None)
+        self.look_through(following if following < len(cameras) else None)
 
     def do_frame_all(self) -> None:
         self.frame_all()
@@ -88,7 +101,10 @@ class Viewer(ViewState):
         if self.content is None or self.selected is None:
             self.say("nothing selected: click something")
             return
-        self.look(self.view.fit(self._selected_points(), *self.size))
+        near = self.view.fit(self._selected_points(), *self.size)
+        outline = self.content.outline(self.frame, self.scale)
+        most = max(self.view.fit(outline, *self.size).distance, near.distance)
+        self.look(replace(near, distance=min(AROUND * near.distance, most)))
 
     def _selected_points(self) -> Array:
         """Corners of the selected element, or of the face of a prop."""
@@ -104,10 +120,17 @@ class Viewer(ViewState):
         self.reset()
 
     def do_write_camera(self) -> None:
-        text = camera_lines(self.view, *self.size)
+        taken = {camera.name for camera in self.content.cameras} if self.content else set()
+        names = chain(["view"], (f"view_{k}" for k in count(2)))
+        name = next(name for name in names if name not in taken)
+        text = camera_lines(self.view, *self.size, name)
         sys.stdout.write(text + "\n")
         sys.stdout.flush()
-        self.say(text)
+        where = "in the terminal"
+        if self.copy is not None:
+            self.copy(text)
+            where += " and the clipboard"
+        self.say(f"{text}\n\n{where}: to be pasted into a scene")
 
     def do_previous_frame(self) -> None:
         self.show_frame(self.frame - 1)
@@ -122,12 +145,16 @@ class Viewer(ViewState):
         self._deform(0.5)
 
     def _deform(self, factor: float) -> None:
+        if self.content is None or not self.content.moves:
+            self.say("no deformation: nothing is solved")
+            return
         self.scale = min(max(factor * self.scale, 2.0**-10), 2.0**20)
         self.changed()
 
     def do_next_field(self) -> None:
         names = [None, *(name for name in FIELDS if self.has_field(name))]
-        self.show_field(names[(names.index(self.field) + 1) % len(names)])
+        now = names.index(self.field) if self.field in names else 0
+        self.show_field(names[(now + 1) % len(names)])
         if len(names) == 1:
             self.say("no field: nothing is solved")
 

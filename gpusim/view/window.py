@@ -127,6 +127,7 @@ def open_window(viewer: Viewer) -> None:
         size=viewer.size, title=f"{viewer.path.name} – {TITLE}", max_fps=FRAMES_PER_SECOND,  # noqa: RUF001
         vsync=False,
     )  # fmt: skip
+    viewer.copy = lambda text: glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]
     WindowView(viewer, canvas, loop, types=True)
     with one_blas_thread():  # once, and not for every picture
         loop.run()

@@ -17,7 +17,7 @@ struct Params {
 @group(0) @binding(3) var<storage, read> corners: array<u32>;
 // at every corner: 0 to 1 between the ends of the scale; NONE on what has no field
 @group(0) @binding(4) var<storage, read> values: array<f32>;
-// linear, from one end of the scale to the other
+// linear, from one end of the scale to the other, and how opaque
 @group(0) @binding(5) var<storage, read> colors: array<vec4f>;
 
 const NONE = -1e30;
@@ -45,7 +45,7 @@ fn fragment(in: Varying) -> @location(0) vec4f {
     let last = arrayLength(&colors) - 1u;
     let at = clamp(in.value / in.inverse, 0.0, 1.0) * f32(last);
     let i = min(u32(at), last - 1u);
-    return vec4f(mix(colors[i].rgb, colors[i + 1u].rgb, at - f32(i)), 1.0);
+    return mix(colors[i], colors[i + 1u], at - f32(i));
 }
 
 struct Placing {
@@ -92,7 +92,8 @@ fn fragment_over(@builtin(position) position: vec4f) -> @location(0) vec4f {
         for (var i = 0; i < samples; i++) {
             let step = (vec2f(f32(i), f32(j)) + 0.5) / f32(samples) - 0.5;
             let cell = vec2i(floor((at + step / placing.scale) * f32(samples)));
-            sum += textureLoad(layer, clamp(cell, vec2i(0), picture * samples - 1), 0);
+            let own = textureLoad(layer, clamp(cell, vec2i(0), picture * samples - 1), 0);
+            sum += vec4f(own.a * own.rgb, own.a);
         }
     }
     if (sum.a == 0.0) { discard; }

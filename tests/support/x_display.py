@@ -6,6 +6,7 @@ import ctypes
 import os
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -93,6 +94,16 @@ class XDisplay:
         code = self.x.XKeysymToKeycode(self.display, symbol)
         for down in (1, 0):
             self._done(self.test.XTestFakeKeyEvent(self.display, c_uint(code), down, c_ulong(0)))
+
+    def clipboard(self) -> str:
+        """What another program would paste now."""
+        ask = "import glfw; glfw.init(); glfw.window_hint(glfw.VISIBLE, 0); " \
+              "glfw.create_window(9, 9, '', None, None); " \
+              "print(glfw.get_clipboard_string(None).decode())"  # fmt: skip
+        return subprocess.run(
+            [sys.executable, "-c", ask], env={**os.environ, "DISPLAY": self.name},
+            capture_output=True, text=True, check=True, timeout=60.0,
+        ).stdout  # fmt: skip
 
     def window_at(self, x: int, y: int) -> int:
         """The topmost window there, 0 for none."""

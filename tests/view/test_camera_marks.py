@@ -10,14 +10,16 @@ from gpusim.gpu import Device
 from gpusim.optics.lens.thin_lens import focus_of
 from gpusim.twin_checks.overlays import pixels_of
 from gpusim.view.camera_marks import (
+    DepthOfField,
     depth_of_field,
     draw_distortion,
     draw_image_frame,
     draw_principal_point,
 )
+from gpusim.view.field_colors import FieldColors
 from gpusim.view.overlay import Overlay
 from gpusim.view.placement import Placement
-from tests.support.view_bodies import camera_before
+from tests.support.view_bodies import camera_before, small_crane
 
 
 def test_the_blur_at_both_limits_is_what_was_asked_for() -> None:
@@ -31,6 +33,30 @@ def test_the_blur_at_both_limits_is_what_was_asked_for() -> None:
     far = depth_of_field(camera, gs.Lens(f_number=22.0, focal_length=0.03, focus_distance=3.0))
     assert far is not None and np.isinf(far.far) and "to infinity, focus" in far.describe()
     assert depth_of_field(camera, None) is None and depth_of_field(camera, gs.Lens()) is None
+    for depth in (0.9, 1.3):
+        focus = focus_of(lens, camera, np.array([depth]), 1.0)
+        assert found.blur_at(depth) == pytest.approx(focus.largest, rel=1e-9)
+
+
+@pytest.mark.parametrize("distortion", [None, [-0.2, 0.05, 1e-3, -2e-3]])
+def test_what_is_not_sharp_is_tinted(device: Device, distortion: list[float] | None) -> None:
+    crane, camera = small_crane(), camera_before(distortion)
+    frame = gs.render([crane.moved, crane.wall], camera, device=device)
+    truth = frame.truth()
+    near, far = np.quantile(truth.depth, [0.2, 0.6])
+    found = DepthOfField(float(near), float(far), 0.5 * float(near + far), 1.0)
+    target = device.texture(camera.width, camera.height, "rgba8unorm", "test.tint")
+    Overlay(device).draw(target)
+    depths, limits, colors = found.tint(frame.view)
+    FieldColors(device).draw(target, frame, depths, limits, colors, white=1.0, shade=1.0)
+    red, green, blue, _ = pixels_of(device, target)[truth.row, truth.column].astype(int).T
+    clear = np.abs(truth.depth - near) > 0.01 * (far - near)
+    clear &= np.abs(truth.depth - far) > 0.01 * (far - near)
+    nearer, beyond = truth.depth < near, truth.depth > far
+    assert ((red > blue) == nearer)[clear].all() and ((blue > red) == beyond)[clear].all()
+    assert nearer.sum() > 20 and beyond.sum() > 20 and (green > 0).sum() < len(green)
+    _, _, endless = DepthOfField(float(near), np.inf, 2.0 * float(near), 1.0).tint(frame.view)
+    assert endless[0, 3] == 1.0 and not endless[1:, 3].any()
 
 
 def test_the_frame_leaves_the_image_free(device: Device) -> None:

@@ -7,10 +7,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.view.mesh_edges import crease_edges, element_edges, silhouette_edges
+from gpusim.view.mesh_edges import crease_edges, element_edges
 from gpusim.view.overlay import Overlay
 from gpusim.view.symbols import Symbols
-from tests.support.view_bodies import camera_before, small_crane
+from tests.support.view_bodies import small_crane
 
 
 def skin_of(mesh: gs.Mesh) -> tuple[gs.Skin, gs.Surface]:
@@ -52,22 +52,6 @@ def test_lines_follow_the_body() -> None:
     nodes = crane.skin.mesh.points
     first = [int(np.argmin(((nodes - place) ** 2).sum(axis=1))) for place in rest[:50, 0]]
     assert moved[:50, 0] == pytest.approx(20.0 * crane.solution.u[first], abs=1e-12)
-
-
-def test_silhouettes_are_those_of_the_frame(device: Device) -> None:
-    crane = small_crane()
-    frame = gs.render([crane.moved], camera_before(), backend="numpy")
-    ends = silhouette_edges(frame)
-    assert frame.view.camera.project(ends) == pytest.approx(frame.view.edges, abs=1e-6)
-    overlay = Overlay(device)
-    Symbols(overlay, camera_before(), None, frame).lines(ends, "black")
-    quads = overlay.quads()
-    # few of them are hidden, and they are where something else begins
-    corner = quads["corner"].astype(np.float64).mean(axis=1)
-    ids = frame.ids()
-    row, column = (np.clip(corner[:, k].astype(int), 1, n - 2) for k, n in ((1, 154), (0, 231)))
-    around = np.stack([ids[row + j, column + i] for j in (-1, 0, 1) for i in (-1, 0, 1)])
-    assert (around > 0).any(axis=0).all() and len(quads) > 100
 
 
 def test_dense_borders_are_pale_or_not_there(device: Device) -> None:

@@ -8,7 +8,6 @@ import pytest
 import gpusim as gs
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.visibility_buffer import visibility_twin
-from gpusim.view.field_colors import SurfaceField, corner_values
 from gpusim.view.picking import pick
 from tests.support.view_bodies import camera_before, small_crane
 
@@ -19,29 +18,33 @@ def test_every_pixel_is_told_as_the_truth_has_it(distortion: list[float] | None)
     surfaces = [crane.moved, crane.wall]
     frame = gs.render(surfaces, camera_before(distortion), backend="numpy")
     ids, truth = frame.ids(), frame.truth()
-    height = SurfaceField(crane.surface.rest[:, 2])
-    values = corner_values(frame.view, surfaces, [height])
     bodies = len(crane.surface.faces)
     own = np.flatnonzero(truth.face < bodies)
     rng = np.random.default_rng(3)
     # silhouettes among them: pixels of the crane beside others
     chosen = np.concatenate([rng.choice(own, 150, False), rng.choice(len(truth.face), 50, False)])
     for k in chosen:
-        found = pick(frame.view, ids, surfaces, truth.column[k], truth.row[k], [crane.skin], values)
+        found = pick(frame.view, ids, surfaces, truth.column[k], truth.row[k], [crane.skin])
         assert found is not None
         face = int(truth.face[k])
         assert found.depth == pytest.approx(truth.depth[k], rel=1e-9)
         assert found.reference == pytest.approx(truth.reference[k], abs=1e-9)
+        surface = surfaces[found.surface]
+        now = found.weights @ surface.points[found.vertices]
+        assert now == pytest.approx(found.position, abs=1e-9)
         assert found.displacement == pytest.approx(truth.displacement[k], abs=1e-9)
         assert found.normal @ (found.position - camera_before().eye) < 0.0
         if face >= bodies:
             assert (found.name, found.surface, found.face) == ("wall", 1, face - bodies)
-            assert found.element is found.node is found.value is None
+            assert found.element is found.node is None and found.sets == ()
             continue
         assert (found.name, found.surface, found.face) == ("crane", 0, face)
         assert found.paint == ("side" if truth.normal[k, 1] < -0.9 else "steel")
         assert found.element == crane.skin.cell_of_piece[face]
-        assert found.value == pytest.approx(truth.reference[k, 2], abs=1e-9)
+        pairs = crane.model.mesh.face_sets
+        skin_face = crane.skin.face_of_piece[face]
+        own = [crane.skin.faces.cell[skin_face], crane.skin.faces.local[skin_face]]
+        assert found.sets == tuple(name for name in pairs if own in pairs[name].tolist())
         cells = crane.model.mesh.cells["hex8"][found.element]
         assert found.node in cells
         near = crane.model.mesh.points[crane.skin.faces.nodes[face]] - truth.reference[k]
@@ -86,19 +89,3 @@ def test_far_from_zero_as_well() -> None:
     assert found.reference == pytest.approx(found.position, abs=1e-6)
     assert there.project(found.position) == pytest.approx([column, row], abs=1e-4)
     assert found.normal @ (found.position - there.eye) < 0.0
-
-
-def test_it_is_told_in_words() -> None:
-    crane = small_crane()
-    frame = gs.render([crane.moved], camera_before(), backend="numpy")
-    ids = frame.ids()
-    row, column = (int(v) for v in np.argwhere(ids)[100])
-    values = np.full((frame.view.count, 3), 12.5)
-    found = pick(frame.view, ids, [crane.moved], column, row, [crane.skin], values)
-    assert found is not None
-    first, second, third, fourth, last = found.describe("von Mises stress", "MPa").split("\n")
-    assert first == f"crane, element {found.element}, node {found.node}"
-    assert second == f"pixel ({column}.0, {row}.0)"
-    assert third.startswith("point (") and third.endswith(") mm")
-    assert f"{1e3 * found.displacement[2]:.4g}"[:4] in fourth
-    assert last == "von Mises stress 12.5 MPa"

@@ -10,7 +10,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.view.overlay import Overlay
 from gpusim.view.placement import Placement
-from gpusim.view.symbols import Symbols, clusters, frustum, round_step
+from gpusim.view.symbols import Symbols, clusters, frustum
 from tests.support.view_bodies import camera_before, small_crane
 
 DISTORTION = [-0.2, 0.05, 1e-3, -2e-3]
@@ -174,11 +174,3 @@ def test_a_camera_is_drawn_by_the_rays_of_its_corners(device: Device) -> None:
     eye = other.project(scene_camera.eye) + 0.5
     assert (np.hypot(*(lines[:, 0] - eye).T) < 1e-3).sum() == 4
     assert (quads["sprite"][:, 1] > 0).sum() >= 5 * len("camera")
-
-
-def test_the_ground_has_round_steps(device: Device) -> None:
-    pen = symbols(device)
-    step = pen.ground([-0.05, -0.02, -0.07], [0.6, 0.02, 0.57])
-    assert step == pytest.approx(0.1)
-    assert 10 < len(pen.overlay.quads()) < 40
-    assert [round_step(v) for v in (0.99, 1.0, 4.9, 0.0051)] == [0.5, 1.0, 2.0, 0.005]

@@ -170,7 +170,54 @@ def test_solving_in_the_background_then_frames_and_fields(device: Device, scene_
     assert viewer.frame == 0
     viewer.key("ArrowRight")
     assert viewer.frame == 1
+    # other loads: the field is gone until they are solved
+    before = viewer.field_values[0].max()
+    text = scene_path.read_text(encoding="utf-8")
+    scene_path.write_text(text.replace("-50.0]", "-100.0]"), encoding="utf-8")
+    wait_for(viewer, "a load")
+    assert viewer.solver is not None and not viewer.field_values
+    wait_for_solution(viewer)
+    assert viewer.field_values[0].max() == pytest.approx(2.0 * before, rel=1e-3)
     viewer.close()
+
+
+def test_a_support_of_nothing_is_a_fault_beside_the_picture(
+    viewer: Viewer, scene_path: Path
+) -> None:
+    viewer.key("u")
+    text = scene_path.read_text(encoding="utf-8")
+    assert 'set = "x_min"' in text
+    scene_path.write_text(text.replace('set = "x_min"', "x_min_mm = 900.0"), encoding="utf-8")
+    wait_for(viewer, "another set")
+    picture = screenshot(viewer)
+    assert "support 'clamp'" in viewer.fault and picture[60:150].std() > 20.0
+
+
+def test_a_part(device: Device, tmp_path: Path) -> None:
+    """Its size, its edges, its elements and sets; keys that have nothing to show say so."""
+    cube = gs.mesh.box(size=(30, 20, 10), divisions=(3, 2, 1))
+    gs.export.write_vtu(tmp_path / "part.vtu", cube.points, cube.cells)
+    viewer = Viewer(device, tmp_path / "part.vtu", SIZE)
+    content = viewer.content
+    assert content is not None and len(content.creases[0]) == 2 * (3 * 2 + 2 * 2 + 1 * 2)
+    np.testing.assert_allclose(np.ptp(content.outline(0, 1.0), axis=0), [0.03, 0.02, 0.01])
+    plain = screenshot(viewer)
+    viewer.key("m")
+    assert viewer.message == "mesh: on" and (screenshot(viewer) != plain).mean() > 1e-3
+    viewer.select(*viewer.place.window(viewer.camera()[0].project(np.array([0.025, 0.0, 0.005]))))
+    assert viewer.selected is not None and viewer.selected.element == 2
+    viewer.key(".")
+    screenshot(viewer)
+    for key in "uov0f+":
+        viewer.message = ""
+        viewer.key(key)
+        assert viewer.message, key
+    viewer.key("ArrowLeft")
+    assert "one frame" in viewer.message
+    with pytest.raises(gs.InputError, match="expected a scene or a run"):
+        viewer.show_field("von_mises")
+    viewer.close()
+    assert "it says its own" in Viewer(device, tmp_path / "out.toml", SIZE, unit="in").fault
 
 
 def wait_for(viewer: Viewer, what: str) -> float:
@@ -209,7 +256,7 @@ def test_a_mesh_and_a_run(device: Device, tmp_path: Path, scene_path: Path) -> N
     gs.export.write_stl(tmp_path / "part.stl", cube.points, gs.mesh.boundary_faces(cube).nodes)
     pictures = []
     for name in ("part.vtu", "part.stl"):
-        viewer = Viewer(device, tmp_path / name, SIZE)
+        viewer = Viewer(device, tmp_path / name, SIZE, unit="mm" if name == "part.stl" else "m")
         assert viewer.fault == "" and viewer.solver is None
         pictures.append(screenshot(viewer)[60:])
         viewer.close()

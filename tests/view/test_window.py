@@ -10,13 +10,19 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from gpusim.gpu import Device
 from gpusim.scene.toml_text import toml_text
+from gpusim.view.content.loading import load_content
+from gpusim.view.screenshot import screenshot
+from gpusim.view.viewer import Viewer
+from tests.support.gmsh_meshes import Gmsh
 from tests.support.small_scene import DOCUMENT
 from tests.support.x_display import XDisplay, missing_display, x_display
 
@@ -77,13 +83,12 @@ class Window:
                 return line
 
 
-@pytest.fixture
-def window(tmp_path: Path) -> Iterator[Window]:
+@contextmanager
+def opened(folder: Path, *arguments: str) -> Iterator[Window]:
     if missing_display():
         pytest.skip(missing_display())
-    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
     with x_display() as display:
-        made = Window(display, tmp_path, "bar.toml", "--size", "640x400")
+        made = Window(display, folder, *arguments, "--size", "640x400")
         try:
             yield made
         finally:
@@ -93,6 +98,13 @@ def window(tmp_path: Path) -> Iterator[Window]:
             for pipe in (made.process.stdout, made.process.stderr):
                 assert pipe is not None
                 pipe.close()
+
+
+@pytest.fixture
+def window(tmp_path: Path) -> Iterator[Window]:
+    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
+    with opened(tmp_path, "bar.toml") as made:
+        yield made
 
 
 def body(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,37 +161,35 @@ def test_a_user_at_the_window(window: Window, tmp_path: Path) -> None:
     assert (red[60:200, :640] == good[60:200, :640]).mean() > 0.9  # over the last good view
 
 
-def view(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    return subprocess.run(
-        [sys.executable, "-m", "gpusim", "view", *arguments], cwd=folder, text=True,
-        capture_output=True, timeout=2 * SECONDS,
-        env={**kept, "PYTHONPATH": os.pathsep.join(sys.path), **environment},
-    )  # fmt: skip
-
-
-def test_without_a_display(tmp_path: Path) -> None:
-    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
-    done = view(tmp_path, "bar.toml")
-    assert done.returncode == 2 and "no display" in done.stderr and "--screenshot" in done.stderr
-    options = ("--camera", "side", "--frame", "1", "--field", "von_mises", "--size", "320x200")
-    done = view(tmp_path, "bar.toml", "--screenshot", "a.png", *options)
-    assert done.returncode == 0, done.stderr
-    picture = np.asarray(Image.open(tmp_path / "a.png"))
-    assert picture.shape == (200, 320, 3) and (np.ptp(picture.astype(int), axis=2) > 60).any()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("none.toml",), "none.toml"),
-        (("bar.toml", "--screenshot", "a.png", "--camera", "top"), "['side']"),
-        (("bar.toml", "--screenshot", "a.jpg"), ".png"),
-        (("bar.toml", "--size", "0x9"), "WIDTHxHEIGHT"),
-    ],
-)
-def test_bad_arguments(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
-    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
-    done = view(tmp_path, *arguments)
-    assert done.returncode == 2 and said in done.stderr
-    assert not list(tmp_path.glob("*.png")) and not list(tmp_path.glob("*.jpg"))
+def test_from_a_step_part_to_a_camera_that_frames_it(
+    tmp_path: Path, checkout: Path, device: Device
+) -> None:
+    """As docs/view.md says, with its scene: what `c` copies sees the same."""
+    with Gmsh() as gmsh:
+        occ = gmsh.model.occ
+        occ.fuse([(3, occ.addBox(0, 0, 0, 80, 50, 6))], [(3, occ.addBox(0, 0, 0, 6, 50, 60))])
+        occ.synchronize()
+        gmsh.write(str(tmp_path / "bracket.step"))
+    with opened(tmp_path, "bracket.step") as window:
+        display = window.display
+        display.move(320, 200)
+        window.until("the part", lambda picture: picture[60:330, :600].std() > 15.0)
+        display.drag((320, 250), (220, 300))
+        display.click(5)
+        display.drag((320, 200), (340, 180), button=2)
+        display.key("Home")
+        seen = window.steady()[:400, :640]
+        display.key("c")
+        lines = [window.printed("[[camera]]"), *(window.printed("") for _ in range(7))]
+        assert display.clipboard().splitlines() == lines
+    document = (checkout / "docs" / "view.md").read_text(encoding="utf-8")
+    scene = document.split("```toml")[1].split("# the lines of the camera")[0]
+    (tmp_path / "bracket.toml").write_text(scene + "\n".join(lines), encoding="utf-8")
+    content = load_content(tmp_path / "bracket.toml")
+    part = Viewer(device, tmp_path / "bracket.step", (640, 400))
+    part.look(part.view.of_camera(content.cameras[0], content.outline(0, 1.0).mean(axis=0)))
+    again = screenshot(part)
+    part.close()
+    assert seen[40:300].std() > 15.0
+    assert (np.abs(seen.astype(int) - again) <= 1).mean() > 0.999
+    assert (np.abs(seen.astype(int) - np.roll(again, 1, axis=1)) <= 1).mean() < 0.99

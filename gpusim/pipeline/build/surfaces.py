@@ -153,13 +153,14 @@ class BodyParts:
     field: Field | None = None
 
 
-def build_body(body: m.Body, read: Reader = read_input) -> BodyParts:
+def build_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None) -> BodyParts:
     """Mesh and painted skin; a face belongs to the last paint that matches it.
 
-    ``read``: how the files that it names are read.
+    ``read``: how the files that it names are read. ``grid``: the mesh, if it has been made before.
     """
     field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMesh) else None
-    grid = field.mesh if field is not None else build_mesh(body.mesh, read)
+    if grid is None:
+        grid = field.mesh if field is not None else build_mesh(body.mesh, read)
     skin, surface = _painted_skin(f"body {body.name!r}", body.name, grid, body.paints, read)
     return BodyParts(body, grid, skin, surface, field)
 

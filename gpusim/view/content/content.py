@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, fra
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.fields import BodyState
+from gpusim.view.mesh_edges import crease_edges
 from gpusim.view.picture.neutral import unpainted
 
 if TYPE_CHECKING:  # a third of a second to import, which the first picture doesn't need
@@ -34,13 +36,15 @@ class Content:
     """What a window shows.
 
     ``files``: those that it was made of. ``objects``: the scene's bodies and props; None for a
-    mesh, whose surfaces are ``parts``. ``cameras``: the scene's. ``lights``: None where there are
-    none. ``stresses``: once there are some.
+    mesh, whose surfaces are ``parts``, and ``part_skins`` of those that have elements.
+    ``cameras``: the scene's. ``lights``: None where there are none. ``stresses``: once there are
+    some.
     """
 
     title: str
     files: tuple[Path, ...]
     parts: tuple[Surface, ...] = ()
+    part_skins: Sequence[Skin] = ()
     objects: SceneObjects | None = None
     cameras: tuple[Camera, ...] = ()
     lights: Sequence[Light] | None = None
@@ -57,6 +61,15 @@ class Content:
         """Of a camera of the scene."""
         assert self.objects is not None
         return build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
+
+    def has(self, what: str) -> bool:
+        """Whether there is any of what can be switched on and off."""
+        found = {
+            "light": self.lights is not None, "paint": self.objects is not None,
+            "mesh": bool(self.skins), "supports": self.is_solvable, "loads": self.is_solvable,
+            "cameras": bool(self.cameras),
+        }  # fmt: skip
+        return found[what]
 
     @property
     def frames(self) -> int:
@@ -93,7 +106,7 @@ class Content:
             return ""
         value = self.objects.history.factors[frame]
         word = frame_word(self.objects.scene).replace("_", " ")
-        return f"frame {frame} of 0 to {self.frames - 1}: {word} {value:g}"
+        return f"frame {frame} of {self.frames - 1}: {word} {value:g}"
 
     def solve(self, solution: SceneSolution, stresses: Stresses | None) -> None:
         """Take over what has been computed.
@@ -113,11 +126,6 @@ class Content:
         """Of a body's nodes (N, 3), not scaled."""
         assert self.objects is not None
         return self.objects.displacement(body, frame if self.moves else None)
-
-    def moved_point(self, body: int, reference: Array, frame: int) -> Array:
-        """Displacement (3,) of a material point (3,) on a body's surface."""
-        nodes, weights = self.skins[body].locate(reference[None])
-        return np.asarray(weights[0] @ self.displacement(body, frame)[nodes[0]])
 
     def surfaces(self, frame: int, scale: float = 1.0, painted: bool = True) -> list[Surface]:
         """Every surface in a frame, bodies first, displacements times ``scale``; the same objects
@@ -143,9 +151,16 @@ class Content:
         return found
 
     @property
-    def skins(self) -> list[Skin]:
-        """Of the bodies."""
-        return [] if self.objects is None else [parts.skin for parts in self.objects.bodies]
+    def skins(self) -> Sequence[Skin]:
+        """Of the bodies, or of a mesh."""
+        if self.objects is None:
+            return self.part_skins
+        return [parts.skin for parts in self.objects.bodies]
+
+    @cached_property
+    def creases(self) -> list[Array]:
+        """Edges (n, 2, 3) m of what is shown without paint and lamps: they tell its shape."""
+        return [crease_edges(surface) for surface in self.parts]
 
     def outline(self, frame: int, scale: float, whole: bool = False) -> Array:
         """Points (n, 3) to be framed: those of the bodies; of everything if there are none, or for

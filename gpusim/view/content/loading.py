@@ -18,12 +18,15 @@ from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.scene import load_scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
+from gpusim.scene.description.table import FileUnit, in_si
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.content.content import Content
 from gpusim.view.picture.neutral import PAINT
 
 __all__ = ["load_content", "load_solution"]
+
+STEP = (".step", ".stp")
 
 COARSE_MM = 1e6
 """Greatest element of a part that is only looked at: curved faces alone decide."""
@@ -32,14 +35,16 @@ CURVED = 24
 """Elements around a full circle there."""
 
 
-def load_content(path: Path) -> Content:
-    """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file.
+def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = None) -> Content:
+    """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file,
+    whose coordinates are in ``unit``, as they would be for a scene (a STEP file says its own).
+    Meshes of an ``earlier`` state of a scene are taken from there.
 
     Raises
     ------
     InputError, SceneError
-        Nothing there, an unknown ending, a folder without scene.toml; whatever the file's own
-        reader says.
+        A ``unit`` of what says its own; nothing there, an unknown ending, a folder without
+        scene.toml; whatever the file's own reader says.
 
     Examples
     --------
@@ -47,38 +52,49 @@ def load_content(path: Path) -> Content:
     >>> load_content(Path("bar.toml")).title
     'bar'
     """
+    suffix = path.suffix.lower()
+    if unit != "mm" and (path.is_dir() or suffix in (".toml", *STEP)):
+        raise InputError(f"view --unit; got {unit!r} for {path}; expected none: it says its own")
     if path.is_dir():
         return _run(path)
-    suffix = path.suffix.lower()
     if suffix == ".toml":
-        return _scene(path)
+        return _scene(path, earlier)
     known = sorted({*MESH_SUFFIXES, *SURFACE_SUFFIXES, *CAD_SUFFIXES})
     if suffix not in known:
         raise InputError(
             f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
             f"folder of a run, or a mesh: {' '.join(known)}"
         )
-    return Content(path.name, (path,), parts=(_part(path, suffix),))
+    surface, skins = _part(path, suffix, float(in_si(unit, "a file's unit")))
+    return Content(path.name, (path,), parts=(surface,), part_skins=skins)
 
 
-def _part(path: Path, suffix: str) -> Surface:
+def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
     file = read_input(path, "a mesh or CAD file")
     if suffix in SURFACE_SUFFIXES:  # an STL is shown as it is, closed or not
         points, faces = read_surface(file)
-        return Surface(points, faces, PAINT, name=path.stem)
-    if suffix in CAD_SUFFIXES:  # a STEP file is in millimetres
-        mesh = mesh_cad(file, size=1e-3 * COARSE_MM, curvature=CURVED, scale=1e-3)
+        return Surface(scale * points, faces, PAINT, name=path.stem), []
+    if suffix in CAD_SUFFIXES:
+        mesh = mesh_cad(file, size=1e-3 * COARSE_MM, curvature=CURVED, scale=scale)
     else:
-        mesh = read_mesh(file)
+        mesh = read_mesh(file, scale=scale)
     outside = boundary_faces(mesh)
     region = np.zeros(len(outside), np.int32)
-    return Skin(mesh, outside).surface({"neutral": PAINT}, region, {}, path.stem)
+    skin = Skin(mesh, outside)
+    return skin.surface({"neutral": PAINT}, region, {}, path.stem), [skin]
 
 
-def _scene(path: Path) -> Content:
+def _scene(path: Path, earlier: Content | None = None) -> Content:
     scene = load_scene(path)
     objects = SceneObjects(scene, LoadHistory(scene))
-    objects.bodies = [build_body(body, scene.input) for body in scene.bodies]
+    before = earlier.objects if earlier is not None else None
+    made = before.bodies if before is not None and before.scene.files == scene.files else []
+    objects.bodies = [
+        build_body(
+            body, scene.input, next((m.mesh for m in made if m.body.mesh == body.mesh), None)
+        )
+        for body in scene.bodies
+    ]
     objects.props = [build_prop(prop, scene.input) for prop in scene.props]
     if not objects.bodies and not objects.props:
         raise InputError(f"view {path}: nothing to see; expected a body or a prop")

@@ -25,7 +25,7 @@ HEADLIGHT_WHITE = 0.85
 def headlight(axes: npt.NDArray[np.float64]) -> list[Light]:
     """A light from over the left shoulder, and a little from everywhere; ``axes`` (3, 3): the
     image's right, down and forward."""
-    x, y, z = (float(v) for v in np.array([0.45, 0.55, 1.0]) @ axes)
+    x, y, z = (float(v) for v in np.array([0.2, 0.7, 1.0]) @ axes)
     return [SunLight((x, y, z), 3.0, diameter=0.0, shadows=False), AmbientLight(0.3)]
 
 
