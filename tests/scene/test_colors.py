@@ -146,6 +146,11 @@ def test_a_background_may_be_a_colour(tmp_path: Path) -> None:
         assert ("in colour" in describe(scene)["render"]) == isinstance(want, tuple)
 
 
+def test_a_colour_has_nothing_behind_it(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"albedo: no colour"):
+        load(tmp_path, plate('type = "plain"').replace("albedo = 0.8", 'albedo = "#c0a080\\n"'))
+
+
 def test_the_schema_for_editors_says_what_a_colour_is() -> None:
     tables = json_schema()["$defs"]
     for table, key, limits in (("Plain", "color", {"minimum": 0, "maximum": 1}),
