@@ -13,7 +13,7 @@ from gpusim.errors import SceneError
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.surfaces import build_prop
 from gpusim.scene import Scene, json_schema
-from gpusim.scene.cost import describe
+from gpusim.scene.cost import describe, estimate
 from gpusim.surface.color import color
 from tests.scene.test_paints import load, paint_of, plate
 
@@ -144,6 +144,9 @@ def test_a_background_may_be_a_colour(tmp_path: Path) -> None:
         scene = load(tmp_path, plate('type = "plain"') + f"[render]\nbackground = {value}\n")
         assert color(scene.render.background) == want
         assert ("in colour" in describe(scene)["render"]) == isinstance(want, tuple)
+        pixels = scene.cameras[0].resolution[0] * scene.cameras[0].resolution[1]
+        planes = 3 if isinstance(want, tuple) else 1
+        assert estimate(scene)["render"][0] == 16 * pixels * planes
 
 
 def test_a_colour_has_nothing_behind_it(tmp_path: Path) -> None:
