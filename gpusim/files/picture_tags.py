@@ -112,7 +112,7 @@ def exif_orientation(data: bytes) -> int:
 
 def _number(page: Any, code: int, usual: int) -> int:
     tag = page.tags.get(code)
-    value = usual if tag is None else tag.value
+    value: Any = usual if tag is None else tag.value
     return int(value[0] if isinstance(value, tuple) and len(value) == 1 else value)
 
 

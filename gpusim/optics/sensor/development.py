@@ -54,8 +54,8 @@ class Development:
         full = np.float32(2**self.bits - 1)
         result = np.empty(share.shape, np.uint8 if self.bits <= 8 else np.uint16)
         for row in range(0, len(share), _ROWS):
-            part = np.s_[row : row + _ROWS]
-            result[part] = np.rint(stored(share[part], self.gamma) * full)
+            rows = slice(row, row + _ROWS)
+            result[rows] = np.rint(stored(share[rows], self.gamma) * full)
         return result
 
     def _channels(self, share: F32) -> Iterator[tuple[F32, float]]:
