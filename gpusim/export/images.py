@@ -28,7 +28,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream
 from gpusim.files.input_file import InputFile
-from gpusim.files.picture_file import decode
+from gpusim.files.picture_file import read_picture
 
 __all__ = ["Picture", "keep", "read_image", "write_image"]
 
@@ -181,7 +181,8 @@ def write_tiff(
 
 
 def read_image(source: PathLike | InputFile) -> Picture:
-    """Read an image as it is stored: (H, W) or (H, W, 3), red, green and blue, uint8 or uint16.
+    """Read an image as it is stored: (H, W) or (H, W, 3), red, green and blue, uint8 or uint16;
+    what is transparent isn't.
 
     One that was read or written lately comes from memory (`gpusim.export.images`), so the array
     can't be written to. Raises InputError if the file is missing, unreadable or of another kind.
@@ -202,9 +203,7 @@ def read_image(source: PathLike | InputFile) -> Picture:
 
 
 def _decoded(source: PathLike | InputFile) -> Picture:
-    image = decode(source)
-    if image.ndim == 3 and image.shape[2] == 3:
-        image = np.ascontiguousarray(image[..., ::-1])
+    image = np.ascontiguousarray(read_picture(source))
     if not _is_picture(image) or image.dtype not in (np.uint8, np.uint16):
         path = source.path if isinstance(source, InputFile) else source
         raise InputError(

@@ -30,7 +30,7 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
 from gpusim.parallel.machine import memory_limit
 
-__all__ = ["decode", "decoding", "pages_of", "picture_file", "read_grey"]
+__all__ = ["decode", "decoding", "pages_of", "picture_file", "read_grey", "read_picture"]
 
 LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
 BYTES = 32  # of memory for a pixel, with all that is made of a picture
@@ -68,9 +68,10 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
             _check_size(file, size)
         data = file.data if tiff is None else plain_tiff(file, tiff)
         index = page if tiff is None else tiff.index
-        image = _by_opencv(data, index, flags | cv2.IMREAD_IGNORE_ORIENTATION)
+        apart = tiff is not None and tiff.apart  # OpenCV mixes up such pixels of more than 8 bits
+        image = None if apart else _by_opencv(data, index, flags | cv2.IMREAD_IGNORE_ORIENTATION)
         if image is None and tiff and flags == cv2.IMREAD_UNCHANGED:
-            image = _by_tifffile(data, index)
+            image = _by_tifffile(data, index, apart)
         if image is not None and tiff and tiff.white_is_zero:
             image = ~image
         turned = exif_orientation(data) if tiff is None else tiff.orientation
@@ -88,6 +89,15 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
             stacklevel=2,
         )
     return image
+
+
+def read_picture(source: Source, page: int = 0) -> npt.NDArray[Any]:
+    """What `decode` gives without what says how opaque it is: (H, W) if that is grey, or (H, W, 3)
+    of red, green and blue; pictures of other channels keep them."""
+    image = decode(source, page)
+    if image.ndim == 3 and image.shape[2] in (3, 4):
+        return image[..., 2::-1]
+    return image[..., 0] if image.ndim == 3 and image.shape[2] in (1, 2) else image
 
 
 def page_count(source: Source) -> int:
@@ -131,12 +141,14 @@ def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
     return None if image is None else np.asarray(image)
 
 
-def _by_tifffile(data: bytes, page: int) -> npt.NDArray[Any]:
-    """What OpenCV doesn't read: floats of 16 bits, planes apart, more than four channels."""
+def _by_tifffile(data: bytes, page: int, apart: bool) -> npt.NDArray[Any]:
+    """What OpenCV doesn't read: floats of 16 bits, channels ``apart``, more than four of them."""
     import tifffile
 
     image = np.asarray(tifffile.imread(io.BytesIO(data), key=page))
-    return image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image
+    image = np.moveaxis(image, 0, -1) if apart else image
+    colors = image.ndim == 3 and image.shape[2] in (3, 4)
+    return image[..., [2, 1, 0, 3][: image.shape[2]]] if colors else image
 
 
 def _check_size(file: InputFile, size: Size) -> None:
@@ -237,11 +249,7 @@ def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
         )
     if page is not None and not 1 <= page <= count:
         raise InputError(f"image file: {file}: got page {page}; expected 1 to {count}")
-    image = decode(data, 0 if page is None else page - 1)
-    if image.ndim == 3 and image.shape[2] in (3, 4):
-        image = grey_of(image[..., 2::-1])
-    if image.ndim == 3 and image.shape[2] in (1, 2):
-        image = image[..., 0]
+    image = grey_of(read_picture(data, 0 if page is None else page - 1))
     if image.ndim != 2 or image.dtype.kind not in "uif":
         raise InputError(
             f"image file: {file}: got shape {image.shape}, {image.dtype}; expected grey or colour"

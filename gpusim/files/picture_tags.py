@@ -18,7 +18,7 @@ from gpusim.files.input_file import InputFile
 __all__ = ["TIFF_MAGIC", "exif_orientation", "plain_tiff", "tiff_pages"]
 
 TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_ORIENTATION, _PHOTOMETRIC, _REDUCED = 274, 262, 254
+_ORIENTATION, _PHOTOMETRIC, _REDUCED, _PLANAR, _EXTRA = 274, 262, 254, 284, 338
 _LETTERS = {1: "B", 3: "H", 4: "I"}  # TIFF's BYTE, SHORT, LONG
 _EXIF = re.compile(rb"(?:Exif\0\0|eXIf|EXIF....)(?=II\*\0|MM\0\*)", re.DOTALL)
 
@@ -34,8 +34,11 @@ class Page:
     """1: as stored; 2 to 8: to be mirrored or turned for display."""
     white_is_zero: bool
     floats: bool
+    apart: bool
+    """Whether its channels lie one after the other, each a whole picture."""
     edits: Sequence[tuple[int, bytes]]
-    """Where in the file both are said, and what would say: as stored, black is zero."""
+    """Where in the file it is said, and what would say: as stored, black is zero, colours are
+    already multiplied by their opacity."""
 
 
 def tiff_pages(file: InputFile) -> list[Page]:
@@ -53,7 +56,9 @@ def tiff_pages(file: InputFile) -> list[Page]:
                 continue
             orientation = _number(page, _ORIENTATION, 1)
             white = _number(page, _PHOTOMETRIC, 1) == 0
+            opacity = _number(page, _EXTRA, 0) == 2
             wrong = [_ORIENTATION] * (orientation != 1) + [_PHOTOMETRIC] * white
+            wrong += [_EXTRA] * opacity
             pages.append(
                 Page(
                     index,
@@ -61,6 +66,7 @@ def tiff_pages(file: InputFile) -> list[Page]:
                     orientation,
                     white,
                     page.dtype is not None and page.dtype.kind == "f",
+                    page.samplesperpixel > 1 and _number(page, _PLANAR, 1) == 2,
                     [_says_one(page.tags[tag], tiff.byteorder) for tag in wrong],
                 )
             )
@@ -106,7 +112,8 @@ def exif_orientation(data: bytes) -> int:
 
 def _number(page: Any, code: int, usual: int) -> int:
     tag = page.tags.get(code)
-    return usual if tag is None else int(tag.value)
+    value: Any = usual if tag is None else tag.value
+    return int(value[0] if isinstance(value, tuple) and len(value) == 1 else value)
 
 
 def _says_one(tag: Any, order: str) -> tuple[int, bytes]:

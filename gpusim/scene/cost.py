@@ -163,6 +163,7 @@ def estimate(scene: Scene) -> Cost:
     most = max((_renderings(c) for c in scene.cameras), default=1.0)
     frames = len(scene.cameras) * len(scene.analysis.load_factors)
     fixed, per_pixel = _per_image(scene)
+    planes = 3 if _in_color(scene) else 1
     markers = _markers(scene)
     layers = len(scene.output.truth)
     steps = len(scene.analysis.load_factors)
@@ -171,7 +172,7 @@ def estimate(scene: Scene) -> Cost:
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
         "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
-        "render": (16 * pixels, (fixed + per_pixel * pixels) * most),
+        "render": (16 * planes * pixels, (fixed + per_pixel * pixels) * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
         "measure": (12 * pixels, 0.3 + 0.01 * markers + 2e-8 * pixels * len(scene.measures)),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),

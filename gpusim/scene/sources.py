@@ -24,6 +24,7 @@ _NOISE = dict.fromkeys(
      "gain_DN_per_e", "preset", "black_level_DN", "seed"),
     _GONE,
 )  # fmt: skip
+_MOSAIC = {"bayer": _GONE, "bayer_response": _GONE, "demosaic": _GONE, "exposure": "auto"}
 _DEPTH_OF_FIELD = ("f_number", "focus_distance_mm", "focal_mm", "positions")
 
 SOURCES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
@@ -31,6 +32,10 @@ SOURCES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
     "noise": {_SENSOR: _NOISE, _OWN_SENSOR: _NOISE},
     # grey values in whole numbers
     "quantisation": {_SENSOR: {"bits": _FINEST_BITS}, _OWN_SENSOR: {"bits": _FINEST_BITS}},
+    # one chip under filters, where demosaicing makes up two colours of three
+    "mosaic": {_SENSOR: _MOSAIC, _OWN_SENSOR: _MOSAIC},
+    # the curve, which moves blurred edges
+    "gamma": {_SENSOR: {"gamma": _GONE}, _OWN_SENSOR: {"gamma": _GONE}},
     # the lens's point spread and the gaps between pixels
     "psf": {_LENS: {"psf": _GONE, "fill_factor": 1.0}},
     "defocus": {_LENS: dict.fromkeys(_DEPTH_OF_FIELD, _GONE)},
@@ -102,6 +107,8 @@ def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     for name in names:
         if name == "noise" and not _counts_electrons(result):
             continue
+        if name == "mosaic" and not any("demosaic" in sensor for sensor in _sensors(result)):
+            continue  # a raw one is a grey picture, whose channels nothing keeps apart
         if name == "light" and not result.get("light"):
             continue
         for path, changes in SOURCES[name].items():
@@ -112,8 +119,11 @@ def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     return result
 
 
+def _sensors(document: Document) -> list[Document]:
+    return [*_tables(document, _SENSOR), *_tables(document, _OWN_SENSOR)]
+
+
 def _counts_electrons(document: Document) -> bool:
     """Whether any sensor has noise; without, its seed and black level say nothing of it."""
     counted = ("preset", "full_well_e", "gain_DN_per_e")
-    sensors = [*_tables(document, _SENSOR), *_tables(document, _OWN_SENSOR)]
-    return any(sensor.get(key) is not None for sensor in sensors for key in counted)
+    return any(sensor.get(key) is not None for sensor in _sensors(document) for key in counted)

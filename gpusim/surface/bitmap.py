@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -23,7 +22,7 @@ from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
-from gpusim.files.picture_file import decode
+from gpusim.files.picture_file import read_picture
 from gpusim.surface.color import BANDS, Albedo, Colored, grey
 from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
@@ -41,6 +40,8 @@ OVER_CELLS = (23548 / 46080, 10543 / 46080, 722 / 46080, 1 / 46080)
 # the mean of the quintic over two cells, seen from their common border: at 1/2, 3/2, 5/2, 7/2
 OVER_PAIRS = (34091 / 92160, 11265 / 92160, 723 / 92160, 1 / 92160)
 WIDEST = 16384
+LUMA = (0.299, 0.587, 0.114)
+"""Of red, green and blue (ITU-R BT.601)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +100,10 @@ def _means_over_pairs(coefficients: Array) -> Array:
             total += weight * (left + right)
         coefficients = np.moveaxis(total, 0, axis)
     return coefficients
+
+
+def _full_scale(pixels: npt.NDArray[Any]) -> float:
+    return 1.0 if pixels.dtype.kind == "f" else float(np.iinfo(pixels.dtype).max)
 
 
 @checked
@@ -161,7 +166,7 @@ class Image(Colored):
             raise InputError(
                 f"Image pixels; got {pixels.shape}; expected at most {WIDEST} pixels a side"
             )
-        full = 1.0 if pixels.dtype.kind == "f" else float(np.iinfo(pixels.dtype).max)
+        full = _full_scale(pixels)
         if not (pixels.min() >= 0 and pixels.max() <= full):
             raise InputError(
                 f"Image pixels; got values from {pixels.min()} to {pixels.max()}; "
@@ -189,10 +194,12 @@ class Image(Colored):
         """
         if channels not in ("rgb", "grey"):
             raise InputError(f"Image channels; got {channels!r}; expected 'rgb' or 'grey'")
-        kind = cv2.IMREAD_ANYCOLOR if channels == "rgb" else cv2.IMREAD_GRAYSCALE
-        values = decode(path, flags=cv2.IMREAD_ANYDEPTH | kind)
         try:
-            return Image(values[..., ::-1] if values.ndim == 3 else values, texel, **options)
+            image = Image(read_picture(path), texel, **options)
+            if channels == "rgb" or image.pixels.ndim == 2:
+                return image
+            luma = np.minimum(image.pixels / _full_scale(image.pixels) @ np.array(LUMA), 1.0)
+            return replace(image, pixels=luma)
         except InputError as error:
             name = path.path if isinstance(path, InputFile) else path
             raise InputError(f"{os.fspath(name)}: {error}") from None
@@ -216,8 +223,7 @@ class Image(Colored):
         """Albedo at the texels' centres, (H, W), or (H, W, 3) where it isn't grey."""
         if self.colored:
             return np.stack([self.in_band(band).albedo() for band in BANDS], axis=2)
-        full = 1.0 if self.pixels.dtype.kind == "f" else float(np.iinfo(self.pixels.dtype).max)
-        share = self.pixels / full
+        share = self.pixels / _full_scale(self.pixels)
         if self.gamma == "srgb":
             share = decoded(share)
         dark = grey(self.dark)

@@ -152,9 +152,15 @@ def test_unreadable_images(tmp_path: Path) -> None:
     (tmp_path / "text.png").write_text("no image")
     with pytest.raises(InputError, match="can't be read"):
         read_image(tmp_path / "text.png")
-    cv2.imwrite(str(tmp_path / "clear.png"), np.zeros((5, 4, 4), np.uint8))
-    with pytest.raises(InputError, match=r"\(5, 4, 4\)"):
-        read_image(tmp_path / "clear.png")
+    cv2.imwrite(str(tmp_path / "floats.tif"), np.zeros((5, 4, 3), np.float32))
+    with pytest.raises(InputError, match=r"\(5, 4, 3\), float32"):
+        read_image(tmp_path / "floats.tif")
+
+
+def test_what_is_transparent_is_read_as_if_it_were_not(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (5, 4, 4)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "clear.png"), pixels)
+    assert np.array_equal(read_image(tmp_path / "clear.png"), pixels[..., 2::-1])
 
 
 def test_an_image_read_again_comes_from_memory_while_the_file_is_the_same(tmp_path: Path) -> None:

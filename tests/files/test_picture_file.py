@@ -153,6 +153,34 @@ def test_what_is_whole_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal([read_grey(page) for page in stack], [GREY, GREY + 1])
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float16, np.float32])
+@pytest.mark.parametrize("planes", ["contig", "separate"])
+@pytest.mark.parametrize("opacity", [None, "assocalpha", "unassalpha"])
+def test_colours_of_a_tiff_are_those_stored(
+    kind: type, planes: str, opacity: str | None, tmp_path: Path
+) -> None:
+    """However they lie in the file, and whatever it says of how opaque they are."""
+    full = 1.0 if np.dtype(kind).kind == "f" else np.iinfo(kind).max
+    channels = 3 if opacity is None else 4
+    right = (full * np.random.default_rng(2).random((33, 57, channels))).astype(kind)
+    stored = right if planes == "contig" else np.moveaxis(right, 2, 0).copy()
+    path = tmp_path / "colours.tif"
+    options = {} if opacity is None else {"extrasamples": [opacity]}
+    tifffile.imwrite(path, stored, photometric="rgb", planarconfig=planes, **options)
+    np.testing.assert_array_equal(Image.read(path, 1.0).pixels, right[..., :3])
+    luminance = right[..., :3].astype(float) @ [0.2126, 0.7152, 0.0722]
+    np.testing.assert_allclose(
+        read_grey(path), luminance, rtol=1e-3 if kind is np.float16 else 1e-6
+    )
+    luma = right[..., :3] / full @ [0.299, 0.587, 0.114]
+    grey = Image.read(path, 1.0, channels="grey")
+    np.testing.assert_allclose(grey.albedo(), luma, atol=1e-3 if kind is np.float16 else 1e-12)
+    if full == 1.0:
+        np.testing.assert_array_equal(read_panorama(path), right[..., :3])
+    else:
+        np.testing.assert_array_equal(read_image(path), right[..., :3])
+
+
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.uint32, np.int16])
 def test_white_as_zero_is_inverted_at_any_depth(kind: type, tmp_path: Path) -> None:
     steps = {1: 1, 2: 257, 4: 16843009}[np.dtype(kind).itemsize]

@@ -237,6 +237,11 @@ def test_a_mosaic_and_the_curve_of_viewers(tmp_path: Path) -> None:
     [
         (COLOUR + '[camera.sensor]\nbayer = "RGGB"\n',
          'camera.one.channels: its sensor makes a raw mosaic'),
+        (CAMERA.format("one") + '[camera.sensor]\nbayer = "RGGB"\ndemosaic = "malvar"\n',
+         'camera.one.channels: its sensor makes a picture in colour of its mosaic'),
+        (COLOUR + 'white_balance_K = 3200\n[camera.sensor]\nbayer = "RGGB"\n'
+         'demosaic = "malvar"\nbayer_response = [1, 0, 1]\n',
+         "camera.one.white_balance_K: can't lift what has no bayer_response"),
         (COLOUR + '[camera.sensor]\ndemosaic = "malvar"\n',
          "camera.one.sensor.demosaic: no mosaic"),
         (CAMERA.format("one") + "white_balance = [1, 1, 2]\n",

@@ -23,6 +23,13 @@ CHANGES: dict[str, Any] = {
     "analysis.frame_rate_Hz": 50.0,
     "sensor.full_well_e": 32000.0,
     "sensor.read_noise_e": 12.0,
+    "sensor.bayer": "RGGB",
+    "sensor.bayer_response": [0.6, 1.0, 0.8],
+    "sensor.demosaic": "malvar",
+    "sensor.gamma": "srgb",
+    "camera.0.channels": "rgb",
+    "camera.0.white_balance_K": 2856.0,
+    "light.0.temperature_K": 2856.0,
 }  # fmt: skip
 
 
@@ -50,7 +57,8 @@ def test_only_some_effects(checkout: Path) -> None:
     scene = full(checkout)
     only = scene.with_effects(only=["noise", "distortion"])
     assert active_sources(only.document) == ("noise", "distortion")
-    assert only.sensor.values == scene.sensor.values
+    values = scene.sensor.values
+    assert only.sensor.values == {key: values[key] for key in ("full_well", "read_noise")}
     shaded = scene.with_effects(only=["shadows"])  # shadows need the light that they keep away
     assert active_sources(shaded.document) == ("shadows", "light")
     assert scene.with_effects() is scene
@@ -72,6 +80,13 @@ def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:
     assert budget.row("no", "noise").errors == pytest.approx(budget.row("none").errors, rel=1e-9)
     assert budget.row("all").errors[rms] > 3.0 * budget.row("none").errors[rms]
     assert '"budget": {' in (tmp_path / "report.json").read_text(encoding="utf-8")
+
+
+def test_a_raw_mosaic_is_no_effect_but_what_was_asked_for(checkout: Path) -> None:
+    raw = {"sensor.bayer": "RGGB", "camera.0.white_balance": [2.0, 1.0, 1.5]}
+    scene = gs.load_scene(checkout / "examples" / "cantilever.toml", raw)
+    assert "mosaic" not in active_sources(scene.document)
+    assert gs.Scene.from_document(with_only(scene.document, [])).sensor.bayer == "RGGB"
 
 
 def test_a_budget_needs_measures_and_effects(checkout: Path, tmp_path: Path) -> None:

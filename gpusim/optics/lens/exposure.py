@@ -40,9 +40,8 @@ from gpusim.optics.lens.thin_lens import Focus, Lens, focus_of, seen_through
 from gpusim.optics.lens.tiles import Tile, largest_tile
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.local_origin import local_view
-from gpusim.optics.rendering.renderer import MIN_ERROR, is_coloured, render
+from gpusim.optics.rendering.renderer import MIN_ERROR, backdrop, is_coloured, render
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
@@ -84,7 +83,7 @@ def photograph(
     shutter: Shutter | None = None,
     time: float = 0.0,
     error: float = MIN_ERROR,
-    background: Color = 0.0,
+    background: float | str | Sequence[float] = 0.0,
     device: Device | None = None,
     backend: str = "auto",
     shortcuts: bool = True,
@@ -121,14 +120,14 @@ def photograph(
     (4, 6)
     """
     _check(surfaces, lens, shutter, time)
-    lens, shutter = lens or Lens(), shutter or Shutter()
+    lens, shutter, behind = lens or Lens(), shutter or Shutter(), backdrop(background)
     exposure = plan_exposure(surfaces, camera, lens, shutter, time, error)
     device = working_device("photograph", backend, device)
     backend = "numpy" if device is None else "gpu"
 
     def shoot(what: Sequence[Surface], whence: Camera) -> Frame:
         return render(
-            what, whence, lights, error=error, background=background, device=device,
+            what, whence, lights, error=error, background=behind, device=device,
             backend=backend, shortcuts=shortcuts,
         )  # fmt: skip
 
@@ -140,7 +139,7 @@ def photograph(
             combined = _combine_twin(exposure, shoot)
             frame = Frame.of_planes([Frame(view, None, radiance=plane) for plane in combined])
         else:
-            planes = 3 if is_coloured(exposure.sight[0], lights, background) else 1
+            planes = 3 if is_coloured(exposure.sight[0], lights, behind) else 1
             frame = Frame.of_bands(view, device, list(_combine(exposure, shoot, device, planes)))
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 from gpusim.errors import InputError
@@ -53,6 +55,17 @@ class ColoredLight(Colored):
     def colored(self) -> bool:
         """Whether it isn't grey."""
         return self.color is not None
+
+    @property
+    def grey(self) -> Self:
+        """The same without colour, as what is equally sensitive in all bands sees it; made once."""
+        return self._grey if self.colored else self
+
+    @cached_property
+    def _grey(self) -> Self:
+        light: Any = self
+        result: Self = replace(light, color=None)  # whose mean is 1
+        return result
 
     def _of_band(self, band: int) -> Self:
         # a changed copy: what a new lamp may not have, a power of 0, is right in a band

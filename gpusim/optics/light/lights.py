@@ -10,7 +10,8 @@ a sensor gets of it that is equally sensitive to all three, whatever its colour.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from os import PathLike
 from typing import Self
 
@@ -22,6 +23,7 @@ from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.optics.light.light_color import ColoredLight, LightColor
 from gpusim.optics.light.panorama import read_panorama
+from gpusim.surface.color import BANDS
 from gpusim.validation import checked
 
 __all__ = [
@@ -279,6 +281,13 @@ class EnvironmentLight(ColoredLight):
     def colored(self) -> bool:
         """Whether it isn't grey."""
         return super().colored or (self.image is not None and self.image.ndim == 3)
+
+    @cached_property
+    def _grey(self) -> Self:
+        if self.image is None:
+            return replace(self, color=None)
+        images = [np.asarray(self.in_band(band).image) for band in BANDS]
+        return replace(self, color=None, image=np.mean(images, axis=0))
 
     def _of_band(self, band: int) -> Self:
         result = super()._of_band(band)

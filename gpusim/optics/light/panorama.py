@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.grey import LUMINANCE
+from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.files.picture_file import decode, decoding
+from gpusim.files.picture_file import decoding, read_picture
 
 __all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
 
@@ -46,11 +46,8 @@ def read_panorama(
     if suffix == ".npy":
         with decoding(whole):
             pixels = np.load(whole.stream(), allow_pickle=False)
-        if pixels.ndim == 3:
-            pixels = pixels[..., ::-1]
     else:
-        pixels = decode(whole)
-        pixels = pixels[..., :3] if pixels.ndim == 3 else pixels
+        pixels = read_picture(whole)
     if pixels.dtype.kind != "f" or not (pixels.ndim == 2 or pixels.shape[2:] == (3,)):
         raise InputError(
             f"{file}: no radiances; got {pixels.dtype} of shape {pixels.shape}; expected floats, "
@@ -59,8 +56,6 @@ def read_panorama(
     values: npt.NDArray[np.float64] = pixels.astype(np.float64)
     if not (np.isfinite(values).all() and (values >= 0.0).all()):
         raise InputError(f"{file}: radiances; got values below 0 or not finite; expected from 0 up")
-    if values.ndim == 2:
+    if channels == "rgb" and values.ndim == 3 and (values != values[..., :1]).any():
         return values
-    if channels == "rgb" and (values != values[..., :1]).any():
-        return np.ascontiguousarray(values[..., ::-1])
-    return np.asarray(values @ np.array(LUMINANCE)[::-1])
+    return grey_of(values)

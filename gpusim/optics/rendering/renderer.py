@@ -32,11 +32,11 @@ from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.surface.color import Color
+from gpusim.surface.color import BANDS, Color, color, in_band
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = ["is_coloured", "render"]
+__all__ = ["backdrop", "is_coloured", "render"]
 
 MAX_SIDE = 8192
 """px, of an image."""
@@ -59,7 +59,7 @@ def render(
     lights: Sequence[Light] | None = None,
     *,
     error: float = MIN_ERROR,
-    background: Color = 0.0,
+    background: float | str | Sequence[float] = 0.0,
     device: Device | None = None,
     backend: str = "auto",
     shortcuts: bool = True,
@@ -72,7 +72,7 @@ def render(
         otherwise the lights' reflection, with the shadows of all ``surfaces``.
     error : largest error wanted, in grey levels of 8 bit (RMS); the closed forms reach 0.25, so
         smaller values are refused.
-    background : radiance where no surface is, grey or red, green and blue.
+    background : radiance where no surface is: a number, red, green and blue, or "#rrggbb".
     backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
         warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
     device : the device to take; None: the process-wide one.
@@ -97,12 +97,13 @@ def render(
     >>> float(gs.render([wall], camera).radiance.max())
     0.5
     """
-    _check(surfaces, camera, lights, error, background)
+    _check(surfaces, camera, lights, error)
+    behind = backdrop(background)
     device = working_device("render", backend, device)
     moved, camera_there, lights, origin = local(surfaces, camera, lights)
     if lights is not None and shortcuts:
         lights = without_shadows(moved, lights, camera_there.eye)
-    scene = _Scene(moved, lights, background)
+    scene = _Scene(moved, lights, behind)
     view = look(moved, camera_there, scene.lights is not None)
     shown = seen_from_origin(view, origin)
     if device is None:
@@ -131,6 +132,20 @@ class _Scene:
     def coloured(self) -> bool:
         """Whether something in it isn't grey."""
         return is_coloured(self.surfaces, self.lights, self.background)
+
+
+def backdrop(background: float | str | Sequence[float]) -> Color:
+    """The radiance behind a scene, from what people write. Raises InputError."""
+    try:
+        found = color(background)
+    except InputError:
+        found = -1.0
+    if not min(in_band(found, band) for band in BANDS) >= 0.0:
+        raise InputError(
+            f"render background; got {background!r}; expected a radiance from 0 up: a number, "
+            "three (red, green, blue), or '#rrggbb'"
+        )
+    return found
 
 
 def is_coloured(
@@ -198,7 +213,6 @@ def _check(
     camera: Camera,
     lights: Sequence[Light] | None,
     error: float,
-    background: Color,
 ) -> None:
     """Refuse what isn't to be rendered."""
     if not _all_are(Surface, surfaces) or not surfaces:
@@ -211,10 +225,6 @@ def _check(
         raise InputError(f"render lights; got {lights!r}; expected a list of lights, or None")
     if not (np.isfinite(error) and error >= MIN_ERROR):
         raise InputError(f"render error; got {error}; expected at least {MIN_ERROR} grey levels")
-    if np.shape(background) not in ((), (3,)) or not (
-        np.isfinite(background).all() and np.greater_equal(background, 0.0).all()
-    ):
-        raise InputError(f"render background; got {background}; expected a radiance from 0 up")
     for name, size in (("width", camera.width), ("height", camera.height)):
         if size > MAX_SIDE:
             raise InputError(f"render: image {name}; got {size}; expected at most {MAX_SIDE} px")

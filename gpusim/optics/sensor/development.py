@@ -23,6 +23,7 @@ __all__ = ["RAW_BITS", "Development", "at_least", "check_gains", "stored"]
 F32 = npt.NDArray[np.float32]
 RAW_BITS = 16
 RAW_FULL = 2**RAW_BITS - 1
+_ROWS = 64  # at a time: what a curve needs meanwhile isn't held for a whole picture
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,14 @@ class Development:
             share += np.float32(self.black)
             np.clip(share, 0.0, 1.0, out=share)
         if self.bayer is not None and self.demosaic is not None:
-            share = np.clip(demosaiced(share, self.bayer, self.demosaic), 0.0, 1.0)
+            share = demosaiced(share, self.bayer, self.demosaic)
+            np.clip(share, 0.0, 1.0, out=share)
         full = np.float32(2**self.bits - 1)
-        kind = np.uint8 if self.bits <= 8 else np.uint16
-        return np.asarray(np.rint(stored(share, self.gamma) * full), kind)
+        result = np.empty(share.shape, np.uint8 if self.bits <= 8 else np.uint16)
+        for row in range(0, len(share), _ROWS):
+            rows = slice(row, row + _ROWS)
+            result[rows] = np.rint(stored(share[rows], self.gamma) * full)
+        return result
 
     def _channels(self, share: F32) -> Iterator[tuple[F32, float]]:
         """What belongs to a channel, and its gain."""

@@ -153,10 +153,11 @@ class Sensor:
                 f"Sensor demosaic; got {self.demosaic!r} with bayer {self.bayer!r}; expected one "
                 f"of {sorted(METHODS)}, and a bayer pattern"
             )
-        if self.channels == "rgb" and self.bayer is not None and self.demosaic is None:
+        if self.bayer is not None and (self.channels == "rgb") != (self.demosaic is not None):
             raise InputError(
-                f"Sensor demosaic; got None with channels 'rgb' and bayer {self.bayer!r}; expected "
-                f"one of {sorted(METHODS)}; a raw mosaic has channels 'mono'"
+                f"Sensor demosaic; got {self.demosaic!r} with channels {self.channels!r} and bayer "
+                f"{self.bayer!r}; expected one of {sorted(METHODS)} with channels 'rgb', none with "
+                "'mono': a raw mosaic"
             )
         if self.sensitivities is not None:
             rows = check_sensitivities(self.sensitivities, self._filtered)
@@ -192,11 +193,11 @@ class Sensor:
         sensor = Sensor(bits) if like is None else like
         level = 0.0
         for channel, row in enumerate(sensor._sensitivities):
-            lift = sensor._gains[channel]  # what white balance adds to filters of less response
-            if sensor.bayer is not None and sensor.white_balance is not None:
+            lift = max(sensor._gains[channel], 1.0)  # what is lowered is cut off before
+            if sensor.bayer is not None:
                 lift *= sensor.bayer_response[channel]
             with seen(frame, weights_of(row, frame)) as plane:
-                level = max(level, plane.brightest() * max(lift, 1.0))
+                level = max(level, plane.brightest() * lift)
         if not level > 0.0:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
         return replace(sensor, full_scale=level / (AUTO_LEVEL * sensor._filled))

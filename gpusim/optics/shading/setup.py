@@ -32,7 +32,6 @@ from gpusim.optics.shading.coefficients import (
 from gpusim.optics.shading.lighting import Lighting
 from gpusim.optics.shading.spectrum import (
     SpectralBand,
-    grey_light,
     indexed,
     is_coloured_scene,
     regions_in_band,
@@ -102,7 +101,7 @@ class Setup:
         regions = regions_in_band(view.paints, 0) if colored else view.paints
         table = FeatureGrid.build(regions, view.extent)
         bitmaps = BitmapTable.build(regions, table.paints)
-        grey = [grey_light(light) for light in lights] if colored and lights else lights
+        grey = [light.grey for light in lights] if colored and lights else lights
         lighting = Lighting.build(view, grey, surfaces, device)
         lit = lights is not None
         found = CoefficientCache(view, table, bitmaps, lit)

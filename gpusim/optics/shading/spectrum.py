@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.geometry.view import RegionPaint
-from gpusim.optics.light.lights import EnvironmentLight, Light
+from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
@@ -26,7 +25,6 @@ from gpusim.surface.color import BANDS, Color, in_band, is_colored
 
 __all__ = [
     "SpectralBand",
-    "grey_light",
     "indexed",
     "is_coloured_scene",
     "regions_in_band",
@@ -52,17 +50,6 @@ def is_coloured_scene(
 ) -> bool:
     """Whether some of it isn't grey."""
     return any(map(is_colored, (background, *paints, *(lights or ()))))
-
-
-@lru_cache(maxsize=64)
-def grey_light(light: Light) -> Light:
-    """As what is equally sensitive in all bands sees it."""
-    if not is_colored(light):
-        return light
-    if isinstance(light, EnvironmentLight) and light.image is not None:
-        images = [np.asarray(in_band(light, band).image) for band in BANDS]
-        return replace(light, color=None, image=np.mean(images, axis=0))
-    return replace(light, color=None)  # whose mean is 1
 
 
 def spectral_bands(

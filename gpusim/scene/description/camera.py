@@ -146,9 +146,15 @@ class Camera(Table):
             if value is not None and not filtered:
                 raise fault(f"{where}.{key}", "needs pixels behind colour filters", value,
                             'channels = "rgb", or a sensor with bayer')  # fmt: skip
+        if self.white_balance_K is not None and sensor.bayer and not all(sensor.bayer_response):
+            raise fault(f"{where}.white_balance_K", "can't lift what has no bayer_response",
+                        sensor.bayer_response, "responses above 0")  # fmt: skip
         if self.channels == "rgb" and sensor.bayer is not None and sensor.demosaic is None:
             raise fault(f"{where}.channels", "its sensor makes a raw mosaic", "rgb",
                         'demosaic beside bayer, or channels = "mono"')  # fmt: skip
+        if self.channels == "mono" and sensor.demosaic is not None:
+            raise fault(f"{where}.channels", "its sensor makes a picture in colour of its mosaic",
+                        "mono", 'channels = "rgb", or no demosaic')  # fmt: skip
         rows = sensor.sensitivities
         if rows is not None and isinstance(rows[0], tuple) != filtered:
             expected = "3 rows of 3 numbers" if filtered else "3 numbers"

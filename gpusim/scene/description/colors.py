@@ -30,7 +30,7 @@ def _checked(most: float, numbers: str) -> PlainValidator:
 
     def check(value: Any) -> SceneColor:
         if isinstance(value, str):
-            if not re.match(_HEX, value):
+            if not re.fullmatch(_HEX, value):
                 raise fault("", "no colour", value, expected)
             return value
         items = value if isinstance(value, list) else [value]

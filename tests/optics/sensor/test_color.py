@@ -157,7 +157,8 @@ def test_what_is_saturated_by_channel() -> None:
     bright = frame_of(np.full((3, HEIGHT, WIDTH), 1.4))
     dark = frame_of(np.full((3, HEIGHT, WIDTH), 0.4))
     common: dict[str, Any] = {"white_balance": (0.5, 1.0, 1.5), "full_well": 4000.0}
-    for own in ({"channels": "rgb"}, {"bayer": "RGGB"}, {"bayer": "RGGB", "demosaic": "malvar"}):
+    clear = {"bayer": "RGGB", "demosaic": "malvar", "channels": "rgb"}
+    for own in ({"channels": "rgb"}, {"bayer": "RGGB"}, clear):
         sensor = gs.Sensor(12, gain=0.8, **common, **own)
         image = sensor.expose(bright, seed=1)
         assert sensor.saturated(image).all(), own
@@ -187,6 +188,12 @@ def test_auto_exposure_is_for_the_brightest_channel(device: Device, on_device: b
     # that of a weak filter lifts it to where it would be
     weak = {"bayer": "RGGB", "bayer_response": (0.5, 1.0, 0.5), "white_balance": (2.0, 1.0, 2.0)}
     assert exposed(**weak).max() == pytest.approx(0.95 * 4095, rel=0.03)
+    # and one that only weakens leaves room for more light
+    for gains in (None, (1.0, 1.0, 1.0), (0.9, 0.8, 1.0)):
+        for response in ((0.4, 0.5, 0.3), (1.5, 2.0, 1.2)):
+            image = exposed(bayer="RGGB", bayer_response=response, white_balance=gains)
+            lowered = 0.8 if gains and gains[1] < 1.0 else 1.0
+            assert image.max() == pytest.approx(lowered * 0.95 * 4095, rel=0.03)
     assert exposed().max() == pytest.approx(0.95 * 4095, abs=0.6)
 
 
@@ -211,7 +218,8 @@ def test_gamma_comes_last() -> None:
         ({"channels": "grey"}, "channels; got 'grey'; expected 'mono' or 'rgb'"),
         ({"demosaic": "malvar"}, "demosaic; got 'malvar' with bayer None"),
         ({"demosaic": "best", "bayer": "RGGB"}, r"expected one of \['bilinear', 'malvar'\]"),
-        ({"channels": "rgb", "bayer": "RGGB"}, "a raw mosaic has channels 'mono'"),
+        ({"channels": "rgb", "bayer": "RGGB"}, "got None with channels 'rgb' and bayer 'RGGB'"),
+        ({"demosaic": "malvar", "bayer": "RGGB"}, "with channels 'rgb', none with 'mono'"),
         ({"sensitivities": (1.0, 2.0)}, r"sensitivities; got \[1.0, 2.0\]; expected 3 numbers"),
         ({"sensitivities": np.eye(3)}, r"\(3, 3\) is for colour"),
         ({"sensitivities": (1, 1, 1), "channels": "rgb"}, "expected 3 rows"),

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pytest
 
 import gpusim as gs
-from gpusim.errors import TwinMismatch
+from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu import Device
 from gpusim.gpu.twin import compare
 from gpusim.optics.geometry.view import look
@@ -171,6 +171,29 @@ def test_a_photograph_blurs_every_plane(device: Device) -> None:
     grey, lamps = of_band(surfaces, lights, 2)
     blue = gs.photograph(grey, camera(60, 40), lamps, background=BEHIND[2], **given)
     np.testing.assert_allclose(frame.radiance[..., 2], blue.radiance, rtol=2e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("backend", ["gpu", "numpy"])
+def test_colours_and_places_as_people_write_them(device: Device, backend: str) -> None:
+    """Lists and arrays are what tuples are, in scenes with and without other colours."""
+    for paint in (gs.paint.Plain(0.5), gs.paint.Plain("#ff8000")):
+        wall = gs.Surface(quad((-1, 0, -1), (1, 0, 0), (0, 0, 1)), QUAD, paint=paint)
+        want = gs.render([wall], camera(12, 8), background=(1.0, 0.0, 0.0), backend=backend)
+        for given in ([1, 0, 0], np.array([1.0, 0.0, 0.0]), "#ff0000"):
+            for take in (gs.render, gs.photograph):
+                got = take([wall], camera(12, 8), background=given, backend=backend)
+                np.testing.assert_array_equal(got.radiance, want.radiance)
+        lit = [
+            gs.render([wall], camera(12, 8), [gs.PointLight(place, 9.0, color=[2, 1, 0])],
+                      backend=backend).radiance
+            for place in ((0.0, -3.0, 1.0), [0.0, -3.0, 1.0], np.array([0.0, -3.0, 1.0]))
+        ]  # fmt: skip
+        assert lit[0].any() and (lit[0] == lit[1]).all() and (lit[0] == lit[2]).all()
+    grey = gs.render([wall], camera(12, 8), background=[0.2, 0.2, 0.2], backend=backend)
+    assert (grey.radiance[0, 0] == np.float32(0.2)).all()
+    for bad in ((1, 2), (1, 2, 3, 4), (0, -1, 0), "red", (np.nan, 0, 0)):
+        with pytest.raises(InputError, match=r"render background; got .*'#rrggbb'"):
+            gs.photograph([wall], camera(12, 8), background=bad, backend=backend)  # type: ignore[arg-type]
 
 
 def test_surroundings_in_colour_are_mirrored(device: Device) -> None:
