@@ -90,12 +90,13 @@ def check_display(device: Device) -> None:
     planes = [random.random((14, 23)) for _ in range(3)]
     for scale, smooth, parts in ((2.6, True, (14,)), (2.6, False, (9, 5)), (1.0, True, (9, 5))):
         frames = [Frame(view, device, _bands(device, plane, parts)) for plane in planes]
-        for frame in (frames[0], Frame.of_planes(frames)):
+        coloured = Frame.of_planes(frames)
+        for frame, radiance in ((frames[0], planes[0]), (coloured, np.dstack(planes))):
             with device.recording("twin.display") as recording:
                 draw_frame(
                     device, recording, target, Placement(scale=scale), frame, 1.2, smooth=smooth
                 )
-            wanted = display_twin(frame.radiance, 61, 37, 1.2, scale, smooth)
+            wanted = display_twin(radiance, 61, 37, 1.2, scale, smooth)
             got = pixels_of(device, target)[..., :3] * STEP
             compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
 
