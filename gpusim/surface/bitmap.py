@@ -108,7 +108,7 @@ class Image(Colored):
 
     What is seen is the quintic B-spline through the texels' values at their centres; the renderer
     integrates it over each pixel. Beside edges of hard contrast such a surface swings over, by up to
-    a quarter of the step; what a pixel gets stays within 0 and 1.
+    half of the step; what a pixel gets stays within 0 and 1.
 
     Parameters
     ----------

@@ -36,5 +36,5 @@ def test_one_changed_value_is_seen(
         return buffer(self, array, name)
 
     monkeypatch.setattr(Device, "buffer", changed)
-    with pytest.raises(TwinMismatch, match="of .* values off"):
+    with pytest.raises(TwinMismatch, match=r"of .* values off"):
         twin_checks()[stage](device)
