@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.errors import InputError
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity
 from gpusim.optics.camera.pinhole import Camera
@@ -16,10 +17,10 @@ from gpusim.report.style import MEASURED, named
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["PLANES", "draw_camera", "html", "plot"]
+__all__ = ["draw_camera", "html", "plane_axes", "plot"]
 
 Array = npt.NDArray[np.float64]
-PLANES = {"xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+_PLANES = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 """What is drawn to the right and up: from above, from the front, from the right."""
 _SKETCH = 300  # px
 _LINES = 9
@@ -68,19 +69,17 @@ def plot(
     if reach is None:
         reach = float(np.linalg.norm(camera.eye)) or 1.0
     draw_camera(ax, camera, plane, reach, 1.0, **style)
-    across, up = PLANES[plane_of(plane)]
+    across, up = plane_axes(plane)
     ax.set(xlabel=f"{'xyz'[across]} ({unit})", ylabel=f"{'xyz'[up]} ({unit})", aspect="equal")
     ax.set_title(f"{named(camera.name)}, up to {quantity(reach, unit, 3)} away")
     return ax
 
 
-def plane_of(plane: str) -> str:
-    """``plane``. Raises InputError if it is none."""
-    from gpusim.errors import InputError
-
-    if plane not in PLANES:
-        raise InputError(f"plot: plane; got {plane!r}; expected one of {list(PLANES)}")
-    return plane
+def plane_axes(plane: str) -> list[int]:
+    """The axes that are drawn to the right and up. Raises InputError for a plane that is none."""
+    if plane not in _PLANES:
+        raise InputError(f"plot: plane; got {plane!r}; expected one of {list(_PLANES)}")
+    return _PLANES[plane]
 
 
 def draw_camera(
@@ -88,7 +87,7 @@ def draw_camera(
 ) -> None:
     """Draw the camera's eye, the outline of its view up to ``reach``, and its axis; lengths times
     ``scale``."""
-    axes = list(PLANES[plane_of(plane)])
+    axes = plane_axes(plane)
     colour = style.pop("color", MEASURED)
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [camera.width, camera.height] - 0.5
     rays = np.column_stack([corners, np.ones(4)]) @ camera.ray_matrix().T

@@ -41,14 +41,6 @@ def _axis(k: int) -> Callable[[Any], Array]:
     return lambda result: result.displacement[:, k]
 
 
-def _strain(i: int, j: int) -> Callable[[Any], Array]:
-    return lambda result: result.tensor[:, i, j]
-
-
-def _principal(k: int) -> Callable[[Any], Array]:
-    return lambda result: result.principal[:, k]
-
-
 def _length(result: Any) -> Array:
     squares: Array = (result.displacement**2).sum(axis=1)
     return np.sqrt(squares)
@@ -80,11 +72,11 @@ _MAPPED = {
     "sigma": Component("standard uncertainty (unit of the mapping)", _measured("sigma")),
 }
 _STRAIN = {
-    "exx": Component("exx", _strain(0, 0), centred=True),
-    "eyy": Component("eyy", _strain(1, 1), centred=True),
-    "exy": Component("exy (half the shear angle)", _strain(0, 1), centred=True),
-    "e1": Component("larger principal strain", _principal(0), centred=True),
-    "e2": Component("smaller principal strain", _principal(1), centred=True),
+    "exx": Component("exx", lambda r: r.tensor[:, 0, 0], centred=True),
+    "eyy": Component("eyy", lambda r: r.tensor[:, 1, 1], centred=True),
+    "exy": Component("exy (half the shear angle)", lambda r: r.tensor[:, 0, 1], centred=True),
+    "e1": Component("larger principal strain", lambda r: r.principal[:, 0], centred=True),
+    "e2": Component("smaller principal strain", lambda r: r.principal[:, 1], centred=True),
 }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.notebook.axes import flat_axes
-from gpusim.notebook.page import Picture, page, png_bytes, span
+from gpusim.notebook.page import Picture, fitting, page, png_bytes, span
 from gpusim.notebook.shading import encoded
 from gpusim.optics.frame import Frame
 from gpusim.report.style import named
@@ -60,10 +60,8 @@ def plot(frame: Frame, ax: Axes | None, **style: Any) -> Axes:
 
 def _picture(frame: Frame) -> Picture:
     pixels = toned(_small(frame.radiance))
-    width, height = pixels.shape[1], pixels.shape[0]
-    factor = min(_WIDTH / width, _HEIGHT / height)
     # a tiny picture is shown by squares that can be seen
-    zoom = max(1, int(factor / 2))
+    zoom = max(1, int(min(_WIDTH / pixels.shape[1], _HEIGHT / pixels.shape[0]) / 2))
     if zoom > 1:
         pixels = pixels.repeat(zoom, axis=0).repeat(zoom, axis=1)
     caption = "Tone-mapped: linear up to white, then sRGB."
@@ -74,11 +72,9 @@ def _picture(frame: Frame) -> Picture:
 
 def _small(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """By area average."""
-    height, width = radiance.shape[:2]
-    factor = min(_WIDTH / width, _HEIGHT / height)
-    if factor >= 1.0:
+    size = fitting(radiance.shape, _WIDTH, _HEIGHT)
+    if size == radiance.shape[1::-1]:
         return radiance
-    size = max(1, round(factor * width)), max(1, round(factor * height))
     return np.asarray(cv2.resize(radiance, size, interpolation=cv2.INTER_AREA), np.float32)
 
 

@@ -22,7 +22,7 @@ from gpusim.report.text import number
 if TYPE_CHECKING:
     from jinja2 import Template
 
-__all__ = ["Legend", "Picture", "Rows", "page", "png_bytes", "quantity", "span"]
+__all__ = ["Legend", "Picture", "Rows", "fitting", "page", "png_bytes", "quantity", "span"]
 
 Rows = Sequence[tuple[str, ...]]
 """Of a table: what a row is of, and its values."""
@@ -106,6 +106,12 @@ def _template() -> Template:
         finalize=shown,
     )
     return environment.get_template("display.html.j2")
+
+
+def fitting(shape: tuple[int, ...], width: int, height: int) -> tuple[int, int]:
+    """Width and height of a picture (H, W, …), made smaller to at most these."""
+    factor = min(1.0, width / shape[1], height / shape[0])
+    return max(1, round(factor * shape[1])), max(1, round(factor * shape[0]))
 
 
 def png_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:

@@ -10,7 +10,7 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.notebook.axes import flat_axes
-from gpusim.notebook.page import Picture, page, quantity
+from gpusim.notebook.page import Picture, fitting, page, quantity
 from gpusim.report.figures import draw_error_bars, draw_measured
 from gpusim.report.html import aligned, reduced
 from gpusim.report.model import FramePair, Measurement, Report, Series
@@ -100,9 +100,7 @@ def _page_of(report: Report) -> str:
 
 def _photo(pair: FramePair) -> Picture:
     image = read_image(pair.deformed)
-    height, width = image.shape
-    factor = min(1.0, _WIDTH / width, _HEIGHT / height)
-    size = max(1, round(factor * width)), max(1, round(factor * height))
+    size = fitting(image.shape, _WIDTH, _HEIGHT)
     caption = f"Camera {pair.camera}, loaded."
     return Picture(f"camera {pair.camera}", reduced(image, size, pair.bits), caption)
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.notebook.axes import flat_axes
-from gpusim.notebook.camera import PLANES, draw_camera, plane_of
+from gpusim.notebook.camera import draw_camera, plane_axes
 from gpusim.notebook.page import Picture, page
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
 from gpusim.optics.camera.pinhole import Camera
@@ -89,7 +89,7 @@ def html(scene: Scene) -> str:
 
 def plot(scene: Scene, ax: Axes | None, *, plane: str = "xy", **style: Any) -> Axes:
     """Bodies, props, cameras with what they see, and lamps: from above or from a side, in mm."""
-    across, up = PLANES[plane_of(plane)]
+    across, up = plane_axes(plane)
     ax = flat_axes(ax)
     built = scene_surfaces(scene)
     _draw_surfaces(ax, built.props, [across, up], "none", MUTED)

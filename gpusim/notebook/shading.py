@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from gpusim.arrays import srgb
 from gpusim.gpu.device import device_if_open
+from gpusim.notebook.page import fitting
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.rendering.renderer import render
@@ -84,12 +85,11 @@ def _axes(direction: Array) -> Array:
 
 def resized_camera(camera: Camera, most_width: int = WIDTH, most_height: int = 480) -> Camera:
     """The same view in a smaller picture; itself where it fits."""
-    factor = min(1.0, most_width / camera.width, most_height / camera.height)
-    return camera if factor == 1.0 else _scaled(camera, factor)
+    size = fitting((camera.height, camera.width), most_width, most_height)
+    return camera if size == (camera.width, camera.height) else _scaled(camera, *size)
 
 
-def _scaled(camera: Camera, factor: float) -> Camera:
-    width, height = (max(1, round(factor * side)) for side in (camera.width, camera.height))
+def _scaled(camera: Camera, width: int, height: int) -> Camera:
     return camera.reframed(width, height, scale=(width / camera.width, height / camera.height))
 
 
@@ -104,7 +104,7 @@ def shaded(
     ``element_of_face`` (F,): which faces of all surfaces are parts of one; edges between others
     are drawn where they are far enough apart to be told.
     """
-    fine = _scaled(camera, float(_FINER))
+    fine = _scaled(camera, _FINER * camera.width, _FINER * camera.height)
     view = local_view(surfaces, fine, lit=True)
     ids = visibility_twin(view)
     truth = truth_of(view, ids)
@@ -160,7 +160,7 @@ def _patterns(surfaces: Sequence[Surface], camera: Camera) -> npt.NDArray[np.flo
     albedo = np.zeros((1, 1), np.float32)
     for factor in _FINENESS:
         begin = time.perf_counter()
-        seen = camera if factor == 1.0 else _scaled(camera, factor)
+        seen = resized_camera(camera, round(factor * camera.width), round(factor * camera.height))
         albedo = render(surfaces, seen, background=0.5, backend="numpy").radiance
         # the next has four times as many pixels
         if 4.0 * (time.perf_counter() - begin) > _SECONDS:

@@ -9,7 +9,8 @@ In the order in which data passes:
   content.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
   from; and how its file is read.
-- `cost`: Cost of a run, from the scene's numbers alone.
+- `colored`: Whether a scene's pictures are in colour, before anything of it is built.
+- `cost`: Cost of a run, before anything is built.
 - `plausibility`: Numbers that no structure, material or camera has: most often a value in another
   unit.
 - `amplitudes`: Which loads vary together over the frames: they are solved as one, and scaled.

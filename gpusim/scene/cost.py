@@ -19,7 +19,7 @@ from typing import NamedTuple
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 
-from .description.colors import is_chromatic
+from .colored import in_color
 from .description.mesh import (
     CAD_SUFFIXES,
     BeamMesh,
@@ -75,7 +75,7 @@ def describe(scene: Scene) -> dict[str, str]:
         lit += ", surroundings hidden by surfaces"
     if lights and any(paint.finish.bump for paint in _paints(scene)):
         lit += ", fine relief"
-    if _in_color(scene):
+    if in_color(scene):
         lit += ", in colour"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
@@ -86,15 +86,6 @@ def describe(scene: Scene) -> dict[str, str]:
         "measure": f"{_markers(scene)} markers",
         "export": ", ".join(wanted),
     }
-
-
-def _in_color(scene: Scene) -> bool:
-    """Whether it says a colour; those in pictures aren't known."""
-    keys = ("albedo", "dark", "light", "dot", "line")
-    said = [getattr(paint, key, None) for paint in _paints(scene) for key in keys]
-    said += [scene.render.background, *(light.color for light in scene.lights)]
-    warm = any(light.temperature_K is not None for light in scene.lights)
-    return warm or any(map(is_chromatic, said))
 
 
 def effects(scene: Scene, camera: Camera) -> str:
@@ -163,7 +154,7 @@ def estimate(scene: Scene) -> Cost:
     most = max((_renderings(c) for c in scene.cameras), default=1.0)
     frames = len(scene.cameras) * len(scene.analysis.load_factors)
     fixed, per_pixel = _per_image(scene)
-    planes = 3 if _in_color(scene) else 1
+    bands, slower = (3, 1.25) if in_color(scene) else (1, 1.0)  # `python -m benchmarks.color`
     markers = _markers(scene)
     layers = len(scene.output.truth)
     steps = len(scene.analysis.load_factors)
@@ -172,7 +163,7 @@ def estimate(scene: Scene) -> Cost:
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
         "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
-        "render": (16 * planes * pixels, (fixed + per_pixel * pixels) * most),
+        "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
         "measure": (12 * pixels, 0.3 + 0.01 * markers + 2e-8 * pixels * len(scene.measures)),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),

@@ -112,8 +112,8 @@ class Image(Colored):
     """A bitmap whose pixels (texels) are squares of side ``texel`` on the surface.
 
     What is seen is the quintic B-spline through the texels' values at their centres; the renderer
-    integrates it over each pixel. Between texels of hard contrast such a surface swings over by a
-    few per cent; what a pixel gets is never below 0.
+    integrates it over each pixel. Beside edges of hard contrast such a surface swings over, by up
+    to half of the step; what a pixel gets stays within 0 and 1.
 
     Parameters
     ----------

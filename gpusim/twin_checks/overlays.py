@@ -90,10 +90,10 @@ def check_field_colors(device: Device) -> None:
 def check_display(device: Device) -> None:
     """A grey and a coloured picture in two bands, pixel for pixel."""
     target = device.texture(61, 37, "rgba8unorm", "twin.display")
-    for frame in _grey_and_coloured(device):
+    for frame, radiance in _grey_and_coloured(device):
         with device.recording("twin.display") as recording:
             draw_frame(device, recording, target, 3, 2, frame, 1.2)
-        wanted = np.pad(display_twin(frame.radiance, 1.2), ((2, 21), (3, 35), (0, 0)))
+        wanted = np.pad(display_twin(radiance, 1.2), ((2, 21), (3, 35), (0, 0)))
         got = pixels_of(device, target)[..., :3] * STEP
         compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
 
@@ -102,23 +102,23 @@ def check_display(device: Device) -> None:
 def check_enlarge(device: Device) -> None:
     """The same, larger."""
     target = device.texture(61, 37, "rgba8unorm", "twin.enlarge")
-    for frame in _grey_and_coloured(device):
+    for frame, radiance in _grey_and_coloured(device):
         with device.recording("twin.enlarge") as recording:
             draw_enlarged(device, recording, target, Placement(scale=2.6), frame, 1.2)
-        wanted = enlarged_twin(display_twin(frame.radiance, 1.2), 61, 37, 2.6)
+        wanted = enlarged_twin(display_twin(radiance, 1.2), 61, 37, 2.6)
         got = pixels_of(device, target)[..., :3] * STEP
         # rounded twice, and weights have 8 bits on devices
         compare("enlarged", got, wanted, atol=2.1 * STEP, rtol=0.0)
 
 
-def _grey_and_coloured(device: Device) -> tuple[Frame, Frame]:
-    """Pictures of noise in two bands."""
+def _grey_and_coloured(device: Device) -> list[tuple[Frame, npt.NDArray[np.float64]]]:
+    """Pictures of noise in two bands, on the device and here."""
     random = np.random.default_rng(3)
     surfaces, camera, _ = shadow_scene()
     view = look(surfaces, replace(camera, width=23, height=14), lit=False)
     planes = [random.random((14, 23)) for _ in range(3)]
     frames = [Frame(view, device, _bands(device, plane, (9, 5))) for plane in planes]
-    return frames[0], Frame.of_planes(frames)
+    return [(frames[0], planes[0]), (Frame.of_planes(frames), np.dstack(planes))]
 
 
 def _bands(

@@ -26,8 +26,8 @@ from gpusim.optics.shadow.brute_force import (
 )
 from gpusim.optics.shadow.lamp_visibility import (
     CHUNK,
-    HALF,
     LIT,
+    PENUMBRA,
     UMBRA,
     OccluderSearch,
     VisibleShares,
@@ -141,9 +141,9 @@ def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.
     np.maximum.at(most, entry, shares)
     # one sample may lie on an outline
     sample = 1.5 / SAMPLES
-    want = np.where(least > 1.0 - sample, LIT, np.where(most < sample, UMBRA, HALF))
+    want = np.where(least > 1.0 - sample, LIT, np.where(most < sample, UMBRA, PENUMBRA))
     used = np.isin(np.arange(len(states)), entry)
-    return np.where((states == HALF) | ~used, states, want)
+    return np.where((states == PENUMBRA) | ~used, states, want)
 
 
 @twin_check("optics/shadow/occluder_search")

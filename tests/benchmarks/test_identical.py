@@ -11,6 +11,7 @@ import pytest
 
 import gpusim as gs
 from benchmarks import identical, identical_cases
+from benchmarks.identical_cases.images import tilted
 
 SHADER = """// squares
 const side: u32 = 8u;
@@ -107,7 +108,7 @@ def test_text_of_shaders() -> None:
 
 def test_every_compiled_module_is_noted() -> None:
     with identical.compiled_modules() as found:
-        surface, camera = identical_cases.tilted(gs.paint.Plain())
+        surface, camera = tilted(gs.paint.Plain())
         frame = gs.render([surface], camera, device=gs.Device())
     assert frame.radiance.max() > 0.0 and found
     assert all(label.startswith("gpusim.") for label in found.values())

@@ -17,7 +17,7 @@ import gpusim as gs
 from gpusim import display
 from gpusim.measure import StrainResult
 from gpusim.notebook import view
-from gpusim.report.model import Measurement, Report, Series
+from gpusim.report.model import FramePair, Measurement, Report, Series
 from tests.support.measure_images import speckles
 from tests.support.small_scene import small_scene
 
@@ -207,6 +207,14 @@ def test_a_report() -> None:
     assert len(pictures(html)) == 1
     failed = Report("bar", "llvmpipe", "failed", failure="no adapter")
     assert "Failed: no adapter" in html_of(failed)
+
+
+def test_a_report_in_colour(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(3).integers(0, 256, (33, 57, 3)).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "one.png"), pixels[..., ::-1])
+    pair = FramePair("left", tmp_path / "one.png", tmp_path / "one.png", "")
+    (picture,) = pictures(html_of(Report("bar", "llvmpipe", "done", frames=(pair,))))
+    np.testing.assert_array_equal(picture[..., ::-1], pixels)
 
 
 def test_a_scene() -> None:

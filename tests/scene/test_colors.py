@@ -112,6 +112,7 @@ def test_pictures_keep_their_colours_unless_told(tmp_path: Path) -> None:
         scene = load(tmp_path, plate(text + more))
         (paint,) = build_prop(scene.props[0], scene.input).paints.values()
         assert isinstance(paint, gs.paint.Image)
+        assert ("in colour" in describe(scene)["render"]) == paint.colored
         return paint
 
     np.testing.assert_array_equal(image("").pixels, pixels)
@@ -119,6 +120,8 @@ def test_pictures_keep_their_colours_unless_told(tmp_path: Path) -> None:
     np.testing.assert_allclose(tinted.albedo(), pixels / 255 * [1.0, 0.5, 0.25], atol=1e-15)
     grey = image('channels = "grey"')
     np.testing.assert_allclose(grey.albedo(), pixels / 255 @ [0.299, 0.587, 0.114], atol=1e-15)
+    cv2.imwrite(str(tmp_path / "p.png"), np.repeat(pixels[..., :1], 3, axis=2))
+    assert not image("").colored
     with pytest.raises(SceneError, match=r'channels: unknown value .*got "mono"'):
         image('channels = "mono"')
 
@@ -129,8 +132,10 @@ def test_surroundings_keep_their_colours_unless_told(tmp_path: Path) -> None:
     text = '[[light]]\nname = "sky"\ntype = "environment"\nfile = "sky.npy"\nscale_W_m2_sr = 2.5\n'
 
     def image(more: str) -> gs.EnvironmentLight:
-        (light,) = build_lights(load(tmp_path, plate('type = "plain"') + text + more)) or []
+        scene = load(tmp_path, plate('type = "plain"') + text + more)
+        (light,) = build_lights(scene) or []
         assert isinstance(light, gs.EnvironmentLight)
+        assert ("in colour" in describe(scene)["render"]) == light.colored
         return light
 
     np.testing.assert_allclose(image("").image, 2.5 * picture)

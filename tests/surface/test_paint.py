@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from benchmarks.identical_cases import PAINTS
+from benchmarks.identical_cases.images import PAINTS
 from gpusim.errors import InputError
 from gpusim.optics.geometry.view import RegionPaint
 from gpusim.optics.paint.feature_grid import FeatureGrid

@@ -164,12 +164,12 @@ def _subsets(
     return column, row, pair.planes_at(column[:, 0] - x, row[:, 0] - y, len(settings.window))
 
 
-def _inconsistent_chunk(
-    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
-) -> BoolArray:
-    """(3, M) bool: as ``inconsistent_subsets`` returns them."""
+def _misfit(
+    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings
+) -> tuple[FloatArray, ...]:
+    """What differs in subsets of n pixels where they were found: weights, grey values f, slopes of
+    these in x and y, and what is left of f, all (M, n); contrast of f and total weight (M, 1)."""
     half = settings.half
-    size = 2 * half + 1
     column, row, planes = _subsets(pair, points, settings)
     terms = basis((column - points[:, :1]) / half, (row - points[:, 1:]) / half, 6)
     motion = np.einsum("bik,kbn->ibn", coefficients, terms)
@@ -187,13 +187,20 @@ def _inconsistent_chunk(
     rest = (
         f - np.sqrt(contrast / np.maximum((weight * g * g).sum(axis=1, keepdims=True), 1e-30)) * g
     )
+    return weight, f, planes[..., 1], planes[..., 2], rest, contrast, total
 
+
+def _inconsistent_chunk(
+    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
+) -> BoolArray:
+    """(3, M) bool: as ``inconsistent_subsets`` returns them."""
+    weight, f, x, y, rest, contrast, total = _misfit(pair, points, coefficients, settings)
+    size = 2 * settings.half + 1
     third = np.arange(size) * PARTS // size
     part = PARTS * np.repeat(third, size) + np.tile(third, size)
     member = (part[:, None] == np.arange(PARTS * PARTS)).astype(np.float64)
     pixels = weight @ member
     divisor = np.maximum(pixels, 1e-30)
-    x, y = planes[..., 1], planes[..., 2]
     mean_x, mean_y, mean_e = ((weight * v) @ member / divisor for v in (x, y, rest))
     xx = (weight * x * x) @ member - pixels * mean_x**2
     xy = (weight * x * y) @ member - pixels * mean_x * mean_y

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
-import numpy as np
-import numpy.typing as npt
+from dataclasses import dataclass
 
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
@@ -15,7 +12,6 @@ from gpusim.optics.rendering.renderer import MAX_SIDE
 
 __all__ = ["Tile", "largest_tile"]
 
-Array = npt.NDArray[np.float64]
 TILE_CELLS = 1 << 24
 
 
@@ -31,21 +27,11 @@ class Tile:
     def cells(self, camera: Camera, kernel: SampledKernel) -> Camera:
         """The camera whose pixels are the tile's cells, halo included."""
         n, halo = kernel.n, kernel.halo
-
-        def scaled(K: Array) -> Array:
-            # cell k is centred at (k + 0.5 - halo) / n - 0.5 px from the tile's first pixel
-            result = K.copy()
-            result[:2] *= n
-            result[0, 2] = n * (K[0, 2] - self.column0 + 0.5) - 0.5 + halo
-            result[1, 2] = n * (K[1, 2] - self.row0 + 0.5) - 0.5 + halo
-            return result
-
-        return replace(
-            camera,
-            width=n * self.columns + 2 * halo,
-            height=n * self.rows + 2 * halo,
-            K=scaled(camera.K),
-            lens_K=None if camera.lens_K is None else scaled(camera.lens_K),
+        return camera.reframed(
+            n * self.columns + 2 * halo,
+            n * self.rows + 2 * halo,
+            corner=(self.column0 - halo / n, self.row0 - halo / n),
+            scale=(n, n),
         )
 
 

@@ -144,7 +144,8 @@ def mean_over_pixels(
         corners = _parallelogram(ex[rows], ey[rows])
         bend = (ex[rows] * q[rows, :1] + ey[rows] * q[rows, 1:]) / 12.0
         value[rows] = _in_window(image, cell[rows], at[rows] - bend, corners)
-    return ground + (value - ground) * _share_of_pixel(image, cell, at, ex, ey)
+    seen = np.clip(value, 0.0, 1.0)  # where the spline swings over, black or white
+    return ground + (seen - ground) * _share_of_pixel(image, cell, at, ex, ey)
 
 
 def mean_over_polygons(
@@ -170,7 +171,7 @@ def mean_over_polygons(
         seen = (polygon - corner[:, None]) * weight[..., None]
         own = polygon_clipping.polygon_area(seen)
         share += sign * polygon_clipping.quadrant_area(seen) / np.where(own != 0.0, own, 1.0)
-    result: Array = ground + (value - ground) * np.clip(share, 0.0, 1.0)
+    result: Array = ground + (np.clip(value, 0.0, 1.0) - ground) * np.clip(share, 0.0, 1.0)
     return result
 
 

@@ -37,7 +37,7 @@ def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
         (mask, "mixed", both),
         (mask, "main", both),
         (mask, "plain", both),
-        *((search, f"count_{what}", both) for what in ("sifted", "refined", "penumbra", "mixed")),
+        *((search, f"count_{what}", both) for what in ("sifted", "refined", "ends", "mixed")),
         (resolve, "light_pieces", constants),
         (groups, "find_cells", pixels),
         (groups, "find_groups", pixels),

@@ -38,17 +38,17 @@ from gpusim.optics.shadow.receivers import (
     on_device,
 )
 
-__all__ = ["HALF", "LIT", "STAGES", "UMBRA", "OccluderSearch", "VisibleShares"]
+__all__ = ["LIT", "PENUMBRA", "STAGES", "UMBRA", "OccluderSearch", "VisibleShares"]
 
 STAGES = ("refit", "cells", "groups", "search", "refine", "mask")
 
 CAPACITY = 1 << 14
 """Chunks that the pool begins with: 2 MiB."""
 
-LIT, UMBRA, HALF = range(3)
+LIT, UMBRA, PENUMBRA = range(3)
 """What an entry sees of a lamp."""
 
-COUNTERS = ("taken", "sifted", "refined", "penumbra", "mixed")
+COUNTERS = ("taken", "sifted", "refined", "ends", "mixed")
 
 CHUNK = 128
 """Bytes of a chunk of the pool."""
@@ -101,7 +101,7 @@ class OccluderSearch:
         self, recording: Recording, bound: Bound, name: str, what: str, entry: str = "main"
     ) -> None:
         """Run a kernel on the entries that one before it has counted: what is "sifted", "refined",
-        in "penumbra" or "mixed"."""
+        in penumbra by "ends" alone or "mixed"."""
         constants = self._receivers.constants
         bound.run(
             recording, "optics/shadow/occluder_search", f"count_{what}", constants, groups=(1,)
@@ -112,7 +112,7 @@ class OccluderSearch:
 class VisibleShares:
     """What receivers see of lamps, found on a device; what is bound stays for the next time.
 
-    ``states`` (L, E) uint32: of each lamp and entry, `LIT`, `UMBRA` or `HALF`;
+    ``states`` (L, E) uint32: of each lamp and entry, `LIT`, `UMBRA` or `PENUMBRA`;
     ``shares`` (L, n) float32: of receivers in entries that see a lamp in part, of those in a list
     all.
     """
@@ -183,7 +183,7 @@ class VisibleShares:
             asks = np.any([space.asks(every.at, every.normal) for space in own], axis=0)
             state = self.states_of(number)[entry]
             plain = np.where(state == UMBRA, 0.0, 1.0)
-            result[there, column] = asks * np.where(state == HALF, found[there, column], plain)
+            result[there, column] = asks * np.where(state == PENUMBRA, found[there, column], plain)
         return result
 
     def states_of(self, number: int) -> npt.NDArray[np.uint32]:
@@ -299,7 +299,7 @@ class _SpaceOnDevice:
         if "mask" in stages:
             recording.begin("optics.shadow.mask")
             name = "optics/shadow/penumbra_mask"
-            search.run_counted(recording, bound, name, "penumbra")
+            search.run_counted(recording, bound, name, "ends")
             search.run_counted(recording, bound, name, "mixed", "mixed")
             if receivers.listed:  # the shares of all others, too
                 bound.run(

@@ -45,6 +45,8 @@ struct BitmapSum {
     weight: f32,
 }
 fn bitmap_mean(sum: BitmapSum) -> Color { return sum.value / max(sum.weight, TINY); }
+// A mean as the albedo that is seen: where the spline swings over, it is black or white.
+fn albedo_of(mean: Color) -> Color { return clamp(mean, Color(0.0), Color(1.0)); }
 
 fn bitmap_level(bitmap: Bitmap, number: i32) -> BitmapLevel {
     let k = u32(number);
@@ -265,5 +267,5 @@ fn bitmap_pixel(
     let gy = vec2f(ex.y, ey.y);
     let share = max(half_plane_share(low.x, gx) + half_plane_share(high.x, gx) - 1.0, 0.0)
         * max(half_plane_share(low.y, gy) + half_plane_share(high.y, gy) - 1.0, 0.0);
-    return ground + (value - ground) * share;
+    return ground + (albedo_of(value) - ground) * share;
 }

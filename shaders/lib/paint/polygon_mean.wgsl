@@ -186,7 +186,7 @@ fn paint_bitmap(t: Triangle, paint: Paint, d: vec2f, polygon: ptr<function, Poly
     let bitmap = Bitmap(t.place.zw, size, paint.first, paint.i0);
     let value = bitmap_polygon(bitmap, place, &outline);
     let ground = color_of(paint.ground);
-    return ground + (value - ground) * clamp(share, 0.0, 1.0);
+    return ground + (albedo_of(value) - ground) * clamp(share, 0.0, 1.0);
 }
 
 // Mean albedo over a polygon given in pixels relative to the pixel's centre, which lies at

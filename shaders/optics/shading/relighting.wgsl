@@ -33,7 +33,7 @@ struct Params {
 @group(0) @binding(70) var<storage, read> states: array<u32>;
 @group(0) @binding(71) var<storage, read> halves: array<u32>;
 const UMBRA: u32 = 1u;
-const HALF: u32 = 2u;
+const PENUMBRA: u32 = 2u;
 
 fn columns() -> u32 { return (params.width + 7u) / 8u; }
 fn tiles_of_band() -> u32 { return columns() * ((params.rows + 7u) / 8u); }
@@ -44,7 +44,7 @@ fn known_at(tile: u32, at: vec2u, k: u32) -> Known {
     for (var left = params.casting; left != 0u; left &= left - 1u) {
         let lamp = firstTrailingBit(left);
         let state = states[(2u * lamp + farther) * tiles_of_band() + tile];
-        known.listed |= select(0u, 1u << lamp, state == HALF);
+        known.listed |= select(0u, 1u << lamp, state == PENUMBRA);
         known.dark |= select(0u, 1u << lamp, state == UMBRA);
     }
     return known;

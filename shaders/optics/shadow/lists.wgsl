@@ -20,7 +20,7 @@ const TURNED: u32 = 0x80000000u;
 const TAKEN: u32 = 0u;
 const SIFTED: u32 = 1u;
 const REFINED: u32 = 2u;
-const PENUMBRA: u32 = 3u;
+const ENDS: u32 = 3u;
 const MIXED: u32 = 4u;
 
 fn entries() -> u32 { return 2u * receivers.groups; }
@@ -34,6 +34,6 @@ fn queued(what: u32, number: u32) -> u32 { return work[(what - 1u) * entries() +
 @group(0) @binding(24) var<storage, read_write> states: array<u32>;
 const LIT: u32 = 0u;
 const UMBRA: u32 = 1u;
-const HALF: u32 = 2u;
+const PENUMBRA: u32 = 2u;
 fn say(entry: u32, state: u32) { states[light.number * entries() + entry] = state; }
 fn state_of(entry: u32) -> u32 { return states[light.number * entries() + entry]; }

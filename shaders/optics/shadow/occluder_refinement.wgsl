@@ -70,7 +70,7 @@ fn sift(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     }
     heads[entry].y = kept;
     if (kept > 0u) { enqueue(REFINED, entry); }
-    else if ((head.w & CROSSES) != 0u) { enqueue(PENUMBRA, entry); }
+    else if ((head.w & CROSSES) != 0u) { enqueue(ENDS, entry); }
 }
 
 const WORDS: u32 = 64u;
@@ -124,7 +124,7 @@ fn main(
     }
     heads[entry].y = kept;
     if (kept > 0u || (head.w & CROSSES) != 0u) {
-        say(entry, HALF);
-        enqueue(select(PENUMBRA, MIXED, kept > 0u), entry);
+        say(entry, PENUMBRA);
+        enqueue(select(ENDS, MIXED, kept > 0u), entry);
     }
 }

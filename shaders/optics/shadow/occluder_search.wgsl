@@ -8,7 +8,7 @@
 #import optics/shadow/lists
 #import optics/shadow/shaft
 
-// per 4 x 4 tiles, nearer and farther halves in turn: LIT, UMBRA, or HALF where tiles have to look
+// per 4 x 4 tiles, nearer and farther halves in turn: LIT, UMBRA, or PENUMBRA where tiles have to look
 @group(0) @binding(25) var<storage, read_write> coarse: array<u32>;
 // workgroups of the kernel that follows
 @group(0) @binding(26) var<storage, read_write> next_groups: array<u32>;
@@ -50,7 +50,7 @@ fn next_leaf(t: Shaft, start: u32) -> u32 {
 // What hides the lamp: lists of single occluders and of ends, whether some of these may cross it, and
 // how often they turn about its middle, seen from that of the receivers.
 struct Found { alone: List, ends: List, crosses: bool, turns: i32 }
-fn is_half(f: Found) -> bool { return f.crosses || f.alone.count > 0u; }
+fn in_penumbra(f: Found) -> bool { return f.crosses || f.alone.count > 0u; }
 fn plain_state(f: Found) -> u32 { return select(LIT, UMBRA, f.turns != 0); }
 
 // With `lists` all of it, else until it is known that the lamp may be seen in part.
@@ -82,7 +82,7 @@ fn search(t: Shaft, lists: bool) -> Found {
                 }
             }
         }
-        if (i == 1u || (!lists && is_half(f))) { break; }
+        if (i == 1u || (!lists && in_penumbra(f))) { break; }
     }
     return f;
 }
@@ -98,9 +98,9 @@ fn fill(entry: u32) {
         f.alone.first, f.alone.count, f.ends.first, f.ends.count | select(0u, CROSSES, f.crosses),
     );
     // single ones are tested more closely before it is known whether they matter
-    say(entry, select(plain_state(f), HALF, f.crosses));
+    say(entry, select(plain_state(f), PENUMBRA, f.crosses));
     if (f.alone.count > 0u) { enqueue(SIFTED, entry); }
-    else if (f.crosses) { enqueue(PENUMBRA, entry); }
+    else if (f.crosses) { enqueue(ENDS, entry); }
 }
 
 @compute @workgroup_size(64)
@@ -131,7 +131,7 @@ fn tiles_of_pixels(
     let entry = at.y * receivers.columns + at.x + farther * receivers.groups;
     if (at.x >= receivers.columns || at.y * receivers.columns >= receivers.groups) { return; }
     let state = coarse[2u * ((at.y >> 2u) * coarse_size().x + (at.x >> 2u)) + farther];
-    if (state == HALF) { fill(entry); return; }
+    if (state == PENUMBRA) { fill(entry); return; }
     let ends = groups_of[3u * entry + 1u];
     if (ends.x <= ends.y) { say(entry, state); }
 }
@@ -178,7 +178,7 @@ fn coarse_tiles(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgrou
     coarse[id] = LIT;
     if (t.low.z > t.high.z) { return; }
     let f = search(t, false);
-    coarse[id] = select(plain_state(f), HALF, is_half(f) || t.high.z >= UNLIMITED);
+    coarse[id] = select(plain_state(f), PENUMBRA, in_penumbra(f) || t.high.z >= UNLIMITED);
 }
 
 // As many as one dimension takes, and the rows of these; none where lists are incomplete.
@@ -193,6 +193,6 @@ fn count_sifted() { tell((atomicLoad(&counters[SIFTED]) + 63u) / 64u); }
 @compute @workgroup_size(1)
 fn count_refined() { tell(atomicLoad(&counters[REFINED])); }
 @compute @workgroup_size(1)
-fn count_penumbra() { tell(atomicLoad(&counters[PENUMBRA])); }
+fn count_ends() { tell(atomicLoad(&counters[ENDS])); }
 @compute @workgroup_size(1)
 fn count_mixed() { tell(atomicLoad(&counters[MIXED])); }

@@ -106,7 +106,7 @@ fn main(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
 ) {
-    store_shares(PENUMBRA, group.y * groups.x + group.x, lane);
+    store_shares(ENDS, group.y * groups.x + group.x, lane);
 }
 
 // A program of its own: software drivers run what is for single occluders also where there are none.
@@ -127,6 +127,6 @@ fn plain(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) gro
     for (var k = 0u; k < size_of(group); k++) {
         let state = state_of(group + select(0u, receivers.groups, is_farther(group, k)));
         let r = receiver_of(group, k);
-        if (state != HALF && asks(r)) { store(group, k, select(1.0, 0.0, state == UMBRA)); }
+        if (state != PENUMBRA && asks(r)) { store(group, k, select(1.0, 0.0, state == UMBRA)); }
     }
 }

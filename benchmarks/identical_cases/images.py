@@ -1,48 +1,22 @@
-"""The cases of `benchmarks.identical`: each is a small function that returns named arrays.
-
-Only public names of gpusim and `benchmarks.faces` are used, so that modules can be moved and
-renamed behind them. Scenes are small and without symmetry; every case makes its own objects, so
-that it gives the same alone as after others.
-"""
+"""Images: shapes, paints, lamps, lenses, truth and sensors, by the device and by NumPy."""
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-import cv2
-import h5py
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 import gpusim as gs
 from benchmarks.faces import SCENES, camera_of, scene_of
-from gpusim import fem, measure, mesh
+from benchmarks.identical_cases.arrays import Arrays, Case, fields, radiance_of
 
-Arrays = Mapping[str, npt.NDArray[Any]]
-Case = Callable[[], Arrays]
-
-EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 STEEL = gs.paint.Plain(0.56, 0.35, 1.0)
 LAMP = gs.AreaLight((-1.0, -2.0, 1.0), (0.0, 0.0, 0.0), (0.3, 0.2), 50.0)
 BULB = gs.PointLight((-0.7, -1.6, 0.9), 50.0, shadows=False)
-
-
-def fields(result: Any, *names: str) -> Arrays:
-    """Some numbers of a result."""
-    return {name: np.asarray(getattr(result, name)) for name in names}
-
-
-def radiance_of(frame: gs.Frame) -> Arrays:
-    """What a frame shows; its device memory is given back."""
-    result = fields(frame, "radiance")
-    frame.release()
-    return result
 
 
 def faces_scene(name: str, faces: int, width: int, lit: bool = True, **options: Any) -> Arrays:
@@ -185,163 +159,6 @@ def exposed(backend: str = "gpu") -> Arrays:
     return result
 
 
-METAL = gs.Isotropic(70e9, 0.33, 2700.0, 2.3e-5)
-RUBBER = gs.Isotropic(1e6, 0.499)
-SIZE = (0.2, 0.11, 0.07)
-
-
-def bent(shape: mesh.Mesh, material: gs.Isotropic = METAL) -> gs.Model:
-    """A body that is held at its least x and pulled askew at its greatest, and heavy."""
-    x = shape.points[:, 0]
-    fixed = np.repeat(x[:, None] <= x.min() + 1e-9, 3, axis=1)
-    force = fem.nodal_force(shape, np.flatnonzero(x >= x.max() - 1e-9), [30.0, -70.0, 110.0])
-    weight = fem.body_force(shape, 2700.0, [0.0, 0.0, -9.81])
-    return gs.Model(shape, [material], fixed, np.stack([force, weight]))
-
-
-def skewed(shape: mesh.Mesh) -> mesh.Mesh:
-    """The same cells, none like another."""
-    points = shape.points.copy()
-    span = points.max(axis=0)
-    points[:, 1] += 0.07 * span[1] * np.sin(5.0 * points[:, 0] / span[0] + 1.0)
-    points[:, 2] *= 1.0 + 0.2 * points[:, 0] / span[0] + 0.1 * points[:, 1] / span[1]
-    return mesh.Mesh(points, shape.cells)
-
-
-MESHES: dict[str, Callable[[], mesh.Mesh]] = {
-    "hex8-lattice": lambda: mesh.box(SIZE, (14, 12, 10)),
-    "hex8": lambda: skewed(mesh.box(SIZE, (14, 12, 10))),
-    "hex8-hole": lambda: mesh.plate_with_hole(0.2, 0.1, 0.01, 0.03, around=16, radial=4),
-    "hex20-lattice": lambda: mesh.quadratic(mesh.box(SIZE, (7, 6, 5))),
-    "hex20": lambda: mesh.quadratic(skewed(mesh.box(SIZE, (7, 6, 5)))),
-    "tet4": lambda: mesh.split(skewed(mesh.box(SIZE, (9, 8, 7)))),
-    "tet10": lambda: mesh.quadratic(mesh.split(skewed(mesh.box(SIZE, (6, 5, 4))))),
-}
-
-
-def solved(
-    name: str, material: gs.Isotropic = METAL, real: str | None = None, **options: Any
-) -> Arrays:
-    """Displacements and reactions; ``real``: of a device of its own."""
-    device = gs.Device(real=real) if real else None
-    return fields(gs.solve(bent(MESHES[name](), material), device, tolerance=1e-5, **options),
-                  "u", "reactions")  # fmt: skip
-
-
-def stresses() -> Arrays:
-    """Stresses of a thermal load, and masses."""
-    model = bent(MESHES["hex8-hole"]())
-    rise = 40.0 + 300.0 * model.mesh.points[:, 0]
-    forces = fem.thermal(model.mesh, [METAL], rise)
-    solution = gs.solve(gs.Model(model.mesh, [METAL], model.fixed, forces))
-    found = fem.stress(model, solution.u, temperature=rise)
-    mass = np.asarray(fem.lumped_mass(model))
-    return {"mass": mass, **fields(solution, "u"), **fields(found, "nodal", "cell", "error")}
-
-
-def waves(shift: tuple[float, float], strain: float = 0.0) -> npt.NDArray[np.uint8]:
-    """A random picture (180, 200) of plane waves, moved and stretched in closed form."""
-    rng = np.random.default_rng(9)
-    vectors, phases = rng.normal(0.0, 0.6, (60, 2)), rng.uniform(0.0, 2.0 * np.pi, 60)
-    y, x = np.indices((180, 200), dtype=np.float64)
-    x, y = (1.0 - strain) * x - shift[0], y - 0.6 * strain * x - shift[1]
-    total = sum(np.sin(u * x + v * y + p) for (u, v), p in zip(vectors, phases, strict=True))
-    return np.clip(np.rint(128.0 + 9.0 * total), 0, 255).astype(np.uint8)
-
-
-def picture(name: str) -> npt.NDArray[np.uint8]:
-    """A paint as albedo in 8 bit."""
-    surface, camera = tilted(PAINTS[name]())
-    values = radiance_of(gs.render([surface], camera, background=0.3))["radiance"]
-    return np.rint(255.0 * np.clip(values, 0.0, 1.0)).astype(np.uint8)
-
-
-def correlated(backend: str) -> Arrays:
-    """Image correlation of a pair, and strains."""
-    first, second = waves((0.0, 0.0)), waves((0.37, -0.21), 0.004)
-    result = measure.dic(first, second, subset=21, step=12, backend=backend)
-    found = fields(result, "points", "displacement", "gradient", "zncc", "sigma", "status")
-    return {**found, **fields(measure.strain(result), "tensor", "residual")}
-
-
-def tracked() -> Arrays:
-    """A few points followed."""
-    points = np.array([[60.0, 50.0], [120.5, 70.25], [90.0, 130.0]])
-    return vars(measure.track(waves((0.0, 0.0)), waves((1.37, -0.71)), points, subset=25))
-
-
-def targets() -> Arrays:
-    """Markers, dots and codes."""
-    markers = measure.find_markers(picture("markers"), (20.0, 50.0))
-    return {
-        **fields(markers, "points", "size", "angle", "contrast", "residual", "status"),
-        "dots": measure.find_dots(picture("dots"), (5.0, 12.0)).points,
-        "codes": measure.find_aruco(picture("aruco")).corners,
-    }
-
-
-def calibrated() -> Arrays:
-    """A camera from seven images of a chessboard."""
-    board = measure.Chessboard(9, 8, 0.05)
-    paint = gs.paint.Checker(0.05, 9, 8, (0.1, 0.1), 0.9, 0.05, 0.8)
-    flat = np.array([[0.0, 0.0, 0.0], [0.65, 0.0, 0.0], [0.65, 0.0, 0.6], [0.0, 0.0, 0.6]])
-    camera = replace(camera_of("board", 480), distortion=BROWN)
-    rng, sightings = np.random.default_rng(8), []
-    for _ in range(7):
-        turn = Rotation.from_euler("xyz", rng.uniform(-25.0, 25.0, 3), degrees=True).as_matrix()
-        points = (flat - [0.325, 0.0, 0.3]) @ turn.T + rng.uniform(-0.05, 0.05, 3)
-        surface = gs.Surface(points, np.array([[0, 1, 2, 3]]), paint, reference=flat)
-        values = radiance_of(gs.render([surface], camera, background=0.4))["radiance"]
-        image = np.rint(255.0 * values).astype(np.uint8)
-        sightings.append(measure.find_chessboard(image, board))
-    found = measure.calibrate(sightings, lens="brown")
-    lens = fields(found.cameras[0], "K", "distortion")
-    return {**lens, **fields(found, "rms", "view_poses", "covariance")}
-
-
-def example(name: str, changes: Mapping[str, Any]) -> Arrays:
-    """A scene of the examples run into a folder: what it writes but reports and figures."""
-    scene = gs.load_scene(EXAMPLES / f"{name}.toml", changes)
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "out"
-        gs.run(scene, out)
-        result: dict[str, npt.NDArray[Any]] = {}
-        for path in sorted(out.rglob("*")):
-            relative = path.relative_to(out)
-            if "figures" not in relative.parts:
-                result |= {f"{relative}{key}": value for key, value in _read(path).items()}
-    return result
-
-
-def _read(path: Path) -> Arrays:
-    if path.suffix == ".npz":
-        with np.load(path) as stored:
-            return {f":{key}": stored[key] for key in stored}
-    if path.suffix == ".h5":
-        parts: list[tuple[str, Any]] = []
-        with h5py.File(path) as file:
-            file.visititems(lambda key, item: parts.append((key, item)))
-            return {f":{key}": item[()] for key, item in parts
-                    if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub"}  # fmt: skip
-    if path.suffix in (".png", ".tif", ".tiff"):
-        return {"": np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED))}
-    if path.suffix in (".csv", ".vtu"):
-        return {"": np.frombuffer(path.read_bytes(), np.uint8)}
-    return {}
-
-
-EXAMPLE_CHANGES: dict[str, dict[str, Any]] = {
-    "bimetal": {"camera.side.resolution_px": [1000, 400]},
-    "cantilever": {"camera.side.resolution_px": [1000, 400]},
-    "crane": {"camera.front.resolution_px": [702, 468], "body.crane.mesh.element_mm": 6.0,
-              "measure": []},
-    "damaged_beam": {"camera.front.resolution_px": [1280, 300],
-                     "body.beam.mesh.divisions": [100, 1, 6]},
-    "lug": {"camera.above.resolution_px": [300, 200]},
-    "strip": {"camera.above.resolution_px": [240, 160]},
-}  # fmt: skip
-
-
 FINER = ("board", "shadows", "speckle", "beam-soft", "sheet-soft", "rod-soft", "tube-soft",
          "flanges-low", "eggs-shadows", "crane")  # fmt: skip
 FINEST = ("board", "sheet-soft", "tube-shadows", "crane")
@@ -378,20 +195,4 @@ CASES: dict[str, Case] = {
     "numpy/depth-of-field": partial(photographed, "numpy", replace(FOCUS, positions=3)),
     "numpy/truth": partial(truth, "beam", True, "numpy"),
     "numpy/sensor": partial(exposed, "numpy"),
-    **{f"fem/{name}-direct": partial(solved, name, method="direct") for name in MESHES},
-    **{f"fem/{name}-{backend}": partial(solved, name, method="multigrid", backend=backend)
-       for name in MESHES for backend in ("numpy", "gpu")},
-    **{f"fem/incompressible-{name}-{backend}":
-       partial(solved, name, RUBBER, backend=backend, method="multigrid")
-       for name in ("hex8", "tet10") for backend in ("numpy", "gpu")},
-    "fem/double-single": partial(solved, "hex8", real="double_single", method="multigrid"),
-    "fem/stresses": stresses,
-    "measure/dic": partial(correlated, "gpu"),
-    "measure/dic-numpy": partial(correlated, "numpy"),
-    "measure/track": tracked,
-    "measure/targets": targets,
-    "measure/calibration": calibrated,
-    **{f"example/{name}": partial(example, name, EXAMPLE_CHANGES[name])
-       for name in EXAMPLE_CHANGES},
 }  # fmt: skip
-"""By name; a name's first part is its group."""

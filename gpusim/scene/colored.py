@@ -1,0 +1,44 @@
+"""Whether a scene's pictures are in colour, before anything of it is built."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import cv2
+import numpy as np
+
+from gpusim.errors import InputError
+from gpusim.files.picture_file import decode
+
+from .description.colors import is_chromatic
+from .scene import Scene
+
+__all__ = ["in_color"]
+
+
+def in_color(scene: Scene) -> bool:
+    """Whether something has a colour, pictures included; those of a prop's own materials may."""
+    paints = [paint for thing in (*scene.bodies, *scene.props) for paint in thing.paints]
+    keys = ("albedo", "dark", "light", "dot", "line")
+    said = [getattr(paint, key, None) for paint in paints for key in keys]
+    said += [scene.render.background, *(light.color for light in scene.lights)]
+    warm = any(light.temperature_K is not None for light in scene.lights)
+    pictures = [thing for thing in (*paints, *scene.lights)
+                if getattr(thing, "channels", "") == "rgb"]  # fmt: skip
+    return warm or any(map(is_chromatic, said)) or any(_shows_color(p, scene) for p in pictures)
+
+
+def _shows_color(picture: Any, scene: Scene) -> bool:
+    """Whether the file of a paint or of surroundings isn't grey; unknown without a file of its own,
+    by texture coordinates. What can't be read is refused elsewhere."""
+    if picture.path is None:
+        return getattr(picture, "mapping", "") == "uv"
+    try:
+        file = scene.input(picture.path)
+        if picture.path.endswith(".npy"):
+            return bool(np.load(io.BytesIO(file.data)).ndim == 3)
+        values = decode(file, flags=cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+    except (OSError, ValueError, InputError):
+        return False
+    return values.ndim == 3 and not (values == values[..., :1]).all()
