@@ -119,9 +119,9 @@ def crane() -> Picture:
         for key, value in {"albedo": "#f2a900", "metallic": 0.0, "roughness": 0.5}.items():
             scene = scene.replace(f"body.crane.paint.{paint}.{key}", value)
     for key, value in {
-        "camera.front.resolution_px": SIZE, "camera.front.focal_mm": 43.0,
+        "camera.front.resolution_px": SIZE, "camera.front.focal_mm": 41.0,
         "camera.front.position_mm": [900.0, -900.0, 560.0],
-        "camera.front.target_mm": [265.0, 0.0, 280.0], "camera.front.channels": "rgb",
+        "camera.front.target_mm": [265.0, 0.0, 292.0], "camera.front.channels": "rgb",
         "camera.front.white_balance_K": 4200.0,
         "light.lamp-near.position_mm": [-500.0, -1500.0, 1300.0],
         "light.lamp-far.position_mm": [1500.0, -1500.0, 900.0],
@@ -377,7 +377,7 @@ def can() -> Picture:
     ]
     lights = [
         gs.AreaLight((-2.0, -1.5, 3.0), (0.0, 0.0, 0.4), (0.8, 0.8), 60.0, color=gs.blackbody(4500)),
-        gs.EnvironmentLight(image=0.6 * studio(), forward=(0.0, 1.0, 0.0), occlusion=True),
+        gs.EnvironmentLight(image=0.5 * studio(), forward=(0.0, 1.0, 0.0)),
     ]
     frame = gs.render(things, look((0.25, -3.6, 2.0), (-0.05, 0.0, 0.5), 50.0), lights)
     return developed(frame, 1.6)
