@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
+from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body
 
 import gpusim as gs
 from gpusim.optics.light.studio import studio
@@ -26,8 +27,6 @@ SIZE = (720, 480)
 LARGEST = 200_000
 """Bytes of a picture."""
 
-SQUARE = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-FACE = np.array([[0, 1, 2, 3]])
 HALOGEN, DAYLIGHT = gs.blackbody(2856), gs.blackbody(6500)
 # The ColorChecker's 24 patches, sRGB of 8 bits (published by its makers).
 CHART = """735244 c29682 627a9d 576c43 8580b1 67bdaa d67e2c 505ba6 c15a63 5e3c6c 9dbc40 e0a32e
@@ -44,64 +43,6 @@ def developed(frame: gs.Frame, white: float, balance: Sequence[float] | None = N
 def look(eye: tuple[float, ...], target: tuple[float, ...], focal: float = 50.0) -> gs.Camera:
     """A camera with a sensor of 36 x 24 mm."""
     return gs.Camera.from_lens((36.0, 24.0), focal, SIZE, eye, target)
-
-
-def turned(points: Array, angle: float) -> Array:
-    """Turned about z."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.asarray(points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]))
-
-
-def sheet(
-    centre: tuple[float, ...], half: tuple[float, ...], paint: gs.paint.Paint, turn: float = 0.0
-) -> gs.Surface:
-    """A level rectangle, or upright and turned by ``turn`` if it has a third half size."""
-    points = SQUARE * [half[0], half[1], 0.0]
-    if len(half) > 2:
-        points = turned(points[:, [0, 2, 1]], turn)
-    return gs.Surface(points + centre, FACE, paint=paint)
-
-
-def box(
-    centre: tuple[float, ...], half: tuple[float, ...], paint: gs.paint.Paint, turn: float = 0.0
-) -> gs.Surface:
-    """A closed box, turned about z."""
-    signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
-    faces = np.array(
-        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
-    )
-    return gs.Surface(turned(signs * half, turn) + centre, faces, paint=paint)
-
-
-def turned_body(
-    profile: Array, centre: tuple[float, ...], paint: gs.paint.Paint, count: int = 64
-) -> gs.Surface:
-    """A closed body of revolution about z: ``profile`` (K, 2) radius and height, from below."""
-    angle = np.arange(count) * 2.0 * np.pi / count
-    inner = profile[1:-1]
-    rings = np.stack(
-        [np.outer(inner[:, 0], np.cos(angle)), np.outer(inner[:, 0], np.sin(angle)),
-         np.repeat(inner[:, 1:], count, axis=1)], axis=2,
-    )  # fmt: skip
-    ends = [[0.0, 0.0, profile[0, 1]], [0.0, 0.0, profile[-1, 1]]]
-    points = np.concatenate([rings.reshape(-1, 3), ends])
-    i, rows = np.arange(count), len(inner)
-    j, last = (i + 1) % count, len(points) - 1
-    faces = [np.stack([i + k, j + k, j + k + count, i + k + count], axis=1)
-             for k in range(0, count * (rows - 1), count)]  # fmt: skip
-    top = count * (rows - 1)
-    bottom = np.full(count, last - 1)
-    none = np.full(count, -1)
-    faces.append(np.stack([j, i, bottom, none], axis=1))
-    faces.append(np.stack([top + i, top + j, bottom + 1, none], axis=1))
-    return gs.Surface(points + centre, np.concatenate(faces), paint=paint)
-
-
-def ball(centre: tuple[float, ...], radius: float, paint: gs.paint.Paint) -> gs.Surface:
-    """A sphere."""
-    angle = np.linspace(0.0, np.pi, 25)
-    profile = radius * np.stack([np.sin(angle), -np.cos(angle)], axis=1)
-    return turned_body(profile, centre, paint, 48)
 
 
 def crane() -> Picture:
@@ -152,7 +93,7 @@ def plate() -> gs.Frame:
         "speckle": gs.paint.Speckle(1e-3, 0.5, 5e-5, dot="#b0201c", ground="#f4f0e6", seed=3),
     }
     rest = skin.surface(paints, front.astype(np.int32), {}, "plate")
-    table = gs.Surface(SQUARE + [0.0, 0.0, -0.01], FACE, paint=gs.paint.Plain("#3d5a6b"))
+    table = gs.Surface(SQUARE - [0.0, 0.0, 0.01], FACE, paint=gs.paint.Plain("#3d5a6b"))
     view = gs.Camera.from_lens(
         (36.0, 24.0), 45.0, SIZE, (0.02, -0.045, 0.15), (0.0, -0.001, 0.0), up=(0.0, 1.0, 0.0)
     )
@@ -203,7 +144,7 @@ def dusk() -> Array:
     """Surroundings (64, 128, 3) after sunset: blue overhead, an orange band low in the west."""
     v, u = np.mgrid[:64, :128]
     height = (31.5 - v) / 32.0
-    glow = np.exp(-((u - 96.0) / 20.0) ** 2)[..., None]
+    glow = np.exp(-(((u - 96.0) / 20.0) ** 2))[..., None]
     low = np.exp(-3.5 * np.abs(height))[..., None]
     sky = np.array([0.13, 0.22, 0.5]) + low * (np.array([0.5, 0.32, 0.4]) + glow * [3.2, 1.3, 0.25])
     ground = np.array([0.12, 0.1, 0.1]) + low * glow * [0.4, 0.18, 0.06]
@@ -211,7 +152,7 @@ def dusk() -> Array:
 
 
 def metals(surroundings: Array, white: float) -> Picture:
-    """Balls of steel from polished to blasted, and smaller ones of copper, gold and blue lacquer."""
+    """Steel from polished to blasted, and smaller balls of copper, gold and blue lacquer."""
     steel, copper, gold = (0.562, 0.565, 0.578), (0.955, 0.638, 0.538), (1.0, 0.782, 0.344)
     things = [sheet((0.0, 0.0, 0.0), (40.0, 40.0), gs.paint.Plain("#8d8478"))]
     for k, roughness in enumerate((0.12, 0.3, 0.55)):
@@ -230,13 +171,18 @@ def metals(surroundings: Array, white: float) -> Picture:
 def penumbra(size: float) -> Picture:
     """A comb and a ball between a warm and a cool lamp, each ``size`` wide."""
     pale = gs.paint.Plain(0.7)
-    things = [sheet((0.0, 0.0, 0.0), (9.0, 9.0), pale), sheet((0.0, 2.9, 0.0), (9.0, 4.0, 0.0), pale)]
+    things = [
+        sheet((0.0, 0.0, 0.0), (9.0, 9.0), pale),
+        sheet((0.0, 2.9, 0.0), (9.0, 4.0, 0.0), pale),
+    ]
     things += [box((0.22 * k - 1.0, 0.25, 0.5), (0.05, 0.05, 0.5), pale) for k in range(6)]
     things.append(box((-0.45, 0.25, 1.05), (0.66, 0.07, 0.05), pale))
     things.append(ball((0.75, 0.0, 0.35), 0.35, gs.paint.Plain(0.7)))
     lights = [
         gs.AreaLight((-1.6, 2.2, 2.9), (0.0, 0.0, 0.2), (size, size), 60.0, color=HALOGEN),
-        gs.AreaLight((1.9, 1.9, 2.9), (0.0, 0.0, 0.2), (size, size), 60.0, color=gs.blackbody(20000)),
+        gs.AreaLight(
+            (1.9, 1.9, 2.9), (0.0, 0.0, 0.2), (size, size), 60.0, color=gs.blackbody(20000)
+        ),
         gs.AmbientLight(0.08, occlusion=True),
     ]
     frame = gs.render(things, look((0.2, -3.8, 2.5), (0.0, -0.1, 0.42), 46.0), lights)
@@ -343,7 +289,9 @@ def label() -> Picture:
     image = np.full((512, 1024, 3), (244, 238, 222), np.uint8)
     cv2.rectangle(image, (0, 0), (1023, 95), (176, 32, 28), -1)
     cv2.rectangle(image, (0, 416), (1023, 511), (31, 79, 140), -1)
-    cv2.putText(image, "gpusim", (648, 210), cv2.FONT_HERSHEY_DUPLEX, 2.0, (30, 34, 40), 4, cv2.LINE_AA)
+    cv2.putText(
+        image, "gpusim", (648, 210), cv2.FONT_HERSHEY_DUPLEX, 2.0, (30, 34, 40), 4, cv2.LINE_AA
+    )
     for k, patch in enumerate(CHART):
         x, y = 652 + 40 * (k % 6), 245 + 40 * (k // 6)
         cv2.rectangle(image, (x, y), (x + 31, y + 31), tuple(bytes.fromhex(patch)), -1)
@@ -376,7 +324,9 @@ def can() -> Picture:
         ball((0.85, 0.1, 0.25), 0.25, gs.paint.Plain((0.955, 0.638, 0.538), 0.2, 1.0)),
     ]
     lights = [
-        gs.AreaLight((-2.0, -1.5, 3.0), (0.0, 0.0, 0.4), (0.8, 0.8), 60.0, color=gs.blackbody(4500)),
+        gs.AreaLight(
+            (-2.0, -1.5, 3.0), (0.0, 0.0, 0.4), (0.8, 0.8), 60.0, color=gs.blackbody(4500)
+        ),
         gs.EnvironmentLight(image=0.5 * studio(), forward=(0.0, 1.0, 0.0)),
     ]
     frame = gs.render(things, look((0.25, -3.6, 2.0), (-0.05, 0.0, 0.5), 50.0), lights)
