@@ -93,6 +93,8 @@ def diagnose(stage: str | None = None) -> Diagnosis:
         if stage is not None and stage not in checks:
             near = get_close_matches(stage, list(checks), n=1)
             hint = f" (did you mean {near[0]}?)" if near else ""
+            if stage.endswith(".toml"):
+                hint = "; `gpusim plan` checks a scene file"
             raise InputError(
                 f"check: no such stage; got {stage}; expected one of {', '.join(checks)}{hint}"
             )

@@ -114,7 +114,8 @@ def plane_frame(
     if not length > 0.0 or not (normals @ unit >= PLANAR_COSINE * areas).all():
         raise InputError(
             f"{where}: a pattern needs a plane region; got faces whose normals differ by more "
-            "than 1 degree; split the region or give frames"
+            "than 1 degree; expected those of one plane, as `where` chooses them, or `mapping` (in "
+            "Python `frames`), which lays a pattern on curved ones"
         )
     return PaintFrame.facing(unit, points[used_vertices(faces, len(points))], up)
 

@@ -39,6 +39,17 @@ def test_a_finish_fills_what_the_paint_leaves_open() -> None:
         assert bump is not None and bump.stretch == stretch
 
 
+def test_another_finish_replaces_what_the_one_before_filled_in() -> None:
+    before = scene({"finish": "mill-finished steel", "roughness": 0.65})
+    (paint,) = before.replace("prop.p.paint.c.finish", "painted steel").props[0].paints
+    assert paint.albedo == 0.35 and paint.finish.metallic == 0.0 and paint.finish.bump is not None
+    assert paint.finish.roughness == 0.65  # said, not filled in
+    (paint,) = scene().replace("prop.p.paint.c.finish", "brushed steel").props[0].paints
+    assert (paint.albedo, paint.finish.roughness, paint.finish.metallic) == (0.5, 0.35, 1.0)
+    (paint,) = before.replace("prop.p.paint.c.color", "#ff0000").props[0].paints
+    assert paint.albedo == "#ff0000"
+
+
 def test_every_finish_makes_a_paint_with_and_without_a_direction() -> None:
     assert set(get_args(FinishName)) == set(FINISHES)
     for name, finish in FINISHES.items():

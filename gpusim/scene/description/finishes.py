@@ -52,6 +52,14 @@ class NamedFinish(NamedTuple):
             del values["albedo"]
         return {**values, **given}
 
+    @staticmethod
+    def unfilled(given: dict[str, Any]) -> dict[str, Any]:
+        """A paint's keys without what its finish, or no finish, gave: before it gets another."""
+        matte = NamedFinish((-1.0, -1.0, -1.0), 1.0, 0.0)
+        old = FINISHES.get(str(given.get("finish")), matte)
+        values = {"bump_stretch": 1.0, **old.filled({"bump_along": None})}
+        return {key: value for key, value in given.items() if values.get(key) != value}
+
 
 IRON, ALUMINIUM = (0.562, 0.565, 0.578), (0.913, 0.922, 0.924)
 FINISHES: dict[str, NamedFinish] = {

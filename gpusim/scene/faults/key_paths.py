@@ -10,6 +10,7 @@ from itertools import islice
 from typing import Any
 
 from gpusim.errors import Fault
+from gpusim.scene.description.finishes import NamedFinish
 from gpusim.scene.toml_text import DEEPEST
 
 __all__ = [
@@ -98,12 +99,23 @@ def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...
         elif isinstance(here, dict):
             found.append(key)
             if last:
+                _make_way(here, key)
                 here[key] = value
             else:
                 here = here.setdefault(key, {})
         else:
             return Fault(dotted(keys[:depth]), "has no keys inside", repr(here), "a table or list")
     return tuple(found)
+
+
+def _make_way(table: dict[str, Any], key: str) -> None:
+    """Take out of a resolved paint what was filled in and would stand against the new value."""
+    if key == "finish":
+        kept = NamedFinish.unfilled(table)
+        table.clear()
+        table |= kept
+    if key in ("albedo", "color"):
+        table.pop("color" if key == "albedo" else "albedo", None)
 
 
 def with_names(document: Any, path: str) -> str:
