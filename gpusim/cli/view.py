@@ -10,6 +10,7 @@ import typer
 
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.errors import InputError
+from gpusim.interrupts import INTERRUPTED
 
 __all__ = ["view"]
 
@@ -63,9 +64,11 @@ def view(
                 wait_for_solution,
             )
             from gpusim.view.viewer import Viewer
+            from gpusim.view.window import local_socket, open_window, serve_view
 
         if screenshot is not None:
             check_ending(screenshot)
+        where = local_socket(port) if serve else None
         loaded = frame is not None or field is not None
         viewer = Viewer(default_device(), path, pixels, solve=screenshot is None or loaded)
         try:
@@ -76,12 +79,12 @@ def view(
                 save_screenshot(viewer, screenshot)
                 out(str(screenshot))
                 return
-            from gpusim.view.window import open_window, serve_view
-
-            if serve:
-                out(f"http://127.0.0.1:{port}/ shows {path}; Ctrl-C ends it")
-                serve_view(viewer, port)
-            else:
+            if where is None:
                 open_window(viewer)
+            else:
+                out(f"http://127.0.0.1:{where.getsockname()[1]}/ shows {path}; Ctrl-C ends it")
+                serve_view(viewer, where)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
         finally:
             viewer.close()
