@@ -10,6 +10,7 @@ import socket
 import time
 import warnings
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 from gpusim.errors import InputError
@@ -181,15 +182,23 @@ def serve_view(viewer: Viewer, where: socket.socket) -> None:
     try:
         import uvicorn
         import websockets  # which uvicorn looks for when a browser asks
-        from rendercanvas.http import RenderCanvas, asgi, loop
+        from rendercanvas.http import RenderCanvas, asgi, loop, resources
     except ImportError as error:
         raise InputError(f"view: {error.name} is missing; {INSTALL}") from None
     del websockets
+    width, height = viewer.size
+    kind, page = resources["index.html"]
+    title = escape(f"{viewer.path.name}, {TITLE}").encode("ascii", "xmlcharrefreplace").decode()
+    page = page.replace("RenderCanvas over http", title)
+    page = page.replace("width:640px; height:480px", f"width:{width}px; height:{height}px")
+    resources["index.html"] = kind, page
     canvas = RenderCanvas(size=viewer.size, title=TITLE, max_fps=FRAMES_PER_SECOND)
-    WindowView(viewer, canvas, loop, types=False)
-    config = uvicorn.Config(
+    server = uvicorn.Server(uvicorn.Config(
         asgi, log_level="warning", ws="websockets-sansio", timeout_graceful_shutdown=1
-    )
-    with HeldSignals():  # the server repeats those that ended it
-        uvicorn.Server(config).run(sockets=[where])
+    ))  # fmt: skip
+    canvas.add_event_handler(lambda _: setattr(server, "should_exit", True), "close")
+    with HeldSignals() as signals:
+        WindowView(viewer, canvas, loop, types=False, told=signals.told)
+        loop.call_soon(signals.take)  # rendercanvas takes the server's
+        server.run(sockets=[where])
         viewer.close()
