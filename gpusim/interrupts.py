@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from types import FrameType
 from typing import Any
 
-__all__ = ["INTERRUPTED", "HeldSignals", "end_at_once", "raise_again"]
+__all__ = ["INTERRUPTED", "DelayedSignals", "end_at_once", "raise_again"]
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
@@ -30,16 +30,16 @@ def raise_again() -> None:
     _replace(_end, signal.default_int_handler)
 
 
-class HeldSignals:
-    """Signals that end a process, held up until the block ends; then they do what they always do.
+class DelayedSignals:
+    """Signals that end a process, delayed until the block ends; then they do what they always do.
 
     ``told``: those that have come. What the block runs looks there, and stops.
 
     Examples
     --------
-    >>> from gpusim.interrupts import HeldSignals
-    >>> with HeldSignals() as held:
-    ...     held.told
+    >>> from gpusim.interrupts import DelayedSignals
+    >>> with DelayedSignals() as signals:
+    ...     signals.told
     []
     """
 
@@ -47,13 +47,15 @@ class HeldSignals:
         self.told: list[int] = []
         self._before: dict[int, Any] = {}
 
-    def __enter__(self) -> HeldSignals:
-        self._before = {number: signal.getsignal(number) for number in _ending()}
+    def __enter__(self) -> DelayedSignals:
+        before = {number: signal.getsignal(number) for number in _ending()}
+        # nohup has some of them ignored
+        self._before = {k: v for k, v in before.items() if v not in (None, signal.SIG_IGN)}
         self.take()
         return self
 
     def take(self) -> None:
-        """Hold them from now on, whoever has taken them meanwhile."""
+        """Delay them from now on, whoever has taken them meanwhile."""
         for number in self._before:
             signal.signal(number, lambda number, frame: self.told.append(number))
 

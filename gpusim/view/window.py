@@ -14,7 +14,7 @@ from html import escape
 from typing import Any
 
 from gpusim.errors import InputError
-from gpusim.interrupts import HeldSignals
+from gpusim.interrupts import DelayedSignals
 from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
@@ -139,7 +139,7 @@ def open_window(viewer: Viewer) -> None:
         size=viewer.size, title=f"{viewer.path.name} – {TITLE}", max_fps=FRAMES_PER_SECOND,  # noqa: RUF001
         vsync=False,
     )  # fmt: skip
-    with HeldSignals() as signals:
+    with DelayedSignals() as signals:
         WindowView(viewer, canvas, loop, types=True, told=signals.told)
         # rendercanvas would close the window in the middle of a picture; wgpu ends the process then
         loop.call_soon(signals.take)
@@ -197,7 +197,7 @@ def serve_view(viewer: Viewer, where: socket.socket) -> None:
         asgi, log_level="warning", ws="websockets-sansio", timeout_graceful_shutdown=1
     ))  # fmt: skip
     canvas.add_event_handler(lambda _: setattr(server, "should_exit", True), "close")
-    with HeldSignals() as signals:
+    with DelayedSignals() as signals:
         WindowView(viewer, canvas, loop, types=False, told=signals.told)
         loop.call_soon(signals.take)  # rendercanvas takes the server's
         server.run(sockets=[where])
