@@ -14,7 +14,7 @@ Its parts, in the order in which they import each other:
 - `_version`: Where the version stands.
 - `errors`: Every error that is raised on purpose.
 - `validation`: Arguments of the Python API, checked before any work.
-- `interrupts`: Ctrl-C while a command starts.
+- `interrupts`: Ctrl-C while a command starts, and at a window.
 - `printable`: Texts of other people, shown without what commands a terminal.
 - `display`: How objects show themselves in notebooks, and draw themselves.
 - `field_summary`: How objects with arrays show themselves at a prompt.

@@ -1,7 +1,8 @@
-"""Interrupts (Ctrl-C) while a command starts: modules that are being imported must not meet them.
+"""Interrupts (Ctrl-C) where they may not raise KeyboardInterrupt wherever they come.
 
-A KeyboardInterrupt in the middle of an import comes out as any error, with a traceback, or is
-swallowed by a library. Nothing has been begun then that would have to be put in order.
+While a command starts, one in the middle of an import comes out as any error, with a traceback, or
+is swallowed by a library: it ends the process, for nothing has been begun that would have to be put
+in order. A window is closed between two pictures, then the process ends as it was told to.
 """
 
 from __future__ import annotations
@@ -9,9 +10,11 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Iterable
 from types import FrameType
+from typing import Any
 
-__all__ = ["INTERRUPTED", "end_at_once", "raise_again"]
+__all__ = ["INTERRUPTED", "DelayedSignals", "end_at_once", "raise_again"]
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
@@ -25,6 +28,48 @@ def end_at_once() -> None:
 def raise_again() -> None:
     """From now on an interrupt raises KeyboardInterrupt again."""
     _replace(_end, signal.default_int_handler)
+
+
+class DelayedSignals:
+    """Signals that end a process, delayed until the block ends; then they do what they always do.
+
+    ``told``: those that have come. What the block runs looks there, and stops.
+
+    Examples
+    --------
+    >>> from gpusim.interrupts import DelayedSignals
+    >>> with DelayedSignals() as signals:
+    ...     signals.told
+    []
+    """
+
+    def __init__(self) -> None:
+        self.told: list[int] = []
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> DelayedSignals:
+        before = {number: signal.getsignal(number) for number in _ending()}
+        # nohup has some of them ignored
+        self._before = {k: v for k, v in before.items() if v not in (None, signal.SIG_IGN)}
+        self.take()
+        return self
+
+    def take(self) -> None:
+        """Delay them from now on, whoever has taken them meanwhile."""
+        for number in self._before:
+            signal.signal(number, lambda number, frame: self.told.append(number))
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        for number in self.told[:1]:
+            signal.raise_signal(number)
+
+
+def _ending() -> Iterable[signal.Signals]:
+    """SIGHUP is told by a terminal that is gone; Windows has none."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
 
 def _replace(old: object, new: signal._HANDLER) -> None:

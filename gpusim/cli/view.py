@@ -10,6 +10,7 @@ import typer
 
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.errors import InputError
+from gpusim.interrupts import INTERRUPTED
 from gpusim.printable import printable
 
 __all__ = ["view"]
@@ -67,9 +68,11 @@ def view(
                 wait_for_solution,
             )
             from gpusim.view.viewer import Viewer
+            from gpusim.view.window import local_socket, open_window, serve_view
 
         if screenshot is not None:
             check_ending(screenshot)
+        where = local_socket(port) if serve else None
         loaded = frame is not None or field is not None
         solves = screenshot is None or loaded
         if screenshot is None:  # a CAD file takes seconds
@@ -83,12 +86,12 @@ def view(
                 save_screenshot(viewer, screenshot)
                 out(str(screenshot))
                 return
-            from gpusim.view.window import open_window, serve_view
-
-            if serve:
-                out(f"http://127.0.0.1:{port}/ shows {path}; Ctrl-C ends it")
-                serve_view(viewer, port)
-            else:
+            if where is None:
                 open_window(viewer)
+            else:
+                out(f"http://127.0.0.1:{where.getsockname()[1]}/ shows {path}; Ctrl-C ends it")
+                serve_view(viewer, where)
+        except KeyboardInterrupt:
+            raise typer.Exit(INTERRUPTED) from None
         finally:
             viewer.close()

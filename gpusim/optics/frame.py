@@ -76,7 +76,7 @@ class Frame:
         radiance: npt.NDArray[np.float32] | None = None,
     ) -> None:
         self.view, self.device, self.bands = view, device, bands
-        self.planes: tuple[Frame, ...] = (self,)
+        self._planes: tuple[Frame, ...] = ()
         self._radiance = radiance
         self.facts: dict[str, str] = {}
         """What lens and shutter did, in words (`gpusim.optics.photograph`)."""
@@ -98,7 +98,7 @@ class Frame:
         if len(planes) == 1:
             return planes[0]
         result = Frame(planes[0].view, planes[0].device)
-        result.planes = tuple(planes)
+        result._planes = tuple(planes)
         return result
 
     def __repr__(self) -> str:
@@ -121,9 +121,15 @@ class Frame:
         return plotted("frame", self, ax, **style)
 
     @property
+    def planes(self) -> tuple[Frame, ...]:
+        """Its grey planes."""
+        # not kept: an object that holds itself waits for the garbage collector with all it has
+        return self._planes or (self,)
+
+    @property
     def coloured(self) -> bool:
         """Whether it has planes of red, green and blue."""
-        return len(self.planes) > 1
+        return bool(self._planes)
 
     @property
     def released(self) -> bool:

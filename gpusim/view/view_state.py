@@ -82,6 +82,7 @@ class ViewState:
         """Stop what goes on, and give the device's memory back."""
         if self.solver is not None:
             self.solver.stop()
+        self.device.programs.stop()  # a process waits for what is being compiled in threads
         self.picture.release()
 
     # -- content ------------------------------------------------------------------------------

@@ -6,17 +6,21 @@ pictures through a server that listens to this machine alone.
 
 from __future__ import annotations
 
+import socket
 import time
 import warnings
+from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 from gpusim.errors import InputError
+from gpusim.interrupts import DelayedSignals
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
 
-__all__ = ["WindowView", "open_window", "serve_view"]
+__all__ = ["WindowView", "local_socket", "open_window", "serve_view"]
 
 TITLE = "gpusim view"
 
@@ -39,10 +43,14 @@ class WindowView:
     """Joins a viewer and a canvas of rendercanvas: events to the one, pictures to the other.
 
     ``types``: whether the canvas says what was typed (glfw does), whatever the keyboard's layout.
+    ``told``: once there is something in it, the canvas is closed.
     """
 
-    def __init__(self, viewer: Viewer, canvas: Any, loop: Any, types: bool) -> None:
+    def __init__(
+        self, viewer: Viewer, canvas: Any, loop: Any, types: bool, told: Sequence[int] = ()
+    ) -> None:
         self.viewer, self.canvas, self.loop, self.types = viewer, canvas, loop, types
+        self.told = told
         self.context = canvas.get_wgpu_context()
         preferred = self.context.get_preferred_format(viewer.device.adapter)
         self.format = str(preferred).removesuffix("-srgb")
@@ -57,6 +65,9 @@ class WindowView:
 
     def draw(self) -> None:
         """Draw what there is, and ask for more if there is more to come."""
+        largest = self.viewer.device.limits["max-texture-dimension-2d"]
+        if max(self.canvas.get_physical_size()) > largest:
+            return  # wgpu ends the process where a window's texture is asked to be larger
         begun = time.monotonic()
         texture = self.context.get_current_texture()  # waits while too much is on its way
         width, height = texture.size[:2]
@@ -68,6 +79,8 @@ class WindowView:
 
     def tick(self) -> None:
         """Look for what changes without keys and mouse, again and again."""
+        if self.told:
+            self.canvas.close()
         if self.canvas.get_closed():
             self.viewer.close()
             return
@@ -128,13 +141,40 @@ def open_window(viewer: Viewer) -> None:
         vsync=False,
     )  # fmt: skip
     viewer.copy = lambda text: glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]
-    WindowView(viewer, canvas, loop, types=True)
-    with one_blas_thread():  # once, and not for every picture
+    with DelayedSignals() as signals, one_blas_thread():  # once, and not for every picture
+        WindowView(viewer, canvas, loop, types=True, told=signals.told)
+        # rendercanvas would close the window in the middle of a picture; wgpu ends the process then
+        loop.call_soon(signals.take)
         loop.run()
+        viewer.close()
 
 
-def serve_view(viewer: Viewer, port: int) -> None:
+def local_socket(port: int) -> socket.socket:
+    """Where a browser on this machine can ask.
+
+    Raises
+    ------
+    InputError
+        Another program listens at this port, or there is none of that number.
+    """
+    result = socket.socket()
+    try:
+        result.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        result.bind((LOCAL, port))
+        result.listen()
+    except (OSError, OverflowError) as error:
+        result.close()
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(
+            f"view --port; got {port}: {reason}; expected one that no other program has"
+        ) from None
+    return result
+
+
+def serve_view(viewer: Viewer, where: socket.socket) -> None:
     """Show it to a browser on this machine (or at the other end of an SSH tunnel) until Ctrl-C.
+
+    ``where``: as of `local_socket`.
 
     Raises
     ------
@@ -144,11 +184,23 @@ def serve_view(viewer: Viewer, port: int) -> None:
     try:
         import uvicorn
         import websockets  # which uvicorn looks for when a browser asks
-        from rendercanvas.http import RenderCanvas, asgi, loop
+        from rendercanvas.http import RenderCanvas, asgi, loop, resources
     except ImportError as error:
         raise InputError(f"view: {error.name} is missing; {INSTALL}") from None
     del websockets
+    width, height = viewer.size
+    kind, page = resources["index.html"]
+    title = escape(f"{viewer.path.name}, {TITLE}").encode("ascii", "xmlcharrefreplace").decode()
+    page = page.replace("RenderCanvas over http", title)
+    page = page.replace("width:640px; height:480px", f"width:{width}px; height:{height}px")
+    resources["index.html"] = kind, page
     canvas = RenderCanvas(size=viewer.size, title=TITLE, max_fps=FRAMES_PER_SECOND)
-    WindowView(viewer, canvas, loop, types=False)
-    with one_blas_thread():
-        uvicorn.run(asgi, host=LOCAL, port=port, log_level="warning", ws="websockets-sansio")
+    server = uvicorn.Server(uvicorn.Config(
+        asgi, log_level="warning", ws="websockets-sansio", timeout_graceful_shutdown=1
+    ))  # fmt: skip
+    canvas.add_event_handler(lambda _: setattr(server, "should_exit", True), "close")
+    with DelayedSignals() as signals, one_blas_thread():
+        WindowView(viewer, canvas, loop, types=False, told=signals.told)
+        loop.call_soon(signals.take)  # rendercanvas takes the server's
+        server.run(sockets=[where])
+        viewer.close()

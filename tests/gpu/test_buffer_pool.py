@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -72,3 +75,11 @@ def test_frames_share_their_memory(device: Device) -> None:
     assert two.radiance.min() == np.float32(0.1)
     assert abs(two.radiance.max() - 0.6) <= 1e-6
     two.release()
+    # what nobody holds is gone at once: views are large, and the garbage collector comes seldom
+    gone = weakref.ref(two)
+    gc.disable()
+    try:
+        del two
+        assert gone() is None
+    finally:
+        gc.enable()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.scene.toml_text import toml_text
 from gpusim.view.content.loading import load_content
+from gpusim.view.keys import KEYS
 from gpusim.view.picture.moving_picture import moving_picture
 from gpusim.view.picture.progressive_picture import coarser, rows_of
 from gpusim.view.screenshot import screenshot, wait_for_solution
@@ -273,4 +275,49 @@ def test_what_is_no_content_is_a_fault(device: Device, name: str, tmp_path: Path
     viewer = Viewer(device, tmp_path / name, SIZE)
     assert viewer.content is None and str(tmp_path) in viewer.fault
     assert screenshot(viewer).std() > 1.0  # it is said in the window
+    viewer.close()
+
+
+def test_whatever_a_user_does(
+    device: Device, scene_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is raised and numbers stay finite, whatever comes: keys, buttons, sizes, files."""
+    monkeypatch.chdir(tmp_path)
+    chance = random.Random(2)
+    text = scene_path.read_bytes()
+    viewer = Viewer(device, scene_path, SIZE, solve=False)
+    sizes = [(1, 1), (2, 90), (90, 1), (131, 87), (320, 200)]
+    target = device.texture(*SIZE, "rgba8unorm", "view.target")
+
+    def place() -> tuple[float, float]:
+        return chance.uniform(-50.0, 400.0), chance.uniform(-50.0, 300.0)
+
+    def write() -> None:
+        kept = text[: chance.randrange(len(text))] if chance.random() < 0.5 else text
+        scene_path.write_bytes(kept)
+        viewer.load()
+
+    def resize() -> None:
+        nonlocal target
+        target = device.texture(*chance.choice(sizes), "rgba8unorm", "view.target")
+
+    deeds = [
+        lambda: viewer.key(chance.choice([*(key.key for key in KEYS), "Tab", "=", ""])),
+        lambda: viewer.press(*place(), chance.randrange(6), chance.choice([(), ("Shift",)])),
+        lambda: viewer.move(*place()),
+        lambda: viewer.release(*place()),
+        lambda: viewer.wheel(chance.choice([-1.0, 1.0, 40.0, -40.0]), *place()),
+        resize,
+        write,
+    ]
+    for _ in range(80):
+        chance.choices(deeds, (8, 3, 5, 3, 3, 1, 1))[0]()
+        viewer.tick()
+        viewer.draw(target)
+        camera, _, _ = viewer.camera()
+        assert np.isfinite(camera.camera_from_world).all()
+    scene_path.write_bytes(text)
+    viewer.load()
+    viewer.key("r")
+    assert viewer.fault == "" and screenshot(viewer, SIZE).std() > 10.0
     viewer.close()
