@@ -24,7 +24,8 @@ from gpusim.scene import Scene
 __all__ = ["BackgroundSolver"]
 
 _CHILD = (
-    "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
+    "import os, pickle, sys; getattr(os, 'nice', int)(10); "  # the window comes first
+    "sys.path[:] = pickle.load(sys.stdin.buffer); "
     "from gpusim.view.content.background_solver import solve_here; solve_here()"
 )
 
