@@ -225,7 +225,9 @@ def _along_normal(
     leaves = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
     normal = np.einsum("fa,nba->nfb", facets.planes[face, :3], _axes(points.normal))
     on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * length
-    leaves += TOUCHES * (level & (facing < 0.5) & on.all(axis=2)).sum(axis=1)
+    # a sheet that looks the other way is the point's own, from its other side
+    across = (facing < 0.5) & (closed | (facing > AGAINST))
+    leaves += TOUCHES * (level & across & on.all(axis=2)).sum(axis=1)
     start = np.zeros((len(points.at), ROWS), np.int64)
     hiding = _hiding(points, facets, face)
     point, which = np.nonzero(hiding)

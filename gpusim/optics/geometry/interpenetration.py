@@ -152,12 +152,18 @@ TOGETHER = 1 << 18
 @dataclass(frozen=True, eq=False)
 class Discontinuities:
     """Sections of triangles, in order: ``first`` (T + 1,) of each; their boxes ``low`` and ``high``
-    (S, 3) relative to the eye, and the planes (S, 4) of what cuts there, the eye before them."""
+    (S, 3) relative to the eye, and the planes (S, 4) of what cuts there, the eye before them.
+
+    ``along`` (S, 4): affine in a place, how far along the section it is from where the triangle
+    that cuts begins; ``length`` (S,): where that ends.
+    """
 
     first: Numbers
     low: Array
     high: Array
     planes: Array
+    along: Array
+    length: Array
 
     @staticmethod
     def of(view: View, surfaces: Sequence[Surface], corners: Array) -> Discontinuities | None:
@@ -186,9 +192,14 @@ class Discontinuities:
         offset = -np.sum(normal * a, axis=1)
         planes = np.column_stack([normal, offset]) * np.where(offset < 0.0, -1.0, 1.0)[:, None]
         first = np.searchsorted(own[kept], np.arange(view.count + 1))
+        ends = segments[kept]
+        way = ends[:, 1] - ends[:, 0]
+        way /= np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
+        place = np.stack([np.sum(corner * way, axis=1) for corner in (a, b, c)])
         return Discontinuities(
-            first, segments[kept].min(axis=1), segments[kept].max(axis=1), planes
-        )
+            first, ends.min(axis=1), ends.max(axis=1), planes,
+            np.column_stack([way, -place.min(axis=0)]), np.ptp(place, axis=0),
+        )  # fmt: skip
 
     def behind(self, triangle: Numbers, at: Array) -> Flags:
         """(P, N) which places ``at`` (P, N, 3) in pieces of triangles (P,) are behind something
@@ -202,12 +213,23 @@ class Discontinuities:
             row, step = expand(count[some[part]])
             row += part.start
             section = self.first[triangle[some[row]]] + step
-            slack = (NEAR * size[row])[:, None]
+            slack = NEAR * size[row][:, None]
             meets = (self.low[section] <= high[row] + slack).all(axis=1)
             meets &= (self.high[section] >= low[row] - slack).all(axis=1)
-            row, section = row[meets], section[meets]
-            plane = self.planes[section]
-            height = np.einsum("na,nka->nk", plane[:, :3], at[some[row]]) + plane[:, 3:]
-            np.logical_or.at(result, some[row], height <= NEAR * size[row][:, None])
+            row, section, slack = row[meets], section[meets], slack[meets]
+            places, plane = at[some[row]], self.planes[section]
+            height = np.einsum("na,nka->nk", plane[:, :3], places) + plane[:, 3:]
+            # where the way to the eye goes through the plane
+            through = places * (plane[:, 3:] / np.maximum(plane[:, 3:] - height, 1e-300))[..., None]
+            hidden = (height <= slack) & self._beside(section, through, slack)
+            hidden |= (np.abs(height) <= slack) & self._beside(section, places, slack)
+            np.logical_or.at(result, some[row], hidden)
         result[result.all(axis=1)] = False
         return result
+
+    def _beside(self, section: Numbers, at: Array, slack: Array) -> Flags:
+        """(n, k) which places ``at`` (n, k, 3) are between the ends of what cuts there, or up to
+        ``slack`` (n, 1) beyond."""
+        along = self.along[section]
+        place = np.einsum("nka,na->nk", at, along[:, :3]) + along[:, 3:]
+        return np.asarray((place >= -slack) & (place <= self.length[section][:, None] + slack))

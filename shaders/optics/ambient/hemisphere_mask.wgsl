@@ -193,7 +193,9 @@ fn add_face(p: Point, number: u32) {
     if (closed && (over || under) && !level && rise > select(0.0, p.thickness, face.height > 0.0)) {
         atomicAdd(&left, select(-1, 1, face.height > 0.0));
     }
-    if (level && face.facing < 0.5 && on) { atomicAdd(&left, TOUCHES); }
+    // a sheet that looks the other way is the point's own, from its other side
+    let across = face.facing < 0.5 && (closed || face.facing > -0.5);
+    if (level && across && on) { atomicAdd(&left, TOUCHES); }
 }
 
 @compute @workgroup_size(64)
