@@ -76,7 +76,7 @@ def describe(scene: Scene) -> dict[str, str]:
     if lights and any(paint.finish.bump for paint in _paints(scene)):
         lit += ", fine relief"
     if in_color(scene):
-        lit += ", in colour"
+        lit += ", light and paint in colour"
     wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
