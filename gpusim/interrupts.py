@@ -49,15 +49,16 @@ class DelayedSignals:
 
     def __enter__(self) -> DelayedSignals:
         before = {number: signal.getsignal(number) for number in _ending()}
-        # nohup has some of them ignored
-        self._before = {k: v for k, v in before.items() if v not in (None, signal.SIG_IGN)}
+        self._before = {k: v for k, v in before.items() if v is not None}
         self.take()
         return self
 
     def take(self) -> None:
         """Delay them from now on, whoever has taken them meanwhile."""
-        for number in self._before:
-            signal.signal(number, lambda number, frame: self.told.append(number))
+        for number, before in self._before.items():
+            # nohup, and shells in the background, have some of them ignored
+            ignored = before is signal.SIG_IGN
+            signal.signal(number, before if ignored else lambda k, _: self.told.append(k))
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():

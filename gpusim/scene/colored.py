@@ -5,11 +5,7 @@ from __future__ import annotations
 import io
 from typing import Any
 
-import cv2
-import numpy as np
-
 from gpusim.errors import InputError
-from gpusim.files.picture_file import decode
 
 from .description.colors import is_chromatic
 from .scene import Scene
@@ -32,6 +28,11 @@ def in_color(scene: Scene) -> bool:
 def _shows_color(picture: Any, scene: Scene) -> bool:
     """Whether the file of a paint or of surroundings isn't grey; unknown without a file of its own,
     by texture coordinates. What can't be read is refused elsewhere."""
+    import cv2  # heavy, and most plans have no picture
+    import numpy as np
+
+    from gpusim.files.picture_file import decode
+
     if picture.path is None:
         return getattr(picture, "mapping", "") == "uv"
     try:

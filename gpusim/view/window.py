@@ -9,7 +9,6 @@ from __future__ import annotations
 import socket
 import time
 import warnings
-from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -43,14 +42,15 @@ class WindowView:
     """Joins a viewer and a canvas of rendercanvas: events to the one, pictures to the other.
 
     ``types``: whether the canvas says what was typed (glfw does), whatever the keyboard's layout.
-    ``told``: once there is something in it, the canvas is closed.
+    ``signals``: once one has come, the canvas is closed.
     """
 
     def __init__(
-        self, viewer: Viewer, canvas: Any, loop: Any, types: bool, told: Sequence[int] = ()
-    ) -> None:
+        self, viewer: Viewer, canvas: Any, loop: Any, types: bool,
+        signals: DelayedSignals | None = None,
+    ) -> None:  # fmt: skip
         self.viewer, self.canvas, self.loop, self.types = viewer, canvas, loop, types
-        self.told = told
+        self.signals = signals
         self.context = canvas.get_wgpu_context()
         preferred = self.context.get_preferred_format(viewer.device.adapter)
         self.format = str(preferred).removesuffix("-srgb")
@@ -79,8 +79,12 @@ class WindowView:
 
     def tick(self) -> None:
         """Look for what changes without keys and mouse, again and again."""
-        if self.told:
-            self.canvas.close()
+        if self.signals is not None:
+            # rendercanvas takes them once its loop runs, and closes the window in the middle of a
+            # picture; wgpu ends the process then
+            self.signals.take()
+            if self.signals.told:
+                self.canvas.close()
         if self.canvas.get_closed():
             self.viewer.close()
             return
@@ -142,9 +146,7 @@ def open_window(viewer: Viewer) -> None:
     )  # fmt: skip
     viewer.copy = lambda text: glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]
     with DelayedSignals() as signals, one_blas_thread():  # once, and not for every picture
-        WindowView(viewer, canvas, loop, types=True, told=signals.told)
-        # rendercanvas would close the window in the middle of a picture; wgpu ends the process then
-        loop.call_soon(signals.take)
+        WindowView(viewer, canvas, loop, types=True, signals=signals)
         loop.run()
         viewer.close()
 
@@ -200,7 +202,6 @@ def serve_view(viewer: Viewer, where: socket.socket) -> None:
     ))  # fmt: skip
     canvas.add_event_handler(lambda _: setattr(server, "should_exit", True), "close")
     with DelayedSignals() as signals, one_blas_thread():
-        WindowView(viewer, canvas, loop, types=False, told=signals.told)
-        loop.call_soon(signals.take)  # rendercanvas takes the server's
+        WindowView(viewer, canvas, loop, types=False, signals=signals)
         server.run(sockets=[where])
         viewer.close()

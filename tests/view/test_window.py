@@ -36,6 +36,11 @@ SECONDS = 90.0
 """Of patience: machines are busy."""
 
 
+def heard() -> None:
+    """Ctrl-C isn't ignored, as it is by what a shell runs in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Window:
     """A preview window in a process of its own, and the display that it is on."""
 
@@ -43,7 +48,7 @@ class Window:
         self.display = display
         self.process = subprocess.Popen(
             [sys.executable, "-m", "gpusim", "view", *arguments], cwd=folder, text=True,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=1,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=1, preexec_fn=heard,
             env={**os.environ, "DISPLAY": display.name, "PYTHONPATH": os.pathsep.join(sys.path)},
         )  # fmt: skip
         self.lines: queue.Queue[str] = queue.Queue()
@@ -177,7 +182,7 @@ def test_the_server(tmp_path: Path) -> None:
     (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
     process = subprocess.Popen(
         [sys.executable, "-m", "gpusim", "view", "bar.toml", "--serve", "--port", "0"],
-        cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heard,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     with process:
