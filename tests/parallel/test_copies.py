@@ -152,12 +152,13 @@ def test_an_error_here_ends_the_copies(tmp_path: Path) -> None:
             time.sleep(0.01)
         raise KeyboardInterrupt
 
-    files = len(os.listdir("/proc/self/fd"))
+    files = set(os.listdir("/proc/self/fd"))
     with pytest.raises(KeyboardInterrupt):
         in_copies(work, 2)
     with pytest.raises(ProcessLookupError):
         os.kill(int(note.read_text()), 0)
-    assert len(os.listdir("/proc/self/fd")) == files
+    # threads of other tests may close some meanwhile
+    assert set(os.listdir("/proc/self/fd")) <= files
 
 
 @needs_copies
@@ -170,14 +171,15 @@ def test_an_interrupt_while_copying_leaves_nothing(monkeypatch: pytest.MonkeyPat
         return made[-1]
 
     monkeypatch.setattr(os, "fork", interrupted)
-    files = len(os.listdir("/proc/self/fd"))
+    files = set(os.listdir("/proc/self/fd"))
     handler = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
         in_copies(lambda item: item, 2)
     assert len(made) == 1
     with pytest.raises(ChildProcessError):
         os.waitpid(made[0], os.WNOHANG)
-    assert len(os.listdir("/proc/self/fd")) == files
+    # threads of other tests may close some meanwhile
+    assert set(os.listdir("/proc/self/fd")) <= files
     assert signal.getsignal(signal.SIGINT) is handler
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, [])
     assert gc.isenabled()
