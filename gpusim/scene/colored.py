@@ -28,10 +28,9 @@ def in_color(scene: Scene) -> bool:
 def _shows_color(picture: Any, scene: Scene) -> bool:
     """Whether the file of a paint or of surroundings isn't grey; unknown without a file of its own,
     by texture coordinates. What can't be read is refused elsewhere."""
-    import cv2  # heavy, and most plans have no picture
-    import numpy as np
+    import numpy as np  # heavy, as what reads pictures is, and most plans have none
 
-    from gpusim.files.picture_file import decode
+    from gpusim.files.picture_file import read_picture
 
     if picture.path is None:
         return getattr(picture, "mapping", "") == "uv"
@@ -39,7 +38,7 @@ def _shows_color(picture: Any, scene: Scene) -> bool:
         file = scene.input(picture.path)
         if picture.path.endswith(".npy"):
             return bool(np.load(io.BytesIO(file.data)).ndim == 3)
-        values = decode(file, flags=cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
+        values = read_picture(file)
     except (OSError, ValueError, InputError):
         return False
-    return values.ndim == 3 and not (values == values[..., :1]).all()
+    return values.ndim == 3 and bool((values != values[..., :1]).any())

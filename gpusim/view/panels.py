@@ -51,13 +51,17 @@ def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
         _draw_message(viewer, overlay, viewer.message, above)
 
 
+def _panel_size(overlay: Overlay, text: str) -> tuple[float, float]:
+    """Width and height of text on paper."""
+    lines = text.count("\n") + 1
+    return overlay.text_width(text, SIZE) + 1.4 * SIZE, lines * 1.35 * SIZE + 0.7 * SIZE
+
+
 def _panel(
     overlay: Overlay, x: float, y: float, text: str, color: str = INK
 ) -> tuple[float, float]:
     """Text on paper; returns how far it goes."""
-    lines = text.count("\n") + 1
-    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
-    tall = lines * 1.35 * SIZE + 0.7 * SIZE
+    wide, tall = _panel_size(overlay, text)
     overlay.rectangle(round(x), round(y), round(wide), round(tall), PAPER)
     overlay.text(x + 0.7 * SIZE, y + 0.65 * SIZE, text, SIZE, color)
     return x + wide, y + tall
@@ -87,7 +91,7 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
         overlay.rectangle(EDGE, round(bottom), round(share * (right - EDGE)), 4, ACCENT)
     if not viewer.shown["help"]:
         low = viewer.size[1] - EDGE - (1.5 * SIZE if _has_slider(viewer) else 0.0)
-        _panel(overlay, EDGE, low - 2.05 * SIZE, "h: help")
+        _panel(overlay, EDGE, low - _panel_size(overlay, "h: help")[1], "h: help")
 
 
 def _draw_help(viewer: ViewState, overlay: Overlay) -> None:
@@ -110,8 +114,7 @@ def _draw_message(
     columns = max(int((viewer.size[0] - 4 * EDGE) / (0.56 * SIZE)), 20)
     lines = [part for line in text.splitlines() for part in textwrap.wrap(line, columns) or [""]]
     shown = "\n".join(lines[:24])
-    wide = overlay.text_width(shown, SIZE) + 1.4 * SIZE
-    tall = (shown.count("\n") + 1) * 1.35 * SIZE + 0.7 * SIZE
+    wide, tall = _panel_size(overlay, shown)
     x, y = round(0.5 * (viewer.size[0] - wide)), round(bottom - tall)
     _panel(overlay, x, y, shown, color)
     if color != INK:
@@ -159,8 +162,8 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
     overlay.rectangle(at - 5, top - 5, 10, BAR + 10, "white")
     overlay.rectangle(at - 4, top - 4, 8, BAR + 8, ACCENT)
     text = viewer.content.frame_text(viewer.frame)
-    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
-    _panel(overlay, round(0.5 * (viewer.size[0] - wide)), top - 8 - 2.05 * SIZE, text)
+    wide, tall = _panel_size(overlay, text)
+    _panel(overlay, round(0.5 * (viewer.size[0] - wide)), top - 8 - tall, text)
 
 
 # -- over the picture
@@ -236,7 +239,7 @@ def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
             overlay.polygon([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)],
                             color)  # fmt: skip
     text = "\n".join(_selection_lines(viewer, at, moved, pixel))
-    wide = overlay.text_width(text, SIZE) + 1.4 * SIZE
+    wide, _ = _panel_size(overlay, text)
     _panel(overlay, round(viewer.size[0] - wide - EDGE), round(top), text)
 
 

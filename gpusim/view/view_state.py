@@ -15,7 +15,7 @@ from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.scene.description.table import FileUnit
-from gpusim.view.camera_marks import DepthOfField, depth_of_field
+from gpusim.view.camera_marks import DepthOfField
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content
 from gpusim.view.content.file_watch import FileWatch
@@ -172,8 +172,7 @@ class ViewState:
         """What the camera that is looked through shows sharp; None where there is no limit."""
         if self.through is None or self.content is None:
             return None
-        camera = self.content.cameras[self.through]
-        return depth_of_field(camera, self.content.lens(self.through))
+        return self.content.depths_of_field[self.through]
 
     @property
     def white(self) -> float:

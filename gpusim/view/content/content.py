@@ -18,6 +18,7 @@ from gpusim.pipeline.build.cameras import build_lens
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
+from gpusim.view.camera_marks import DepthOfField, depth_of_field
 from gpusim.view.fields import BodyState
 from gpusim.view.mesh_edges import crease_edges
 from gpusim.view.picture.neutral import unpainted
@@ -61,6 +62,11 @@ class Content:
         """Of a camera of the scene."""
         assert self.objects is not None
         return build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
+
+    @cached_property
+    def depths_of_field(self) -> list[DepthOfField | None]:
+        """Of the scene's cameras; None where there is no limit."""
+        return [depth_of_field(own, self.lens(k)) for k, own in enumerate(self.cameras)]
 
     def has(self, what: str) -> bool:
         """Whether there is any of what can be switched on and off."""
