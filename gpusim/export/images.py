@@ -7,7 +7,7 @@ tool can read or memory-map it.
 
 Images written or read lately are kept in memory: taking a 21 Mpx picture, measuring it, drawing
 markers on it and putting it on a page would decode the same file five times. A file is known by its
-path, and is read anew once it isn't the same one.
+number, size and time of change, whatever it is called.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream
+from gpusim.files.atomic_files import PathLike, atomic_path
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import read_picture
 
-__all__ = ["Picture", "keep", "read_image", "write_image"]
+__all__ = ["Picture", "keep", "read_image", "recall", "save_image", "write_image"]
 
 MOST_BYTES = 256 << 20
 
 _Stamp = tuple[int, int, int]
-_kept: OrderedDict[str, tuple[_Stamp, npt.NDArray[Any]]] = OrderedDict()
+_kept: OrderedDict[_Stamp, npt.NDArray[Any]] = OrderedDict()
 _lock = Lock()
 
 
@@ -48,24 +48,20 @@ def keep(path: PathLike, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     stamp = _stamp(path)
     with _lock:
         if stamp is not None and image.nbytes <= MOST_BYTES:
-            _kept[os.path.abspath(path)] = stamp, image
-            _kept.move_to_end(os.path.abspath(path))
-            while sum(own.nbytes for _, own in _kept.values()) > MOST_BYTES:
+            _kept[stamp] = image
+            _kept.move_to_end(stamp)
+            while sum(one.nbytes for one in _kept.values()) > MOST_BYTES:
                 _kept.popitem(last=False)
     return image
 
 
 def recall(path: PathLike) -> npt.NDArray[Any] | None:
     """The image in the file ``path``, read-only, if it is kept and the file is still the same."""
-    key, stamp = os.path.abspath(path), _stamp(path)
+    stamp = _stamp(path)
     with _lock:
-        stored, image = _kept.get(key, (None, None))
-        if image is None:
-            return None
-        if stored != stamp:
-            del _kept[key]
-            return None
-        _kept.move_to_end(key)
+        image = None if stamp is None else _kept.get(stamp)
+        if stamp is not None and image is not None:
+            _kept.move_to_end(stamp)
         return image
 
 
@@ -116,28 +112,49 @@ def write_image(
     >>> gs.export.write_image("grey.tif", np.full((2, 3), 500, np.uint16)).name
     'grey.tif'
     """
-    suffix = Path(path).suffix.lower()
-    if suffix == ".png":
-        return write_png(path, image, pixels_per_metre=pixels_per_metre, text=text)
-    if suffix in (".tif", ".tiff"):
-        return write_tiff(path, image, pixels_per_metre=pixels_per_metre, text=text)
-    raise InputError(f"image file: {path}: got suffix {suffix!r}; expected .png, .tif or .tiff")
+    _format(path)
+    _check(image, pixels_per_metre)
+    with atomic_path(path) as part:
+        save_image(part, image, pixels_per_metre=pixels_per_metre, text=text, suffix=_format(path))
+    return Path(path)
 
 
-def write_png(
+def save_image(
     path: PathLike,
     image: Picture,
     *,
     pixels_per_metre: float | None = None,
     text: Mapping[str, str] | None = None,
-) -> Path:
-    """Write a PNG (W3C specification, 3rd edition); parameters and errors as in `write_image`."""
+    suffix: str = "",
+) -> None:
+    """As `write_image`, for who sees to it that a file is whole; ``suffix``: in place of that of
+    ``path``."""
     _check(image, pixels_per_metre)
+    if (suffix or _format(path)) == ".png":
+        _save_png(path, image, pixels_per_metre, text)
+    else:
+        _save_tiff(path, image, pixels_per_metre, text)
+
+
+def _format(path: PathLike) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".png", ".tif", ".tiff"):
+        raise InputError(f"image file: {path}: got suffix {suffix!r}; expected .png, .tif or .tiff")
+    return suffix
+
+
+def _save_png(
+    path: PathLike,
+    image: Picture,
+    pixels_per_metre: float | None,
+    text: Mapping[str, str] | None,
+) -> None:
+    """A PNG (W3C specification, 3rd edition)."""
     notes = [_latin1(key, 79) + b"\0" + _latin1(value) for key, value in (text or {}).items()]
     data = _deflated(_filtered(image))
     height, width = image.shape[:2]
     kind = _GREY if image.ndim == 2 else _RGB
-    with atomic_stream(path) as stream:
+    with open(path, "wb") as stream:
         stream.write(_SIGNATURE)
         head = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, kind, 0, 0, 0)
         stream.write(_chunk(b"IHDR", head))
@@ -149,35 +166,30 @@ def write_png(
         for part in data:
             stream.write(_chunk(b"IDAT", part))
         stream.write(_chunk(b"IEND", b""))
-    return Path(path)
 
 
-def write_tiff(
+def _save_tiff(
     path: PathLike,
     image: Picture,
-    *,
-    pixels_per_metre: float | None = None,
-    text: Mapping[str, str] | None = None,
-) -> Path:
-    """Write an uncompressed TIFF; parameters and errors as in `write_image`."""
+    pixels_per_metre: float | None,
+    text: Mapping[str, str] | None,
+) -> None:
+    """An uncompressed TIFF."""
     import tifffile  # most pictures are PNG
 
-    _check(image, pixels_per_metre)
     lines = [f"{key}: {value}" for key, value in (text or {}).items()]
     description = b"\n".join(_latin1(line) for line in lines)
     per_cm = None if pixels_per_metre is None else pixels_per_metre / 100.0
-    with atomic_path(path) as part:
-        tifffile.imwrite(
-            part,
-            image.astype(image.dtype.newbyteorder("="), copy=False),
-            photometric="minisblack" if image.ndim == 2 else "rgb",
-            metadata=None,
-            software="gpusim",
-            description=description or None,
-            resolution=None if per_cm is None else (per_cm, per_cm),
-            resolutionunit=None if per_cm is None else "CENTIMETER",
-        )
-    return Path(path)
+    tifffile.imwrite(
+        path,
+        image.astype(image.dtype.newbyteorder("="), copy=False),
+        photometric="minisblack" if image.ndim == 2 else "rgb",
+        metadata=None,
+        software="gpusim",
+        description=description or None,
+        resolution=None if per_cm is None else (per_cm, per_cm),
+        resolutionunit=None if per_cm is None else "CENTIMETER",
+    )
 
 
 def read_image(source: PathLike | InputFile) -> Picture:

@@ -76,7 +76,7 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         os.replace(part, final)
         _flush(final.parent)
     except OSError as error:
-        raise _explained(error, part, final) from error
+        raise explained(error, part, final) from error
     finally:
         _forget(part)
 
@@ -169,7 +169,7 @@ def _forget(part: Path) -> None:
         return
 
 
-def _explained(error: OSError, part: Path, final: Path) -> Exception:
+def explained(error: OSError, part: Path, final: Path) -> Exception:
     """Turn an OSError about this file into one clear message; leave all others as they are."""
     ours = {str(part), str(final), str(final.parent)}
     if error.filename is not None and str(error.filename) not in ours:

@@ -5,48 +5,45 @@ Only how long a stage took, and whether it ran, belong to a run.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 from gpusim.report import MeshSummary
 
-__all__ = ["Notes", "StageResult"]
+__all__ = ["Notes", "notes_of"]
 
 
 @dataclass(frozen=True)
 class Notes:
-    """Beside the files of a stage: ``warnings``, ``facts`` by name, the ``adapter`` that it was
-    made on ("" for a stage that needs none), and what the ``meshes`` are like."""
+    """``warnings``, ``facts`` by name, the ``adapter`` that a stage was made on ("" for one that
+    needs none), and what the ``meshes`` are like. ``first_warnings``: by what they are about; of
+    those about the same thing the report has the first one alone."""
 
     warnings: tuple[str, ...] = ()
     facts: Mapping[str, str] = field(default_factory=dict)
     adapter: str = ""
     meshes: tuple[MeshSummary, ...] = ()
-
-    def content(self) -> dict[str, Any]:
-        """Plain data for JSON."""
-        return asdict(self)
+    first_warnings: Mapping[str, str] = field(default_factory=dict)
 
     @staticmethod
     def of(content: Mapping[str, Any]) -> Notes:
-        """The inverse of `content`. Raises KeyError, TypeError or ValueError for other data."""
+        """From plain data, of which other things may be said as well."""
         meshes = [
             MeshSummary(**{**one, "bad_cells": tuple(one["bad_cells"])})
-            for one in content["meshes"]
+            for one in content.get("meshes", ())
         ]
         return Notes(
-            tuple(str(text) for text in content["warnings"]),
-            {str(name): str(text) for name, text in content["facts"].items()},
-            str(content["adapter"]),
+            tuple(content.get("warnings", ())),
+            content.get("facts", {}),
+            content.get("adapter", ""),
             tuple(meshes),
+            content.get("first_warnings", {}),
         )
 
 
-@dataclass(frozen=True)
-class StageResult:
-    """What a stage has made: its files, and what is said of them."""
-
-    files: list[Path]
-    notes: Notes = field(default_factory=Notes)
+def notes_of(
+    warnings: Sequence[str] = (), facts: Mapping[str, str] | None = None, adapter: str = ""
+) -> dict[str, Any]:
+    """Notes as plain data."""
+    return asdict(Notes(tuple(warnings), facts or {}, adapter))

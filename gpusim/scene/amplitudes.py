@@ -8,14 +8,10 @@ groups; most scenes have one, with the analysis' load factors as its amplitude.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
-from gpusim.scene.description.model import Amplitude, Body, FieldMesh
+from gpusim.scene.description.model import Amplitude, Body
 
-if TYPE_CHECKING:
-    from .scene import Scene
-
-__all__ = ["LoadGroup", "LoadHistory", "load_groups"]
+__all__ = ["LoadGroup", "load_groups"]
 
 Share = tuple[int, float]
 
@@ -68,76 +64,6 @@ def load_groups(body: Body, factors: Amplitude, scaled: bool = True) -> tuple[Lo
         if loads or supports
     )
     return groups or (LoadGroup(factors, (), ()),)
-
-
-class LoadHistory:
-    """The load groups of every body of a scene, and how much of each a frame shows.
-
-    ``scaled=False`` solves for multiples of a load as for any other. A body whose displacements
-    are given has no groups; ``factors`` are its times then.
-    """
-
-    def __init__(self, scene: Scene, scaled: bool = True) -> None:
-        factors = scene.analysis.load_factors
-        self.factors, self.scaled = factors, scaled
-        self.frames = len(factors)
-        self.props_move = any(prop.poses for prop in scene.props)
-        self.given = any(isinstance(body.mesh, FieldMesh) for body in scene.bodies)
-        self.groups = tuple(
-            () if isinstance(body.mesh, FieldMesh) else load_groups(body, factors, scaled)
-            for body in scene.bodies
-        )
-        self._document = scene.document
-
-    def weights(self, frame: int | None) -> tuple[tuple[float, ...], ...]:
-        """Per body the amplitude of each of its groups in a frame; None: unloaded.
-
-        Of a body whose displacements are given: the time.
-        """
-        if self.given:
-            return tuple(() if frame is None else (self.factors[frame],) for _ in self.groups)
-        return tuple(
-            tuple(0.0 if frame is None else group.amplitude[frame] for group in groups)
-            for groups in self.groups
-        )
-
-    def shown(self, frame: int) -> tuple[float, ...]:
-        """The different amplitudes of a frame, in the order in which groups have them."""
-        weights = [weight for body in self.weights(frame) for weight in body]
-        return tuple(dict.fromkeys(weights)) or (self.factors[frame],)
-
-    def still(self, frame: int | None) -> bool:
-        """Whether nothing has moved in a frame, as far as the scene tells."""
-        return frame is None or (not self.props_move and self.unloaded(frame))
-
-    def unloaded(self, frame: int | None) -> bool:
-        """Whether no body has moved in a frame, as far as the scene tells."""
-        if self.given:
-            return frame is None
-        return frame is None or not any(
-            group.amplitude[frame] and (group.loads or group.supports)
-            for groups in self.groups
-            for group in groups
-        )
-
-    @property
-    def solved(self) -> list[Any]:
-        """What the solved systems depend on: all of loads and supports but their amplitudes.
-
-        Of those it matters only which ones vary together, and in what proportion.
-        """
-        bodies = [
-            [
-                [
-                    {key: value for key, value in entry.items() if key != "amplitude"}
-                    for entry in rows
-                ]
-                for rows in (body.get("support", []), body.get("load", []))
-            ]
-            for body in self._document.get("body", [])
-        ]
-        members = [[[group.loads, group.supports] for group in body] for body in self.groups]
-        return [bodies, members]
 
 
 def _multiple(amplitude: Amplitude, of: Amplitude) -> float | None:

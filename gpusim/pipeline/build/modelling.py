@@ -13,11 +13,11 @@ from gpusim import fem
 from gpusim.errors import InputError
 from gpusim.fem.model.supports import check_supports
 from gpusim.pipeline.build.meshing import cells_of, faces_of, nodes_of
-from gpusim.pipeline.build.surfaces import BodyParts
+from gpusim.pipeline.build.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 
-__all__ = ["build_model", "support_of_freedom", "temperature"]
+__all__ = ["BodyModel", "build_body_model", "build_model", "temperature"]
 
 Array = npt.NDArray[np.float64]
 
@@ -42,7 +42,23 @@ def build_material(material: m.Material) -> fem.Isotropic | fem.Orthotropic:
     )  # fmt: skip
 
 
-def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -> fem.Model:
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """A body's ``model``, and the ``support`` (N, 3) that holds each degree of freedom, the first
+    one; -1: none."""
+
+    model: fem.Model
+    support: npt.NDArray[np.int32]
+
+
+def build_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None) -> fem.Model:
+    """The model of `build_body_model` alone."""
+    return build_body_model(parts, groups).model
+
+
+def build_body_model(
+    parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None
+) -> BodyModel:
     """Material, supports and loads.
 
     ``groups`` are the body's load groups, each a load case (one group: forces (N,3)); None: all
@@ -64,7 +80,7 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
         everything = tuple((k, 1.0) for k in range(len(body.loads)))
         supports = tuple((k, 1.0) for k in range(len(body.supports)))
         groups = (LoadGroup((1.0,), everything, supports),)
-    held = _supports(parts)
+    held = _supports(parts, groups)
     materials, of_cell = _materials(parts)
     forces = np.zeros((len(groups), grid.node_count, 3))
     prescribed = np.zeros_like(forces)
@@ -87,12 +103,7 @@ def build_model(parts: BodyParts, groups: tuple[LoadGroup, ...] | None = None) -
     )
     with _naming_place(f"body {body.name!r}"):
         check_supports(model)
-    return model
-
-
-def support_of_freedom(parts: BodyParts) -> npt.NDArray[np.int32]:
-    """(N,3) index of the support that holds each degree of freedom, the first one; -1: none."""
-    return _supports(parts).support
+    return BodyModel(model, held.support)
 
 
 def temperature(body: m.Body, frame: int | None) -> float:
@@ -113,8 +124,13 @@ def _naming_place(where: str) -> Iterator[None]:
         raise InputError(f"{where}: {error}") from None
 
 
-def _supports(parts: BodyParts) -> _Supports:
+def _supports(parts: MeshedBody, groups: tuple[LoadGroup, ...]) -> _Supports:
     body, grid = parts.body, parts.mesh
+    # supports that move alike have one group and one share of it
+    moves = {
+        support: (number, share)
+        for number, group in enumerate(groups) for support, share in group.supports
+    }  # fmt: skip
     owner = np.full((grid.node_count, 3), -1, np.int32)
     place = np.zeros((grid.node_count, 3))
     for number, support in enumerate(body.supports):
@@ -134,7 +150,7 @@ def _supports(parts: BodyParts) -> _Supports:
             before = body.supports[earlier]
             shared = other & (owner == earlier)
             apart = shared & (place != wanted)
-            if moving and before.amplitude != support.amplitude:
+            if moving and moves.get(earlier) != moves.get(number):
                 apart |= shared & (wanted != 0.0)
             if apart.any():
                 axis = int(np.flatnonzero(apart.any(axis=0))[0])
@@ -149,7 +165,7 @@ def _supports(parts: BodyParts) -> _Supports:
     return _Supports(owner, place)
 
 
-def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int32]]:
+def _materials(parts: MeshedBody) -> tuple[list[fem.Material], npt.NDArray[np.int32]]:
     """The materials of a body, and which of them each cell is of."""
     body = parts.body
     assert body.material is not None  # build_model made sure
@@ -164,7 +180,7 @@ def _materials(parts: BodyParts) -> tuple[list[fem.Material], npt.NDArray[np.int
 
 
 def _load(
-    parts: BodyParts, materials: list[fem.Material], of_cell: npt.NDArray[np.int32], load: m.Load
+    parts: MeshedBody, materials: list[fem.Material], of_cell: npt.NDArray[np.int32], load: m.Load
 ) -> Array:
     """(N,3) nodal forces at amplitude 1."""
     grid, body = parts.mesh, parts.body

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.graph.runner import Inputs
+from gpusim.motion import Motion
 from gpusim.pipeline.build.surfaces import BodyParts, posed
 from gpusim.report import SolutionSummary
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadHistory
+from gpusim.scene.frames import Shown
 from gpusim.surface import Surface
 
 if TYPE_CHECKING:
     from gpusim.fem import Model, Solution
 
-__all__ = ["SceneObjects", "SceneSolution", "frame_word", "solver_seconds"]
+__all__ = ["SceneObjects", "SceneSolution", "scene_objects", "solver_seconds"]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -107,6 +109,16 @@ class SceneSolution:
             summary[name] = tuple(arrays[f"{name}{i}"] for i in range(count))
         return SceneSolution(**summary)
 
+    def said(self) -> dict[str, Any]:
+        """What a report says of it, as plain data."""
+        return {
+            "summary": asdict(self.summary()),
+            "residuals": self.residuals,
+            "energy_balance": self.energy_balance,
+            "reactions": [values.tolist() for values in self.reactions],
+            "applied": [values.tolist() for values in self.applied],
+        }
+
     def summary(self) -> SolutionSummary:
         """How the solve ended, for the report."""
         return SolutionSummary(
@@ -164,52 +176,49 @@ def _sums(solution: Solution, held: Int) -> Float:
 
 @dataclass
 class SceneObjects:
-    """Bodies and props as they were built; ``solved`` once there is a solution."""
+    """Bodies and props as they were built, and where they are in each frame.
+
+    ``frames``: what stands where. ``motions``: of the bodies, None where there is none (yet).
+    ``board``: a prop that no frame shows.
+    """
 
     scene: Scene
-    history: LoadHistory
+    frames: Sequence[Shown]
     bodies: list[BodyParts] = field(default_factory=list)
     props: list[Surface] = field(default_factory=list)
-    solved: SceneSolution | None = None
+    motions: list[Motion | None] = field(default_factory=list)
+    board: str = ""
 
-    def displacement(self, body: int, frame: int | None) -> npt.NDArray[np.float64]:
-        """Nodal displacements (N, 3) of a body in a frame; linear, so load groups add up."""
-        given = self.bodies[body].field
-        if given is not None and frame is not None:
-            return given.at(self.history.factors[frame])
-        if self.solved is None:
+    def displacement(self, body: int, frame: int | None) -> Float:
+        """Nodal displacements (N, 3) m of a body in a frame; None: unloaded."""
+        state = None if frame is None else self.frames[frame].states[body]
+        motion = self.motions[body] if self.motions else None
+        if state is None or motion is None:
             return np.zeros((self.bodies[body].mesh.node_count, 3))
-        weights = np.array(self.history.weights(frame)[body])
-        return np.asarray(np.tensordot(weights, self.solved.u[body], axes=1))
+        return motion.displacement(state)
 
     def surfaces(self, frame: int | None) -> list[Surface]:
         """Every surface in a frame, bodies first; for None unloaded, and props as they stand."""
-        bodies = [parts.surface for parts in self.bodies]
-        if not self.history.unloaded(frame):
-            bodies = [
-                parts.skin.moved(parts.surface, self.displacement(i, frame))
-                for i, parts in enumerate(self.bodies)
-            ]
-        calibration = self.scene.calibration
+        bodies = []
+        for number, parts in enumerate(self.bodies):
+            moves = frame is not None and self.frames[frame].states[number] is not None
+            bodies.append(
+                parts.skin.moved(parts.surface, self.displacement(number, frame))
+                if moves else parts.surface
+            )  # fmt: skip
+        places = None if frame is None else self.frames[frame].places
         props = [
-            posed(surface, prop, prop.poses[frame] if prop.poses and frame is not None else None)
-            for prop, surface in zip(self.scene.props, self.props, strict=True)
-            if calibration is None or prop.name != calibration.board
+            posed(surface, prop, None if places is None else places[number])
+            for number, (prop, surface) in enumerate(zip(self.scene.props, self.props, strict=True))
+            if prop.name != self.board
         ]
         return bodies + props
 
-    def target(self, pose: int | None) -> list[Surface]:
-        """What the images of a calibration show: the board in a pose, and props beside it."""
-        calibration = self.scene.calibration
-        assert calibration is not None and pose is not None
-        shown = {calibration.board: calibration.poses[pose]}
-        return [
-            posed(surface, prop, shown.get(prop.name))
-            for prop, surface in zip(self.scene.props, self.props, strict=True)
-            if prop.name in shown or prop.name in calibration.show
-        ]
 
-
-def frame_word(scene: Scene) -> str:
-    """What the numbers are that a scene has one of per frame."""
-    return "time" if scene.analysis.type == "field" else "load_factor"
+def scene_objects(scene: Scene, inputs: Inputs, frames: Sequence[Shown]) -> SceneObjects:
+    """What a stage was given of bodies, props and motions; ``scene`` names the bodies."""
+    bodies = [
+        replace(inputs[f"surface/{body.name}"], body=body) for body in scene.bodies
+    ]
+    motions = [inputs.get(f"motion/{body.name}") for body in scene.bodies]
+    return SceneObjects(scene, frames, bodies, inputs.get("props") or [], motions)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,13 +20,23 @@ from gpusim.mesh.formats.textures import TexturedSurface
 from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
+from gpusim.scene.frames import Placed
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
 from gpusim.surface.texture import textured
 
-__all__ = ["BodyParts", "build_body", "build_prop", "posed", "rotation"]
+__all__ = [
+    "BodyParts",
+    "MeshedBody",
+    "build_body",
+    "build_prop",
+    "mesh_body",
+    "paint_body",
+    "posed",
+    "rotation",
+]
 
 Array = npt.NDArray[np.float64]
 Frame = PaintFrame | CylinderFrame | Atlas
@@ -140,48 +151,56 @@ def _distance(frame: PaintFrame | CylinderFrame, points: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class BodyParts:
-    """A body's mesh, its skin, and the painted surface at rest.
-
-    ``field``: its displacements, if they are given.
-    """
+class MeshedBody:
+    """A body's mesh and its skin. ``field``: its displacements, if they are given."""
 
     body: m.Body
     mesh: Mesh
     skin: Skin
-    surface: Surface
     field: Field | None = None
 
 
-def build_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None) -> BodyParts:
-    """Mesh and painted skin; a face belongs to the last paint that matches it.
+@dataclass(frozen=True, eq=False)
+class BodyParts(MeshedBody):
+    """And its painted surface at rest."""
 
-    ``read``: how the files that it names are read. ``grid``: the mesh, if it has been made before.
-    """
+    surface: Surface = dataclasses.field(kw_only=True)
+
+
+def mesh_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None) -> MeshedBody:
+    """A body's mesh and skin; ``read``: how the files that it names are read. ``grid``: the mesh,
+    if it has been made before."""
     field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMesh) else None
     if grid is None:
         grid = field.mesh if field is not None else build_mesh(body.mesh, read)
-    skin, surface = _painted_skin(f"body {body.name!r}", body.name, grid, body.paints, read)
-    return BodyParts(body, grid, skin, surface, field)
+    return MeshedBody(body, grid, Skin(grid, mesh.boundary_faces(grid)), field)
+
+
+def paint_body(body: m.Body, meshed: MeshedBody, read: Reader = read_input) -> BodyParts:
+    """A body with its painted surface; a face belongs to the last paint that matches it."""
+    surface = _painted_skin(f"body {body.name!r}", body.name, meshed.skin, body.paints, read)
+    return BodyParts(body, meshed.mesh, meshed.skin, meshed.field, surface=surface)
+
+
+def build_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None) -> BodyParts:
+    """Both, as `mesh_body` and `paint_body`."""
+    return paint_body(body, mesh_body(body, read, grid), read)
 
 
 def _painted_skin(
-    where: str, name: str, grid: Mesh, patterns: Sequence[m.Paint], read: Reader
-) -> tuple[Skin, Surface]:
-    """The skin of a mesh, and its painted surface of that ``name``; ``where`` says in errors what
-    it is of."""
-    faces = mesh.boundary_faces(grid)
-    skin = Skin(grid, faces)
-    region = np.zeros(len(faces), np.int32)
+    where: str, name: str, skin: Skin, patterns: Sequence[m.Paint], read: Reader
+) -> Surface:
+    """The painted surface, of that ``name``, of a skin; ``where`` says in errors what it is of."""
+    region = np.zeros(len(skin.faces), np.int32)
     for number, paint in enumerate(patterns, start=1):
         try:
-            painted = faces_of(grid, faces, paint.where)
+            painted = faces_of(skin.mesh, skin.faces, paint.where)
         except InputError as error:
             raise InputError(f"{where}, paint {paint.name!r}: {error}") from None
         region[skin.numbers(painted)] = number
-    rest, pieces = skin.at_vertices(grid.points), region[skin.face_of_piece]
+    rest, pieces = skin.at_vertices(skin.mesh.points), region[skin.face_of_piece]
     found, frames = _painted(where, patterns, rest, skin.pieces, pieces, read)
-    return skin, skin.surface(found, region, frames, name)
+    return skin.surface(found, region, frames, name)
 
 
 def _painted(
@@ -223,7 +242,8 @@ def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
         grid = mesh.box(prop.size, (1, 1, 1), (x, y, z))
     else:
         grid = mesh.read_mesh(read(prop.path), scale=prop.scale)
-    return _painted_skin(f"prop {prop.name!r}", prop.name, grid, prop.paints, read)[1]
+    skin = Skin(grid, mesh.boundary_faces(grid))
+    return _painted_skin(f"prop {prop.name!r}", prop.name, skin, prop.paints, read)
 
 
 def _plate(prop: m.Plate, read: Reader) -> Surface:
@@ -317,7 +337,7 @@ def _by_uv(
     return picture, Atlas(st)
 
 
-def posed(surface: Surface, prop: m.Prop, pose: m.Pose | None = None) -> Surface:
+def posed(surface: Surface, prop: m.Prop, pose: m.Pose | Placed | None = None) -> Surface:
     """The prop's surface in a pose (None: as it stands); its paint goes with it."""
     pose = pose or prop.stand
     if pose.position == prop.origin and not any(pose.rotation):

@@ -1,10 +1,11 @@
-"""Bodies of a scene solved, and their stress by frame: recovered, kept in the output folder."""
+"""Mechanics of a run: models, their solution, the motions that follow, stress by frame."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 from zipfile import ZipFile
@@ -14,18 +15,34 @@ import numpy.typing as npt
 
 from gpusim import fem
 from gpusim.errors import InputError, NotConverged
-from gpusim.files.atomic_files import atomic_stream
 from gpusim.files.input_file import open_input
 from gpusim.gpu import Device
-from gpusim.pipeline.build.modelling import build_model, temperature
-from gpusim.pipeline.build.surfaces import BodyParts, build_body
+from gpusim.graph.runner import Inputs
+from gpusim.graph.session import Session
+from gpusim.graph.stage import Made
+from gpusim.motion import Given, Superposed
+from gpusim.pipeline.build.modelling import BodyModel, build_body_model, build_model, temperature
+from gpusim.pipeline.build.scene_objects import (
+    SceneObjects,
+    SceneSolution,
+    scene_objects,
+    solver_seconds,
+)
+from gpusim.pipeline.build.surfaces import MeshedBody, build_body
+from gpusim.pipeline.checks.resources import check_field
+from gpusim.pipeline.notes import Notes
 from gpusim.plan.stages import RunOptions
 from gpusim.report import StressPeak
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadHistory, load_groups
+from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.description import model as m
+from gpusim.scene.frames import FrameTable
 
-__all__ = ["Stresses", "solve", "solve_bodies", "write_stresses"]
+__all__ = ["Stresses", "given", "model", "solution", "solve", "solve_bodies", "solve_scene",
+           "stress", "superposed", "write_stresses"]  # fmt: skip
+
+DISPLACEMENT, STRESS = "solution/displacement.npz", "solution/stress.npz"
+Array = npt.NDArray[np.float64]
 
 
 def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
@@ -71,9 +88,65 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     return fem.solve(problem, device, **options)
 
 
+def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
+    """What a body is solved as, a load case a group of its loads."""
+    (body,) = scene.bodies
+    meshed: MeshedBody = inputs[f"mesh/{body.name}"]
+    cases = tuple(LoadGroup((), tuple(loads), tuple(supports)) for loads, supports in inputs.row)
+    return build_body_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
+
+
+def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """All bodies solved; what a report says of it, as well."""
+    made: list[BodyModel] = [inputs[f"model/{body.name}"] for body in scene.bodies]
+    found = solve_bodies(
+        scene.solver, scene.bodies, [one.model for one in made], session.options, inputs.progress
+    )
+    solved = SceneSolution.of(found, [one.model for one in made], [one.support for one in made])
+    notes = asdict(Notes(solved.warnings, solved.facts, session.adapter))
+    session.kept["solver seconds"] = solver_seconds(found)
+    return Made(
+        {DISPLACEMENT: partial(_save, solved.arrays())},
+        notes | {"solution": solved.said()},
+        f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}",
+    )
+
+
+def solution(scene: Scene, inputs: Inputs, session: Session) -> SceneSolution:
+    """The solution, from its file."""
+    with np.load(inputs.read("solve", DISPLACEMENT).stream(), allow_pickle=False) as stored:
+        return SceneSolution.from_arrays(stored)
+
+
+def superposed(scene: Scene, inputs: Inputs, session: Session) -> Superposed:
+    """The motion of one body."""
+    solved: SceneSolution = inputs["solution"]
+    return Superposed(solved.u[inputs.row], solved.reactions[inputs.row])
+
+
+def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
+    """The motion of a body whose displacements another program has found."""
+    meshed: MeshedBody = inputs[f"mesh/{inputs.row}"]
+    assert meshed.field is not None
+    check_field(meshed.field, scene.analysis.load_factors)
+    return Given(meshed.field.at)
+
+
+def stress(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """Stress of every body in every frame that moves."""
+    frames = FrameTable(inputs.row)
+    objects = scene_objects(scene, inputs, [one.shown for one in frames])
+    models = [inputs[f"model/{body.name}"].model for body in scene.bodies]
+    place = inputs.scratch / "stress.npz"
+    peaks = write_stresses(place, objects, models, frames, session.options.skip, inputs.progress)
+    most = max((peak.von_mises for peak in peaks), default=0.0)
+    notes = asdict(Notes()) | {"peaks": [asdict(peak) for peak in peaks]}
+    return Made({STRESS: place}, notes, f"greatest von Mises stress {most / 1e6:.4g} MPa")
+
+
 def solve_bodies(
     solver: m.Solver,
-    bodies: Sequence[BodyParts],
+    bodies: Sequence[m.Body],
     models: Sequence[fem.Model],
     options: RunOptions,
     progress: Callable[[float, str], None],
@@ -86,16 +159,16 @@ def solve_bodies(
         Naming the body; and what `gpusim.fem.solve` raises.
     """
     solutions = []
-    for parts, model in zip(bodies, models, strict=True):
+    for body, model in zip(bodies, models, strict=True):
 
-        def note(iterations: int, estimate: float, name: str = parts.body.name) -> None:
+        def note(iterations: int, estimate: float, name: str = body.name) -> None:
             done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
             progress(done, f"{name}: iteration {iterations}, {estimate:.1e}")
 
         solution = fem.solve(
             model,
             tolerance=solver.tolerance,
-            formulation=parts.body.formulation,
+            formulation=body.formulation,
             max_iterations=solver.max_iterations,
             method=solver.method,
             progress=note,
@@ -103,16 +176,13 @@ def solve_bodies(
         )
         if not solution.converged:
             raise NotConverged(
-                f"solve, body {parts.body.name!r}: stopped after {solution.iterations} "
+                f"solve, body {body.name!r}: stopped after {solution.iterations} "
                 f"iterations at an estimated displacement error of "
                 f"{solution.error_estimate:.2e}; expected {solver.tolerance:.1e}: "
                 f"{solution.message}"
             )
         solutions.append(solution)
     return solutions
-
-
-Array = npt.NDArray[np.float64]
 
 
 class Stresses:
@@ -144,7 +214,7 @@ class Stresses:
         self._source.close()
 
     def fields(
-        self, body: int, frame: int, parts: BodyParts
+        self, body: int, frame: int, parts: MeshedBody
     ) -> tuple[dict[str, Array], dict[str, Array]]:
         """Point data and cell data for ParaView; zero in a frame without."""
         nodal, share = f"stress{body}_{frame}", f"error{body}_{frame}"
@@ -162,68 +232,52 @@ class Stresses:
 
 def write_stresses(
     path: Path,
-    bodies: Sequence[BodyParts],
+    objects: SceneObjects,
     models: Sequence[fem.Model],
-    history: LoadHistory,
-    displacement: Callable[[int, int], Array],
-    *,
+    frames: FrameTable,
+    scaled: bool,
     progress: Callable[[float, str], None],
-) -> Stresses:
-    """Recover the stress of every body in every frame that moves, and keep it.
+) -> list[StressPeak]:
+    """Recover the stress of every body in every frame that moves, and keep it; returns the peak of
+    each body in the last of them.
 
-    A body with one load group has the same stress in all frames, but for a factor.
+    A body with one load group has the same stress in all frames, but for a factor: ``scaled``.
     """
-    frames = [frame for frame in range(history.frames) if not history.still(frame)]
+    moving = [instant.number for instant in frames if not instant.shown.still]
     peaks = []
-    with atomic_stream(path) as stream, ZipFile(stream, "w") as archive:
-        for number, (parts, model) in enumerate(zip(bodies, models, strict=True)):
-            recovery = _Recovery(number, parts, model, history, displacement)
-            for step, frame in enumerate(frames):
-                done = (number + step / len(frames)) / len(bodies)
+    with ZipFile(path, "w") as archive:
+        for number, (parts, model) in enumerate(zip(objects.bodies, models, strict=True)):
+            last: tuple[float, fem.Stress] | None = None
+            for step, frame in enumerate(moving):
+                done = (number + step / len(moving)) / len(objects.bodies)
                 progress(done, f"{parts.body.name}: frame {frame}")
-                found, factor = recovery.frame(frame)
+                weights = objects.frames[frame].states[number] or (0.0,)
+                if last is not None and len(weights) == 1 and scaled:
+                    found, factor = last[1], weights[0] / last[0]
+                else:
+                    found, factor = _recovered(objects, number, model, frame), 1.0
+                    if weights[0]:
+                        last = weights[0], found
                 _store(archive, f"stress{number}_{frame}", factor * found.nodal)
                 _store(archive, f"error{number}_{frame}", found.error_share)
-            if frames:
-                peaks.append(asdict(_peak(parts, found, factor)))
-        _store(archive, "peaks", np.array(json.dumps(peaks)))
-    return Stresses(path)
+            if moving:
+                peaks.append(_peak(parts, found, factor))
+        _store(archive, "peaks", np.array(json.dumps([asdict(peak) for peak in peaks])))
+    return peaks
 
 
-class _Recovery:
-    """Stress of one body by frame, recovered again only where it isn't a multiple."""
-
-    def __init__(
-        self,
-        number: int,
-        parts: BodyParts,
-        model: fem.Model,
-        history: LoadHistory,
-        displacement: Callable[[int, int], Array],
-    ) -> None:
-        self.number, self.parts, self.model = number, parts, model
-        self.history, self.displacement = history, displacement
-        self._last: tuple[float, fem.Stress] | None = None
-
-    def frame(self, frame: int) -> tuple[fem.Stress, float]:
-        """A stress, and the factor with which this frame has it."""
-        weights = self.history.weights(frame)[self.number]
-        if self._last is not None and len(weights) == 1 and self.history.scaled:
-            return self._last[1], weights[0] / self._last[0]
-        body = self.parts.body
-        change = temperature(body, frame)
-        found = fem.stress(
-            self.model,
-            self.displacement(self.number, frame),
-            body.formulation,
-            temperature=change if change else None,
-        )
-        if weights[0]:
-            self._last = weights[0], found
-        return found, 1.0
+def _recovered(objects: SceneObjects, number: int, model: fem.Model, frame: int) -> fem.Stress:
+    body = objects.scene.bodies[number]
+    u = objects.displacement(number, frame)
+    return fem.stress(model, u, body.formulation, temperature=temperature(body, frame) or None)
 
 
-def _peak(parts: BodyParts, found: fem.Stress, factor: float) -> StressPeak:
+def _save(arrays: dict[str, npt.NDArray[Any]], path: Path) -> None:
+    with open(path, "wb") as stream:
+        np.savez(stream, allow_pickle=False, **arrays)
+
+
+def _peak(parts: MeshedBody, found: fem.Stress, factor: float) -> StressPeak:
     node = int(np.argmax(found.von_mises))
     x, y, z = parts.mesh.points[node].tolist()
     most = abs(factor) * float(found.von_mises[node])

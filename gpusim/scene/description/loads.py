@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -106,6 +106,12 @@ class _Driven(Table):
     def driven(self, factors: Amplitude) -> None:
         """Enter the load factors of the analysis."""
         self._of_analysis = factors
+
+    def undriven(self) -> Self:
+        """The same at amplitude 1, whatever the frames have."""
+        copy = self.model_copy(update={"amplitude_": None})
+        copy._of_analysis = ()
+        return copy
 
 
 class Support(_Driven):

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from .colors import Tint
 from .table import (
@@ -55,16 +55,21 @@ _PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
 def _existing(value: Any) -> Any:
-    if value in ("static", "field"):
+    from gpusim.scene.analyses import ANALYSES
+
+    if value in tuple(ANALYSES):
         return value
     problem = "no such analysis yet" if value in _PLANNED else "unknown value"
     raise fault("", problem, value, '"static" (linear), or "field" (displacements that are given)')
 
 
+_KINDS = {"enum": ["static", "field"], "type": "string"}
+
+
 class Analysis(Table):
     """Linear statics, or displacements that are given; one frame per load factor or time."""
 
-    type: Annotated[Literal["static", "field"], BeforeValidator(_existing)] = "static"
+    type: Annotated[str, BeforeValidator(_existing), WithJsonSchema(_KINDS)] = "static"
     """"field": bodies have a ``field``, and nothing is solved."""
     load_factors_: Annotated[Series, Field(alias="load_factors")] = _FACTORS
     """All loads and prescribed displacements are multiplied by this; frame 0 is the reference."""

@@ -1,0 +1,123 @@
+"""An output folder: results under the names that people know, as links to a store's files.
+
+``.gpusim/folder.log`` in it says which names are results and what they held, and what each stage
+depended on when the folder was last written.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from gpusim.files.output_folder import delete, inside
+from gpusim.graph.log import Log, read_log
+from gpusim.graph.store import FileFacts, Record, Store, is_unchanged
+
+__all__ = ["INNER", "Folder"]
+
+INNER = ".gpusim"
+"""The folder in it that is no user's business."""
+Parts = Mapping[str, Mapping[str, str]]
+
+
+class Folder:
+    """An output folder, as it was last written."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._names: dict[str, FileFacts] = {}
+        self._parts: dict[str, dict[str, str]] = {}
+        lines, _ = read_log(path / INNER / "folder.log")
+        self._lines = len(lines)
+        for line in lines:
+            with suppress(KeyError, TypeError, ValueError, AttributeError):
+                self._take(line)
+        self._log = Log(path / INNER / "folder.log")
+
+    def _take(self, line: Mapping[str, Any]) -> None:
+        for name, (sha256, size, changed) in line.get("names", {}).items():
+            self._names[name] = FileFacts(str(sha256), int(size), int(changed))
+        for name in line.get("gone", ()):
+            self._names.pop(name, None)
+        for stage, parts in line.get("parts", {}).items():
+            self._parts[stage] = {str(name): str(value) for name, value in parts.items()}
+
+    def parts(self, stage: str) -> Mapping[str, str] | None:
+        """What a stage depended on when this was last written, as digests by name."""
+        return self._parts.get(stage)
+
+    def show(self, record: Record, store: Store) -> None:
+        """Give a result its names, if it hasn't got them.
+
+        Raises InputError where a name leads outside (`gpusim.files.output_folder.inside`).
+        """
+        for name, facts in record.files.items():
+            if name.startswith("."):
+                continue
+            path = inside(self.path, name)
+            if self._names.get(name) == facts and is_unchanged(path, facts):
+                continue
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _link(store.blob(facts.sha256), path)
+            self._names[name] = facts
+            self._append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
+
+    def retire(self, current: Collection[str]) -> list[str]:
+        """Delete results that aren't ``current`` any more; files that somebody has changed are
+        kept: returns their names."""
+        changed = []
+        for name in sorted(self._names.keys() - set(current)):
+            path = inside(self.path, name)
+            if path.is_file() and not is_unchanged(path, self._names[name], hashed=True):
+                changed.append(name)
+            else:
+                delete(self.path, name)
+            del self._names[name]
+            self._append({"gone": [name]})
+        return changed
+
+    def depends(self, parts: Parts) -> None:
+        """Keep what the stages depend on now."""
+        new = {stage: dict(own) for stage, own in parts.items()}
+        if new != self._parts:
+            self._parts = new
+            self._append({"parts": new})
+
+    def close(self) -> None:
+        """Flush; of a log that is mostly of the past, what still holds is written anew."""
+        self._log.close()
+        if self._lines <= 2 * len(self._names) + 16:
+            return
+        whole = Log(self.path / INNER / f".folder.{os.getpid()}-{secrets.token_hex(4)}.part")
+        for name, facts in self._names.items():
+            whole.append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
+        whole.append({"parts": self._parts})
+        whole.close()
+        os.replace(whole.path, self._log.path)
+        self._lines = len(self._names) + 1
+
+    def _append(self, content: Mapping[str, Any]) -> None:
+        inside(self.path, INNER)
+        self._log.append(content)
+        self._lines += 1
+
+
+def _link(blob: Path, path: Path) -> None:
+    """Let ``path`` be what the blob is: the same file, or a copy where that can't be."""
+    with suppress(OSError):
+        if path.samefile(blob):
+            return
+    part = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part")
+    try:
+        try:
+            os.link(blob, part)
+        except OSError:  # no links here, another disk, or too many of them
+            shutil.copy2(blob, part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)

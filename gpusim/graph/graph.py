@@ -1,0 +1,176 @@
+"""Tasks by key, and what is to be done with each: a run's plan, or that of many runs.
+
+A task is a record of a stage. Records of equal key, in whatever scene, are one task.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from gpusim._version import __version__
+from gpusim.graph.folder import Folder
+from gpusim.graph.stage import Stage, digest
+from gpusim.graph.store import Store
+
+__all__ = ["Graph", "State", "Task"]
+
+State = Literal["run", "skipped", "reused"]
+_REPORT = "report"
+"""Who needs what is kept and shown nowhere else."""
+
+
+@dataclass(eq=False, slots=True)
+class Task:
+    """A record to be made, or found.
+
+    ``needs``: keys of tasks by stage. ``places``: (folder, record) that show it, the first one makes
+    it. ``order``: scenes that share values in memory are worked off side by side: the first scene
+    that has them, then the stage's position, the record, the scene. ``seconds``: what it took.
+    """
+
+    stage: Stage
+    record: int
+    key: str
+    needs: dict[str, list[str]]
+    order: tuple[int, int, int, int]
+    places: list[tuple[str, int]] = field(default_factory=list)
+    state: State = "skipped"
+    reason: str = ""
+    seconds: float = 0.0
+
+    @property
+    def runs(self) -> bool:
+        """Whether there is work to do."""
+        return self.state == "run"
+
+
+class Graph:
+    """The tasks of one scene or of many, needs before those who need them.
+
+    ``parts``: by folder and stage, digests of what it depends on.
+    """
+
+    def __init__(self) -> None:
+        self.tasks: dict[str, Task] = {}
+        self.parts: dict[str, dict[str, dict[str, str]]] = {}
+        self.records: dict[str, dict[str, list[str]]] = {}
+        """By folder and stage, the keys of its records."""
+        self._clusters: dict[str, int] = {}
+        self._causes: dict[tuple[str, str], set[str]] = {}
+
+    def add(self, stages: Iterable[Stage], folder: str = "") -> None:
+        """Enter the stages of a scene, in an order in which needs come first."""
+        scene = len(self.parts)
+        keys: dict[str, list[str]] = {}
+        whole: dict[str, str] = {}
+        clusters: dict[str, int] = {}
+        in_memory: set[str] = set()
+        self.parts[folder], self.records[folder] = {}, keys
+        for position, stage in enumerate(stages):
+            shared = "".join(whole[name] for name in stage.needs if name in in_memory)
+            cluster = self._clusters.setdefault(shared, scene)
+            clusters[stage.name] = max([cluster, *(clusters[name] for name in stage.needs)])
+            head = digest([__version__, stage.name, stage.work, dict(stage.parts)])
+            keys[stage.name] = []
+            for record, row in enumerate(stage.rows):
+                needs, above = {}, []
+                for name, which in stage.needs.items():
+                    if which is None:
+                        needs[name] = keys[name]
+                        above.append(whole[name])
+                    else:
+                        needs[name] = [keys[name][k] for k in which(record)]
+                        above += needs[name]
+                key = digest([head, above, row])
+                task = self.tasks.get(key)
+                if task is None:
+                    order = clusters[stage.name], position, record, scene
+                    task = self.tasks[key] = Task(stage, record, key, needs, order)
+                task.places.append((folder, record))
+                keys[stage.name].append(key)
+            whole[stage.name] = digest(keys[stage.name])
+            self.parts[folder][stage.name] = {
+                **stage.parts, **{name: whole[name][:16] for name in stage.needs},
+                "rows": digest(list(stage.rows))[:16],
+            }  # fmt: skip
+            if not stage.keeps:
+                in_memory.add(stage.name)
+
+    def decide(
+        self,
+        store: Store | None,
+        folders: Mapping[str, Folder],
+        *,
+        no_reuse: str = "",
+        verify: bool = False,
+    ) -> None:
+        """State and reason of every task, before any work. ``no_reuse``: why nothing is reused."""
+        users: dict[str, dict[str, None]] = defaultdict(dict)
+        for task in reversed(self.tasks.values()):
+            if not task.stage.keeps:
+                kinds = users.get(task.key, {})
+                task.state = "run" if kinds else "skipped"
+                who = [kind for kind in reversed(kinds) if kind != _REPORT] or [f"the {_REPORT}"]
+                task.reason = (
+                    f"needed by {', '.join(who)}" if kinds else "nothing that runs needs it"
+                )
+            elif no_reuse or store is None:
+                task.state, task.reason = "run", no_reuse or "new run"
+            else:
+                fault = store.fault(task.key, verify)
+                task.state = "reused" if fault is None else "run"
+                task.reason = "unchanged" if fault is None else fault or self._why(task, folders)
+            if task.runs:
+                kind = task.stage.shown(task.record).split("/")[0]
+                # a value that is hidden hands on who needs it
+                names = {kind or _REPORT: None} if kind or task.stage.keeps else users[task.key]
+                for key in (key for keys in task.needs.values() for key in keys):
+                    users[key] |= names
+
+    def current(self, folder: str, store: Store) -> set[str]:
+        """The names of the files that the scene's results in ``store`` have."""
+        records = (
+            store.find(key)
+            for stage, keys in self.records[folder].items() for key in keys
+            if self.tasks[key].stage.keeps
+        )  # fmt: skip
+        return {name for record in records if record is not None for name in record.files}
+
+    def _why(self, task: Task, folders: Mapping[str, Folder]) -> str:
+        """Why a result that isn't there isn't."""
+        place, stage = task.places[0][0], task.stage.name
+        if place not in folders or folders[place].parts(stage) is None:
+            return "not made yet"
+        causes = self._changed(folders[place], place, stage)
+        return f"{', '.join(sorted(causes))} changed" if causes else "not made yet"
+
+    def _changed(self, folder: Folder, place: str, stage: str) -> set[str]:
+        """What isn't as it was when the folder was last written: parts of the scene, or rows."""
+        if (place, stage) not in self._causes:
+            before, now = folder.parts(stage) or {}, self.parts[place][stage]
+            causes: set[str] = set()
+            for part in [part for part in now if before.get(part) != now[part]]:
+                if part in self.parts[place]:
+                    causes |= self._changed(folder, place, part)
+                else:
+                    causes.add("what frames show" if part == "rows" else part)
+            self._causes[place, stage] = causes
+        return self._causes[place, stage]
+
+    def order(self) -> list[Task]:
+        """What is to be kept and made, in the order of work."""
+        running = [task for task in self.tasks.values() if task.runs and task.stage.keeps]
+        return sorted(running, key=lambda task: task.order)
+
+    def in_folder(self, folder: str) -> Collection[tuple[Task, int]]:
+        """The tasks of a scene with their records there."""
+        return [
+            (self.tasks[key], record)
+            for keys in self.records[folder].values()
+            for record, key in enumerate(keys)
+        ]
+
+

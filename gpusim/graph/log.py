@@ -1,0 +1,76 @@
+"""A file of lines that is only ever appended to: a CRC-32 and JSON each.
+
+What a killed writer has torn is left out when it is read; so is a line that was changed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import time
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+__all__ = ["Log", "read_log"]
+
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
+
+
+class Log:
+    """A log that is written to; ``flush_s``: how long a line may stay off the disk."""
+
+    def __init__(self, path: Path, flush_s: float = 0.5) -> None:
+        self.path, self.flush_s = path, flush_s
+        self._descriptor, self._lock, self._flushed = -1, Lock(), 0.0
+
+    def append(self, content: Any) -> None:
+        """Add a line."""
+        text = json.dumps(content, separators=(",", ":")).encode()
+        with self._lock:
+            if self._descriptor < 0:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | _AT_ONCE
+                self._descriptor = os.open(self.path, flags, 0o644)
+            os.write(self._descriptor, b"%08x %s\n" % (zlib.crc32(text), text))
+            due = time.monotonic() - self._flushed >= self.flush_s
+            if due:
+                self._flushed = time.monotonic()
+        if due:  # others may add lines meanwhile
+            os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Flush it, if anything was written."""
+        with self._lock:
+            if self._descriptor >= 0:
+                os.fsync(self._descriptor)
+                os.close(self._descriptor)
+                self._descriptor = -1
+
+
+def read_log(path: Path, start: int = 0) -> tuple[list[Any], int]:
+    """What was added after byte ``start``, and where to go on; nothing of what is no plain file."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | _AT_ONCE)
+    except OSError:  # put together with others meanwhile, a link, or not ours to read
+        return [], start
+    with os.fdopen(descriptor, "rb") as stream:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            return [], start
+        stream.seek(start)
+        data = stream.read()
+    whole = data[: data.rfind(b"\n") + 1]
+    return list(_contents(whole)), start + len(whole)
+
+
+def _contents(lines: bytes) -> Iterator[dict[str, Any]]:
+    for line in lines.splitlines():
+        if line[:8] == b"%08x" % zlib.crc32(line[9:]):
+            with suppress(ValueError, RecursionError):
+                content = json.loads(line[9:])
+                if isinstance(content, dict):
+                    yield content

@@ -1,0 +1,62 @@
+"""Motions: where the nodes of a body are, the only door to displacements.
+
+What an instant is to a motion, its *state*, is plain data that is known before the motion is:
+weights of load cases, a time. Frames depend on it and on the motion, and on nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["Given", "Motion", "Superposed"]
+
+Float = npt.NDArray[np.float64]
+State = tuple[float, ...]
+
+
+class Motion(Protocol):
+    """The motion of one body."""
+
+    def displacement(self, state: State) -> Float:
+        """(N, 3) m of the body's nodes."""
+
+    def reactions(self, state: State) -> Float:
+        """(S, 3) N of the body's supports; none where nobody solved for them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Superposed:
+    """Linear: the sum of load cases ``u`` (L, N, 3) m by weights (L,), likewise of their
+    ``forces`` (L, S, 3) N in the supports."""
+
+    u: Float
+    forces: Float
+
+    def displacement(self, state: State) -> Float:
+        """(N, 3) m."""
+        return np.asarray(np.tensordot(np.array(state), self.u, axes=1))
+
+    def reactions(self, state: State) -> Float:
+        """(S, 3) N."""
+        return np.asarray(np.tensordot(np.array(state), self.forces, axes=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Another program's displacements ``at`` a time, (N, 3) m."""
+
+    at: Callable[[float], Float]
+
+    def displacement(self, state: State) -> Float:
+        """(N, 3) m at the time that is the state."""
+        (time,) = state
+        return self.at(time)
+
+    def reactions(self, state: State) -> Float:
+        """None."""
+        return np.zeros((0, 3))

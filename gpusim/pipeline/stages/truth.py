@@ -1,0 +1,173 @@
+"""truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim._version import __version__
+from gpusim.export.truth import TruthWriter
+from gpusim.graph.runner import Inputs
+from gpusim.graph.session import Session
+from gpusim.graph.stage import Made
+from gpusim.optics.frame import Frame
+from gpusim.optics.lens.shutter import rolled
+from gpusim.optics.rendering.local_origin import local_view
+from gpusim.optics.truth import BAND, Truth, seen_in
+from gpusim.pipeline.build.cameras import build_camera, build_shutter, opening
+from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
+from gpusim.pipeline.notes import notes_of
+from gpusim.pipeline.stages.image_window import Window, whole_window, window_of
+from gpusim.pipeline.stages.images import moving_surfaces
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+from gpusim.scene.frames import FrameTable, frame_word
+
+__all__ = ["truth"]
+
+Sight = tuple[Frame, Window]
+
+
+def truth(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """The layers that the scene asks for; frame by frame, so that no two are held at once."""
+    frames = FrameTable(inputs.row)
+    objects = scene_objects(scene, inputs, [one.shown for one in frames])
+    if scene.calibration is not None:
+        objects.board = scene.calibration.board
+    path = inputs.scratch / "truth.h5"
+    bodies, word = objects.bodies, frame_word(scene)
+    regions = [f"{parts.body.name}/{name}" for parts in bodies for name in parts.surface.paints]
+    attributes = {
+        "version": __version__,
+        "scene": scene.name,
+        "pixels": "those that see a body",
+        "cameras": ", ".join(spec.name for spec in scene.cameras),
+    }
+    with TruthWriter(path, regions=regions, attributes=attributes) as file:
+        if bodies:
+            _write_nodes(file, objects, frames, word)
+        _write_cameras(file, scene)
+        _write_frames(file, objects, frames, word, session, inputs.progress)
+    return Made({"truth.h5": path}, notes_of(adapter=session.adapter), "truth.h5")
+
+
+def _write_cameras(file: TruthWriter, scene: Scene) -> None:
+    for spec in scene.cameras:
+        camera = build_camera(spec, scene.input)
+        file.write_camera(
+            spec.name,
+            width=camera.width,
+            height=camera.height,
+            K=camera.K,
+            camera_from_world=camera.camera_from_world,
+            distortion=() if camera.distortion is None else camera.distortion,
+        )
+
+
+def _write_frames(
+    file: TruthWriter,
+    objects: SceneObjects,
+    frames: FrameTable,
+    word: str,
+    session: Session,
+    progress: Callable[[float, str], None],
+) -> None:
+    scene, wanted = objects.scene, objects.scene.output.truth
+    cells = _cell_of_face(objects)
+    rest = {spec.name: _sight(objects, spec, frames, None, session) for spec in scene.cameras}
+    for number, factor, _, shown in frames:
+        progress(number / len(frames), f"frame {number}")
+        moved = not shown.still
+        now = rest if not moved else {
+            spec.name: _sight(objects, spec, frames, number, session) for spec in scene.cameras
+        }  # fmt: skip
+        for spec in scene.cameras:
+            frame = file.frame(spec.name, number, **{word: factor})
+            sight, window = now[spec.name]
+            others = [other for other, _ in now.values()]
+            before = rest[spec.name][0] if moved else None
+            for band in sight.truth_bands(faces=(0, len(cells))):
+                if not len(band.row):
+                    continue
+                place = band.row + window.top, band.column + window.left
+                for layer in wanted:
+                    frame.write_sparse(layer, *place, _values(layer, band, before, others, cells))
+            if "cameras" not in wanted and moved:
+                del now[spec.name]  # its ids are needed no longer
+
+
+def _sight(
+    objects: SceneObjects, spec: m.Camera, frames: FrameTable, frame: int | None, session: Session
+) -> Sight:
+    """What a camera sees in a frame, unloaded for None, without shading: only where the bodies may
+    be; and where that is in its image."""
+    scene = objects.scene
+    viewer, shutter = build_camera(spec, scene.input), build_shutter(spec)
+    rate = scene.analysis.frame_rate
+    if frame is not None and shutter is not None and shutter.line_time and rate is not None:
+        near = frames.near(frame, wide=True)
+        around = [objects.surfaces(one) for one in near]
+        now = moving_surfaces(around, near.index(frame), (near[-1] - near[0]) / rate)
+        if callable(now):
+            middle = opening(shutter, viewer) + 0.5 * shutter.exposure_time
+            surfaces, viewer = rolled(now, lambda _: viewer, middle, shutter.line_time)
+            return (Frame(local_view(surfaces, viewer, lit=True), session.device),
+                    whole_window(viewer))  # fmt: skip
+    shown = objects.surfaces(frame)
+    bodies = shown[: len(objects.bodies)]
+    window = window_of(bodies, viewer, BAND) if session.options.skip else None
+    window = window or whole_window(viewer)
+    return Frame(local_view(shown, window.camera(viewer), lit=True), session.device), window
+
+
+def _values(
+    layer: str,
+    truth: Truth,
+    before: Frame | None,
+    others: Sequence[Frame],
+    cells: npt.NDArray[np.int64],
+) -> npt.NDArray[np.generic]:
+    """A layer at the pixels of a band; ``before``: the frame at rest, None if this is that one."""
+    if layer == "element":
+        return cells[truth.face]
+    if layer == "visibility":
+        if before is None:
+            return np.ones(len(truth.row), np.int8)
+        return seen_in(before.view, before.ids(), truth.reference).astype(np.int8)
+    if layer == "cameras":
+        points = truth.reference + truth.displacement
+        bits = np.zeros(len(points), np.int32)
+        for number, other in enumerate(others):
+            bits |= seen_in(other.view, other.ids(), points).astype(np.int32) << number
+        return bits
+    return np.asarray(getattr(truth, layer))
+
+
+def _cell_of_face(objects: SceneObjects) -> npt.NDArray[np.int64]:
+    """The element, counted over all bodies, of every face of the bodies' surfaces."""
+    first = np.cumsum([0, *(parts.mesh.cell_count for parts in objects.bodies)])
+    cells = [
+        body.skin.cell_of_piece + start
+        for body, start in zip(objects.bodies, first, strict=False)
+    ]
+    return np.concatenate(cells or [np.zeros(0, np.int64)])
+
+
+def _write_nodes(
+    file: TruthWriter, objects: SceneObjects, frames: FrameTable, word: str
+) -> None:
+    """Mesh and nodal displacement, bodies one after the other as in the layer ``element``."""
+    bodies = objects.bodies
+    first_node = np.cumsum([0, *(parts.mesh.node_count for parts in bodies)])
+    cells: dict[str, list[npt.NDArray[np.int32]]] = {}
+    for parts, first in zip(bodies, first_node, strict=False):
+        for kind, block in parts.mesh.cells.items():
+            cells.setdefault(kind, []).append(block + np.int32(first))
+    points = np.concatenate([parts.mesh.points for parts in bodies])
+    file.write_mesh(points, {kind: np.concatenate(blocks) for kind, blocks in cells.items()})
+    for step, factor, *_ in frames:
+        u = np.concatenate([objects.displacement(body, step) for body in range(len(bodies))])
+        file.write_nodal_displacement(step, u, **{word: factor})

@@ -1,0 +1,50 @@
+"""The stages that find a scene's motion, for each kind of analysis: they end in ``motion/<body>``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from gpusim.graph.stage import Stage, first
+from gpusim.plan.stage_builder import StageBuilder
+from gpusim.scene import Scene
+from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.frames import FrameTable
+
+__all__ = ["field_stages", "static_stages", "stillness"]
+
+
+def stillness(scene: Scene, frames: FrameTable) -> str:
+    """Why nothing moves, or "" if something does."""
+    if not scene.bodies:
+        return "no [[body]]"
+    if any(not instant.shown.unloaded for instant in frames):
+        return ""
+    moved = any(any(support.displacement) for body in scene.bodies for support in body.supports)
+    if not moved and not any(body.loads for body in scene.bodies):
+        return "no load and no prescribed displacement"
+    return "every load factor is 0"
+
+
+def static_stages(build: StageBuilder) -> Iterator[Stage]:
+    """Linear statics: a model a body, one solve of all, and its load cases superposed."""
+    scene, options = build.scene, build.options
+    if not scene.bodies or (options.skip and stillness(scene, build.frames)):
+        return
+    for body in scene.bodies:
+        groups = load_groups(body, scene.analysis.load_factors, options.skip)
+        cases = [[group.loads, group.supports] for group in groups]
+        yield build.stage(f"model/{body.name}", "mechanics:model", [f"body.{body.name}.solid"],
+                          {f"mesh/{body.name}": first}, [cases], "model")  # fmt: skip
+    yield build.stage("solve", "mechanics:solve_scene", ["solver", "body.*.formulation"],
+                      build.of_bodies("model"), shown="solve", keeps=True, on_device=True)  # fmt: skip
+    yield build.stage("solution", "mechanics:solution", needs={"solve": first})
+    for number, name in enumerate(build.bodies):
+        yield build.stage(f"motion/{name}", "mechanics:superposed", needs={"solution": first},
+                          rows=[number])  # fmt: skip
+
+
+def field_stages(build: StageBuilder) -> Iterator[Stage]:
+    """Displacements that are given."""
+    for name in build.bodies:
+        yield build.stage(f"motion/{name}", "mechanics:given", ["analysis"],
+                          {f"mesh/{name}": first}, [name])  # fmt: skip

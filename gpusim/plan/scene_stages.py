@@ -1,0 +1,180 @@
+"""The stages of a scene, and what each depends on: the graph of its run.
+
+Frames depend on what stands where in them, and on the motions that say so. Radiance is apart from
+exposure and noise: another seed exposes the same radiance again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from gpusim.graph.stage import Stage, first, same
+from gpusim.plan.motion_stages import stillness
+from gpusim.plan.stage_builder import Needs, StageBuilder
+from gpusim.plan.stages import RunOptions
+from gpusim.scene import Scene
+from gpusim.scene.analyses import kind_of
+from gpusim.scene.description import model as m
+from gpusim.scene.frames import FrameTable
+
+__all__ = ["PUBLIC", "SceneStages", "scene_stages"]
+
+PUBLIC = (
+    "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
+)  # fmt: skip
+"""Kinds of stages that plans and reports show, in their order; a report ends them."""
+_NONE = "not asked for"
+_SEEN = ("camera", "light", "prop", "body", "analysis", "measure", "calibration", "sensor")
+
+
+@dataclass(frozen=True)
+class SceneStages:
+    """The ``stages`` of a scene, needs first; of the public ones that it does without, why:
+    ``skipped``; its ``frames``."""
+
+    stages: Sequence[Stage]
+    skipped: dict[str, str]
+    frames: FrameTable
+
+
+def scene_stages(scene: Scene, options: RunOptions) -> SceneStages:
+    """All stages of a scene without variants."""
+    build = StageBuilder(scene, options)
+    moving = list(kind_of(scene).make_stages(build))
+    stages = [*_things(build), *moving, *_linear_theory(build, moving)]
+    motions: Needs = {one.name: first for one in moving if one.name.startswith("motion/")}
+    for camera in scene.cameras:
+        stages += _pictures(build, camera.name, motions)
+    for camera_name in scene.calibration.cameras if scene.calibration else ():
+        stages += _targets(build, camera_name)
+    stages += _results(build, motions, [one.name for one in moving])
+    return SceneStages(tuple(stages), _skipped(build, stages), build.frames)
+
+
+def _things(build: StageBuilder) -> Iterator[Stage]:
+    """Bodies and props as they stand, and what is known of them before any work."""
+    for name in build.bodies:
+        yield build.stage(f"mesh/{name}", "bodies:mesh", [f"body.{name}.mesh"], shown="mesh")
+        yield build.stage(f"surface/{name}", "bodies:surface", [f"body.{name}.paint"],
+                          {f"mesh/{name}": first}, shown="surface")  # fmt: skip
+    if build.scene.props:
+        yield build.stage("props", "bodies:props", ["prop.still"], shown="surface")
+    if build.bodies:
+        yield build.stage("meshes", "bodies:mesh_notes", ["body.*.mesh"], build.of_bodies("mesh"),
+                          keeps=True)  # fmt: skip
+    yield build.stage("geometry", "checks:geometry", _SEEN, build.surfaces(),
+                      [build.frames[:1]], keeps=True, early=True)  # fmt: skip
+
+
+def _linear_theory(build: StageBuilder, moving: Sequence[Stage]) -> Iterator[Stage]:
+    if any(one.name == "solve" for one in moving):
+        needs = build.of_bodies("surface") | build.of_bodies("model") | build.of_bodies("motion")
+        yield build.stage("linear theory", "checks:linear_theory", ["body"], needs,
+                          [list(build.frames)], keeps=True)  # fmt: skip
+
+
+def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stage]:
+    """A camera's frames."""
+    scene, frames = build.scene, build.frames
+    (spec,) = (one for one in scene.cameras if one.name == camera)
+    rate = scene.analysis.frame_rate
+    board = scene.calibration.board if scene.calibration else ""
+    rows, moved = [], []
+    for number in range(len(frames)):
+        near = frames.near(number, wide=spec.shutter is not None and rate is not None)
+        shown = [frames.shown(one) for one in near]
+        rows.append([shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board])
+        moved.append(not all(one.unloaded for one in shown))
+    needs = {name: lambda k: (0,) if moved[k] else () for name in motions}
+    sections = [f"camera.{camera}", "light", "render", "prop.still", "body.*.name"]
+    yield build.stage(f"radiance/{camera}", "images:radiance", sections,
+                      build.surfaces() | needs, rows, on_device=True)  # fmt: skip
+    yield from _exposed(build, camera, f"radiance/{camera}", len(rows))
+
+
+def _targets(build: StageBuilder, camera: str) -> Iterator[Stage]:
+    """A camera's pictures of the calibration target."""
+    calibration = build.scene.calibration
+    assert calibration is not None
+    rows = [
+        [calibration.board, calibration.show, [pose.position, pose.rotation]]
+        for pose in calibration.poses
+    ]
+    sections = [f"camera.{camera}", "light", "render", "prop.still", "sensor.response"]
+    yield build.stage(f"target/{camera}", "images:target", sections, {"props": first}, rows,
+                      on_device=True)  # fmt: skip
+    yield from _exposed(build, camera, f"target/{camera}", len(rows), "calib-")
+
+
+def _exposed(
+    build: StageBuilder, camera: str, radiance: str, count: int, kind: str = ""
+) -> Iterator[Stage]:
+    """Pictures of a camera's ``radiance``; of a target, and the board's corners in them."""
+    needs: Needs = {radiance: same}
+    if build.scene.sensor_of(camera).exposure is None:
+        name = f"{kind}exposure/{camera}"
+        yield build.stage(name, "images:exposure", [f"camera.{camera}", "light", "sensor.response"],
+                          {radiance: first}, [kind], f"render/{camera}/{kind}0000",
+                          on_device=True, keeps=True)  # fmt: skip
+        needs[name] = first
+    sections, corners = [f"camera.{camera}", "sensor"], bool(kind) and build.scene.measures_space
+    if corners:
+        sections += ["calibration", "prop.still"]
+    yield build.stage(f"{kind}render/{camera}", "images:picture", sections, needs,
+                      [[kind, k, corners] for k in range(count)], f"render/{camera}/{kind}{{:04d}}",
+                      on_device=True, keeps=True)  # fmt: skip
+
+
+def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iterator[Stage]:
+    """What is written and measured beside the pictures."""
+    scene, output, table = build.scene, build.scene.output, [list(build.frames)]
+    whole = build.surfaces() | motions
+    if output.truth and scene.cameras:
+        sections = ["name", "camera", "analysis", "output.truth", "body.*.name", "prop.still",
+                    "calibration"]  # fmt: skip
+        yield build.stage("truth", "truth:truth", sections, whole, table, "truth",
+                          on_device=True, keeps=True)  # fmt: skip
+    for spec in scene.measures:
+        sections = [f"measure.{spec.name}", "camera", "sensor", "prop", "body", "calibration",
+                    "analysis"]  # fmt: skip
+        needs = whole | _pictures_needed(spec, len(table[0]))
+        yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
+                          "measure", keeps=True)  # fmt: skip
+    stresses = output.stress and "solve" in moving
+    if stresses:
+        needs = build.of_bodies("surface") | build.of_bodies("model") | motions
+        yield build.stage("stress", "mechanics:stress", ["body"], needs, table, "stress",
+                          keeps=True)  # fmt: skip
+    if output.vtu or output.stl:
+        needs = whole | ({"stress": first} if stresses else {})
+        yield build.stage("export", "exports:meshes", ["output", "body.*.name", "analysis"], needs,
+                          table, "export", keeps=True)  # fmt: skip
+
+
+def _pictures_needed(spec: m.Measure, frames: int) -> Needs:
+    if isinstance(spec, m.Deflection):
+        return {f"render/{spec.camera}": lambda k: (0, frames - 1)}
+    assert isinstance(spec, m.Stereo)
+    needs: Needs = {f"render/{name}": lambda k: (0, frames - 1) for name in spec.cameras}
+    return needs | {f"calib-render/{name}": None for name in spec.cameras}
+
+
+def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
+    """Public stages that aren't there, and why."""
+    scene, output = build.scene, build.scene.output
+    given = "displacements are given" if scene.analysis.type == "field" else ""
+    still = given or stillness(scene, build.frames)
+    reasons = {
+        "mesh": "no [[body]]",
+        "model": given or ("nothing that runs needs it" if scene.bodies else "no [[body]]"),
+        "solve": still,
+        "surface": "nothing that runs needs it",
+        "render": "no [[camera]]",
+        "truth": "no [[camera]]" if output.truth else f"{_NONE}: [output] truth is empty",
+        "measure": f"{_NONE}: no [[measure]]",
+        "stress": still if output.stress else f"{_NONE}: [output] stress is false",
+        "export": f"{_NONE}: neither vtu nor stl in [output]",
+    }
+    there = {stage.shown(0).split("/")[0] for stage in stages if len(stage.rows)}
+    return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

@@ -1,0 +1,61 @@
+"""What the stages of a scene are made with: its parts, its frames, and how it is run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gpusim.graph.stage import Stage, Which, first
+from gpusim.plan.stages import RunOptions
+from gpusim.scene import Scene
+from gpusim.scene.frames import frame_table
+from gpusim.scene.part import SceneParts
+
+__all__ = ["Needs", "StageBuilder"]
+
+Needs = dict[str, Which | None]
+
+
+class StageBuilder:
+    """Makes stages of a ``scene``. ``bodies``: their names; ``frames``: the table of frames."""
+
+    def __init__(self, scene: Scene, options: RunOptions) -> None:
+        self.scene, self.options = scene, options
+        self.frames = frame_table(scene, options.skip)
+        self.bodies = tuple(body.name for body in scene.bodies)
+        self._parts = SceneParts(scene)
+
+    def stage(
+        self,
+        name: str,
+        work: str,
+        sections: Sequence[str] = (),
+        needs: Mapping[str, Which | None] | None = None,
+        rows: Sequence[Any] = (None,),
+        shown: str = "",
+        *,
+        on_device: bool = False,
+        **more: Any,
+    ) -> Stage:
+        """A stage whose function ``work`` of `gpusim.pipeline.stages` ("images:radiance") gets the
+        ``sections`` of the scene (`SceneParts.of`), and nothing else of it.
+
+        ``shown``: the public stage that it belongs to; "{}" in it becomes the record's number. A
+        stage ``on_device`` depends on the backend. ``more``: as `Stage` has it.
+        """
+        part = self._parts.of(*sections)
+        digests = dict(part.digests)
+        if on_device:
+            digests["backend"] = self.options.backend
+        return Stage(
+            name, f"gpusim.pipeline.stages.{work}", part.scene, digests, needs or {}, rows,
+            shown=lambda record: shown.format(record), on_device=on_device, **more,
+        )  # fmt: skip
+
+    def of_bodies(self, kind: str, which: Which = first) -> Needs:
+        """What is made of every body, as a need."""
+        return {f"{kind}/{name}": which for name in self.bodies}
+
+    def surfaces(self) -> Needs:
+        """Everything that cameras may see, as a need."""
+        return self.of_bodies("surface") | ({"props": first} if self.scene.props else {})

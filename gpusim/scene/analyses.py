@@ -1,0 +1,71 @@
+"""Kinds of analysis: what moves a scene's bodies, and which stages find that out.
+
+A kind is registered under the name that ``[analysis] type`` has for it.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from gpusim.scene.amplitudes import load_groups
+
+if TYPE_CHECKING:
+    from gpusim.scene.scene import Scene
+
+__all__ = ["ANALYSES", "AnalysisKind", "kind_of"]
+
+States = Sequence[tuple[float, ...] | None]
+
+
+@dataclass(frozen=True)
+class AnalysisKind:
+    """One kind.
+
+    states : of a scene (whether multiples of a load are one case: its second argument), per body
+        what its motion depends on in each frame, as plain data; None where it is at rest.
+    stages : "module:function" that gives the stages which end in ``motion/<body>``, a
+        `gpusim.motion.Motion` each.
+    """
+
+    states: Callable[[Scene, bool], Sequence[States]]
+    stages: str
+
+    def make_stages(self, build: Any) -> Any:
+        """The stages, of what they are made with (`gpusim.plan.stage_builder.StageBuilder`)."""
+        module, name = self.stages.split(":")
+        return getattr(importlib.import_module(module), name)(build)
+
+
+def kind_of(scene: Scene) -> AnalysisKind:
+    """The kind of a scene's analysis."""
+    return ANALYSES[scene.analysis.type]
+
+
+def _weights(scene: Scene, scaled: bool) -> Sequence[States]:
+    """Linear statics: the amplitude of each load case."""
+    factors = scene.analysis.load_factors
+    bodies = []
+    for body in scene.bodies:
+        groups = load_groups(body, factors, scaled)
+        rows = list(zip(*(group.amplitude for group in groups), strict=True))
+        acts = [bool(group.loads or group.supports) for group in groups]
+        bodies.append([
+            row if any(w and act for w, act in zip(row, acts, strict=True)) else None
+            for row in rows
+        ])  # fmt: skip
+    return bodies
+
+
+def _times(scene: Scene, scaled: bool) -> Sequence[States]:
+    """Displacements that are given: the time."""
+    return [[(time,) for time in scene.analysis.load_factors] for _ in scene.bodies]
+
+
+ANALYSES = {
+    "static": AnalysisKind(_weights, "gpusim.plan.motion_stages:static_stages"),
+    "field": AnalysisKind(_times, "gpusim.plan.motion_stages:field_stages"),
+}
+"""By the name that ``[analysis] type`` has."""

@@ -1,0 +1,167 @@
+"""Parts of a scene: a scene that has nothing but what a stage's key names.
+
+A stage gets such a part in place of the scene, so that it can't depend on what its key doesn't hold:
+to read anything else is an AttributeError.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from gpusim.scene.description.model import Body, Camera, Output, Sensor
+from gpusim.scene.scene import Scene
+
+__all__ = ["Part", "SceneParts"]
+
+_WHOLE = {
+    "name": "name", "analysis": "analysis", "solver": "solver", "light": "lights",
+    "render": "render", "sensor": "sensor", "camera": "cameras", "prop": "props", "body": "bodies",
+    "calibration": "calibration", "output": "output", "measure": "measures", "variant": "variants",
+}  # fmt: skip
+"""Sections of the file, and what a `Scene` calls them."""
+_OF_BODY = {
+    "mesh": ("mesh",),
+    "paint": ("paints",),
+    "name": (),
+    "formulation": ("formulation",),
+    "solid": ("material", "parts", "formulation", "supports", "loads"),
+}
+"""Sections of a body, and its attributes; the name always goes with them. "solid": without the
+factors by which loads and supports vary from frame to frame."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A ``scene`` with some sections alone, and a digest of each that tells whether it is the same,
+    the content of its files included."""
+
+    scene: Scene
+    digests: Mapping[str, str]
+
+
+class SceneParts:
+    """Cuts parts out of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._hashes = {
+            json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}" for path, sha256 in scene.files
+        }
+
+    def of(self, *sections: str) -> Part:
+        """The part with these sections: "light", "camera.front", "body.bar.mesh", "body.*.paint".
+
+    XX Raises KeyError for an unknown section.
+        """
+        values = {section: self._value(section, sections) for section in sections}
+        texts = {
+            section: json.dumps(value, default=_plain, sort_keys=True)
+            for section, value in values.items()
+        }
+        is_read = any(path in text for text in texts.values() for path in self._hashes)
+        part = object.__new__(Scene)
+        known: dict[str, Any] = {"source": self._scene.source}
+        known["files"] = self._scene.files if is_read else ()
+        for section, value in values.items():
+            head = section.split(".")[0]
+            _enter(known, _WHOLE[head], value)
+        for name, value in known.items():
+            object.__setattr__(part, name, value)
+        return Part(part, {section: self._digest(text) for section, text in texts.items()})
+
+    def _digest(self, text: str) -> str:
+        """Of a section's text, in which a file is what it holds, wherever it lies."""
+        named = [path for path in self._hashes if path in text]
+        for path in sorted(named, key=len, reverse=True):
+            text = text.replace(path, self._hashes[path])
+        if named:  # it may name others
+            text += "".join(sorted(self._hashes.values()))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def _value(self, section: str, sections: tuple[str, ...]) -> Any:
+        head, *rest = section.split(".")
+        whole = getattr(self._scene, _WHOLE[head])
+        if section == "sensor.response":
+            return _response(whole)
+        if section == "prop.still":
+            return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
+        if section == "output.truth":
+            return Output.model_construct(truth=whole.truth)
+        if head == "camera":
+            electric = next((one for one in sections if one.startswith("sensor")), "")
+            return tuple(_equipped(camera, electric) for camera in _named(whole, rest))
+        if head == "body" and len(rest) == 2:
+            return tuple(_cut(body, rest[1]) for body in _named(whole, rest[:1]))
+        return _named(whole, rest) if rest else whole
+
+
+def _named(tables: tuple[Any, ...], names: list[str]) -> tuple[Any, ...]:
+    """The tables of a name; all for none or "*". Raises KeyError if there is none."""
+    if not names or names == ["*"]:
+        return tables
+    (name,) = names
+    found = tuple(table for table in tables if table.name == name)
+    if not found:
+        raise KeyError(name)
+    return found
+
+
+def _enter(known: dict[str, Any], name: str, value: Any) -> None:
+    """Enter a section; bodies of which several sections are named become one each."""
+    if name == "bodies" and name in known:
+        by_name = {body.name: body for body in known[name]}
+        for body in value:
+            if body.name in by_name:
+                for attribute, own in vars(body).items():
+                    object.__setattr__(by_name[body.name], attribute, own)
+            else:
+                by_name[body.name] = body
+        value = tuple(by_name.values())
+    known[name] = value
+
+
+def _cut(body: Body, section: str) -> Body:
+    """A body with one section alone."""
+    part = object.__new__(Body)
+    for name in ("name", *_OF_BODY[section]):
+        value = getattr(body, name)
+        if section == "solid" and name in ("supports", "loads"):
+            value = tuple(driven.undriven() for driven in value)
+        object.__setattr__(part, name, value)
+    return part
+
+
+def _equipped(camera: Camera, sensor: str) -> Camera:
+    """A camera with its own sensor as the section ``sensor`` has it, or without."""
+    if camera.electronics is None and camera.own_sensor is None:
+        return camera
+    part = camera.model_copy(update={"own_sensor": None})
+    electronics = camera.electronics if sensor else None
+    if electronics is not None and sensor == "sensor.response":
+        electronics = _response(electronics)
+    part._electronics = electronics
+    return part
+
+
+def _response(sensor: Sensor) -> Sensor:
+    defaults = type(sensor).model_fields
+    names = ("seed", "series")
+    return sensor.model_copy(update={name: defaults[name].default for name in names})
+
+
+def _plain(value: object) -> Any:
+    """Plain data of a table: all that anybody can read of it."""
+    if isinstance(value, BaseModel):
+        own = {name: value.__dict__[name] for name in type(value).model_fields}
+        return [type(value).__name__, own, value.__pydantic_private__ or {}]
+    if is_dataclass(value) and not isinstance(value, type):
+        present = [one.name for one in fields(value) if one.name in vars(value)]
+        return [type(value).__name__, {name: vars(value)[name] for name in present}]
+    raise TypeError(f"{type(value).__name__}: no plain data")
