@@ -131,6 +131,8 @@ class Series:
         Units of y per pixel; with it the residual is also shown in pixels.
     truth_x, truth_y
         (T,) float64, the truth drawn as a finer curve; empty to draw it through ``y_truth``.
+    figure
+        Series that follow each other and name the same one are drawn in it together.
     """
 
     name: str
@@ -143,6 +145,7 @@ class Series:
     units_per_px: float | None = None
     truth_x: Floats = field(default_factory=lambda: np.empty(0))
     truth_y: Floats = field(default_factory=lambda: np.empty(0))
+    figure: str = ""
 
     def __post_init__(self) -> None:
         shape = (len(self.x),)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,10 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 def _draw(report: Report, folder: Path) -> FigureSet:
     # these take longest: they begin
     other = [processes.begin(drawing) for drawing in report.figures]
+    together = groupby(report.series, lambda one: one.figure or one.name)
     series = [
-        processes.begin(draw_series, item, inside(folder, f"{_stem('line', index, item.name)}.png"))
-        for index, item in enumerate(report.series)
+        processes.begin(draw_series, item, inside(folder, f"{_stem('line', k, name)}.png"), beside)
+        for k, (name, (item, *beside)) in enumerate(together)
     ]
     overlays = [
         processes.begin(

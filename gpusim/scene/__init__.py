@@ -7,6 +7,7 @@ In the order in which data passes:
 - `faults`: Faults of a scene file: where, what, and what was expected.
 - `files`: Files that a scene names, meshes and results: found beside it, and known by their
   content.
+- `measure_kinds`: Kinds of measurement that are added to gpusim's own.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
   from; and how its file is read.
 - `colored`: Whether a scene's pictures are in colour, before anything of it is built.

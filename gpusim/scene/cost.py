@@ -158,6 +158,7 @@ def estimate(scene: Scene) -> Cost:
     markers = _markers(scene)
     layers = len(scene.output.truth)
     steps = len(scene.analysis.load_factors)
+    measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
@@ -165,7 +166,7 @@ def estimate(scene: Scene) -> Cost:
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
-        "measure": (12 * pixels, 0.3 + 0.01 * markers + 2e-8 * pixels * len(scene.measures)),
+        "measure": (12 * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
         "report": (6 * pixels, 1.0 + 2e-8 * pixels),

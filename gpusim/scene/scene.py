@@ -32,8 +32,10 @@ from gpusim.scene.faults.key_paths import (
 )
 
 from .description import model
+from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
 from .files import find_files
+from .measure_kinds import load_kinds
 from .toml_text import document_fault, parse_toml, size_fault, toml_text
 
 if TYPE_CHECKING:
@@ -68,7 +70,7 @@ class Scene:
     lights: tuple[model.Light, ...]
     render: model.Render
     sensor: model.Sensor
-    measures: tuple[model.Measure, ...]
+    measures: tuple[model.MeasureTable, ...]
     variants: tuple[model.Variant, ...]
     output: model.Output
     calibration: model.Calibration | None
@@ -110,6 +112,7 @@ class Scene:
                 changed.append(done)
         origins = overridden(origins, changed)
         unread, hashes = find_files(plain, Path(folder), dict(files))
+        load_kinds(plain)
         table, more = None, 0
         try:
             table = SceneTable.model_validate(plain)
@@ -174,7 +177,7 @@ class Scene:
     @property
     def measures_space(self) -> bool:
         """Whether something is measured with the cameras that [calibration] calibrates."""
-        return any(isinstance(one, model.Stereo) for one in self.measures)
+        return any(one.uses_calibration for one in self.measures)
 
     @property
     def reads_files(self) -> bool:
@@ -318,7 +321,7 @@ def without_variants(document: Mapping[str, Any]) -> dict[str, Any]:
     plain = copy.deepcopy({key: value for key, value in document.items() if key != "variant"})
     measures = plain.get("measure")
     if isinstance(measures, list):
-        plain["measure"] = [m for m in measures if m.get("type") != "damage"]
+        plain["measure"] = [m for m in measures if not TABLES[m["type"]].compares_variants]
     return plain
 
 

@@ -9,8 +9,9 @@ from gpusim import measure
 from gpusim.optics import Camera, Sensor
 from gpusim.pipeline.measurements import marker_detection
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
+from gpusim.pipeline.measurements.marker_measurement import MarkerResult
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks, track_markers
-from gpusim.pipeline.measurements.result_files import unrefined_text
+from gpusim.pipeline.measurements.results import PointTable
 from tests.support.measure_images import Marker, board
 
 WIDTH, HEIGHT, SIZE = 420, 90, 22.0
@@ -79,7 +80,11 @@ def test_a_marker_without_a_fit_of_its_cross_is_named() -> None:
     blot = np.hypot(columns - x, rows - y) < 5.5
     seen = follow(reference, np.where(blot, 120, deformed).astype(np.uint8))
     assert seen.status == ("OK",) * 6
-    assert seen.by_correlation(6) == ("m-3",)
-    (text,) = unrefined_text("line", seen.by_correlation(6))
-    assert "'line'" in text and "m-3" in text
-    assert unrefined_text("line", ()) == []
+    status = np.array([["OK"] * 6])
+    for unrefined, named in ((seen.unrefined, ["m-3"]), (np.zeros(6, dtype=bool), [])):
+        columns = {"status": status, "saturated": seen.clipped, "unrefined": unrefined}
+        result = MarkerResult("line", PointTable("marker", (1,), seen.names, columns))
+        assert result.named("unrefined") == named
+        assert [text.partition(": by")[0] for text in result.warnings] == len(named) * [
+            "measure 'line'"
+        ]

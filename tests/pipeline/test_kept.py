@@ -38,11 +38,15 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return made
 
 
-def ask(folder: Path, reuse: bool = True, **changed: Any) -> MarkerTracks:
+def pictures(*later: np.ndarray) -> list[np.ndarray]:
+    """The reference, and two later ones, or these."""
     before = np.arange(600, dtype=np.uint8).reshape(20, 30)
-    given: dict[str, Any] = {"marks": MARKS, "camera": CAMERA, "reference": before,
-                             "deformed": before.T.copy().reshape(20, 30), "subset": None,
-                             "sensor": Sensor(8)} | changed  # fmt: skip
+    return [before, *(later or (before.T.copy().reshape(20, 30), before[::-1].copy()))]
+
+
+def ask(folder: Path, reuse: bool = True, **changed: Any) -> list[MarkerTracks]:
+    given: dict[str, Any] = {"marks": MARKS, "camera": CAMERA, "pictures": pictures(),
+                             "subset": None, "sensor": Sensor(8)} | changed  # fmt: skip
     markers = MarkerCache(folder, reuse)
     found = markers.track("space", **given)
     assert [file.is_file() for file in markers.files] == [True]
@@ -51,15 +55,28 @@ def ask(folder: Path, reuse: bool = True, **changed: Any) -> MarkerTracks:
 
 def test_kept_for_the_same_pictures(tmp_path: Path, calls: list[str]) -> None:
     first, again = ask(tmp_path), ask(tmp_path)
-    assert calls == ["measure 'space'"]
-    for item in fields(MarkerTracks):
-        one, other = getattr(first, item.name), getattr(again, item.name)
-        assert type(one) is type(other)
-        assert np.array_equal(
-            one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float
-        )
+    assert calls == 2 * ["measure 'space'"] and len(first) == len(again) == 2
+    for kept, read in zip(first, again, strict=True):
+        for item in fields(MarkerTracks):
+            one, other = getattr(kept, item.name), getattr(read, item.name)
+            assert type(one) is type(other)
+            assert np.array_equal(
+                one, other, equal_nan=isinstance(one, np.ndarray) and one.dtype == float
+            )
     ask(tmp_path, reuse=False)
-    assert len(calls) == 2
+    assert len(calls) == 4
+
+
+def test_only_new_frames_are_followed(tmp_path: Path, calls: list[str]) -> None:
+    """One more, one left out, one that shows what another does."""
+    _, one, two = pictures()
+    ask(tmp_path)
+    assert len(ask(tmp_path, pictures=pictures(one, other_pixel(), two))) == 3
+    assert len(calls) == 3
+    assert len(ask(tmp_path, pictures=pictures(two, two, one))) == 3
+    assert len(calls) == 3
+    ask(tmp_path)
+    assert len(calls) == 3
 
 
 def other_pixel() -> np.ndarray:
@@ -71,8 +88,8 @@ def other_pixel() -> np.ndarray:
 @pytest.mark.parametrize(
     "changed",
     [
-        {"reference": other_pixel()},
-        {"deformed": other_pixel()},
+        {"pictures": [other_pixel(), *pictures()[1:]]},
+        {"pictures": pictures(*2 * [other_pixel()])},
         {"camera": replace(CAMERA, K=CAMERA.K + np.diag([0.5, 0.0, 0.0]))},
         {"camera": replace(CAMERA, distortion=np.array([0.01, 0.0, 0.0, 0.0]))},
         {"marks": replace(MARKS, size=np.array([0.01, 0.013]))},
@@ -87,7 +104,7 @@ def test_anything_else_is_followed_anew(
 ) -> None:
     ask(tmp_path)
     ask(tmp_path, **changed)
-    assert len(calls) == 2
+    assert len(calls) in (3, 4)
 
 
 def test_a_damaged_file_is_made_anew(tmp_path: Path, calls: list[str]) -> None:
@@ -97,4 +114,4 @@ def test_a_damaged_file_is_made_anew(tmp_path: Path, calls: list[str]) -> None:
     for content in (b"", whole[: len(whole) // 2], b"no archive at all"):
         path.write_bytes(content)
         ask(tmp_path)
-    assert len(calls) == 4
+    assert len(calls) == 8

@@ -18,6 +18,7 @@ import pytest
 import gpusim as gs
 from gpusim.export.images import read_image
 from gpusim.pipeline import run
+from tests.support.documented_tables import documented_columns, head
 
 SMALL = {
     "camera.side.resolution_px": [900, 360],
@@ -68,7 +69,7 @@ def test_a_grey_scene_in_colour_is_measured_the_same(
     assert report.warnings == ()
 
 
-def test_output_folder(done: tuple[gs.Report, Path]) -> None:
+def test_output_folder(done: tuple[gs.Report, Path], checkout: Path) -> None:
     _, out = done
     report = json.loads((out / "report.json").read_text())
     assert report["status"] == "done" and report["warnings"] == []
@@ -79,6 +80,9 @@ def test_output_folder(done: tuple[gs.Report, Path]) -> None:
         "measure/deflection.csv",
     ):  # fmt: skip
         assert (out / name).stat().st_size > 0, name
+    assert head(out / "measure/deflection.csv") == documented_columns(
+        checkout, "measure/<deflection>.csv"
+    )
     # the errors of two numbers are no picture
     drawn = sorted(path.name.split("-")[0] for path in (out / "figures").iterdir())
     assert drawn == ["line", "markers"]

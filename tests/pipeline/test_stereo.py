@@ -16,6 +16,7 @@ from gpusim.pipeline import run
 from gpusim.pipeline.measurements import marker_tracking
 from gpusim.pipeline.measurements.marker_tracking import track_markers
 from gpusim.pipeline.measurements.stereo import StereoResult
+from tests.support.documented_tables import documented_columns, head
 
 LENS = {"sensor_mm": [36.0, 24.0], "resolution_px": [1050, 700], "focal_mm": 50.0}
 TILTS = ([20, 5, -25], [-25, -10, 15], [15, 12, 28], [-18, 0, -20], [28, -8, 5], [-10, 15, 30])
@@ -73,9 +74,10 @@ def test_displacement_in_space(done: tuple[gs.Scene, gs.Report, Path]) -> None:
     assert np.abs(error).max() <= 0.004  # mm; 0.3 mm/px. measured: 0.001
     # where the unloaded markers are, in the structure's own axes
     assert np.abs(result.found_mm - result.position_mm).max() <= 0.02
-    assert result.epipolar_px.max() <= 0.05
+    assert result.table["epipolar_px"].max() <= 0.05
     assert result.rig_motion_mm <= 0.002  # static markers
-    assert (result.sigma_mm > 0).all() and result.sigma_mm.max() <= 0.02
+    sigma = result.table.vectors("sigma")
+    assert sigma.shape == (1, 8, 3) and (sigma > 0).all() and sigma.max() <= 0.02
     assert len(result.boards_mm) == len(TILTS) == result.view_rms_px.shape[1]
     assert scene.measures[0].name == "space"
 
@@ -91,12 +93,15 @@ def test_calibration_is_that_of_the_cameras(done: tuple[gs.Scene, gs.Report, Pat
     assert abs(row["right, angle"].error) <= 0.005
 
 
-def test_files_and_rerun(done: tuple[gs.Scene, gs.Report, Path]) -> None:
+def test_files_and_rerun(done: tuple[gs.Scene, gs.Report, Path], checkout: Path) -> None:
     scene, first, out = done
     for name in ("measure/space.csv", "measure/space-cameras.csv", "figures/space-rig.png",
                  "figures/space-space.png", "figures/space-calibration.png",
                  "images/left/calib-0005.png"):  # fmt: skip
         assert (out / name).stat().st_size > 0
+    for ending in ("", "-cameras"):
+        documented = documented_columns(checkout, f"measure/<stereo>{ending}.csv")
+        assert head(out / f"measure/space{ending}.csv") == documented
     # exposed for the first pose, others are brighter
     warnings = json.loads((out / "report.json").read_text())["warnings"]
     assert [w for w in warnings if "% of its pixels saturated" not in w] == []
@@ -130,7 +135,7 @@ def test_a_new_lens_leaves_the_other_camera_alone(
     assert abs(report.measurements[0].error_relative) <= 1e-3
     before, after = (StereoResult.read(folder / "measure", "space") for folder in (earlier, out))
     assert np.array_equal(before.points_px[1], after.points_px[1])
-    assert np.array_equal(before.moved_px[1], after.moved_px[1])
+    assert np.array_equal(before.moved_px[:, 1], after.moved_px[:, 1])
     assert np.abs(before.points_px[0] - after.points_px[0]).max() > 1.0
     run(scene, out, fresh=True)
     assert followed == ["left", "left", "right"]

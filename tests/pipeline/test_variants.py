@@ -15,6 +15,7 @@ from gpusim.errors import SceneError
 from gpusim.files.picture_file import read_grey
 from gpusim.pipeline import run
 from gpusim.plan.plan import make_plan
+from tests.support.documented_tables import documented_columns, head
 
 NOTCH = {"position_mm": 110.0, "width_mm": 1.0, "depth_mm": 5.0, "side": "-z"}
 CHANGES: dict[str, Any] = {
@@ -49,7 +50,7 @@ def done(
     return scene, run(scene, out), out
 
 
-def test_the_notch_is_located(done: tuple[gs.Scene, gs.Report, Path]) -> None:
+def test_the_notch_is_located(done: tuple[gs.Scene, gs.Report, Path], checkout: Path) -> None:
     _, report, out = done
     notch = report.measurements[0]
     assert notch.name.startswith("cut: notch 1") and notch.truth == 110.0
@@ -62,8 +63,11 @@ def test_the_notch_is_located(done: tuple[gs.Scene, gs.Report, Path]) -> None:
     assert noise.measured <= 0.005  # px
     found = json.loads((out / "measure" / "damage.json").read_text())
     assert len(found["breaks"]) == 1 and found["breaks"][0]["notch_mm"] == 110.0
-    head = (out / "measure" / "damage.csv").read_text().splitlines()
-    assert len(head) == 1 + 2 * 15 and head[0].startswith("state,group,position_mm")
+    lines = (out / "measure" / "damage.csv").read_text().splitlines()
+    assert len(lines) == 1 + 2 * 15
+    for ending in ("", "-breaks"):
+        documented = documented_columns(checkout, f"measure/<damage>{ending}.csv")
+        assert head(out / f"measure/damage{ending}.csv") == documented
 
 
 def test_each_state_has_its_own_folder_and_report(

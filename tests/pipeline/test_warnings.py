@@ -23,7 +23,7 @@ from gpusim.pipeline.checks.measurability import pixels_per_metre
 from gpusim.pipeline.checks.visibility import winding_numbers
 from gpusim.pipeline.checks.warnings import scene_warnings
 from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.projection_error import projection_error
+from gpusim.pipeline.measurements.deflection.projection_error import projection_error
 from gpusim.pipeline.stages.images import level_warnings
 from gpusim.scene import Scene
 
@@ -81,15 +81,16 @@ def test_motion_towards_the_camera_explains_the_error(tmp_path: Path) -> None:
     assert tip.error < -0.5 * tip.truth
     (warning,) = [w for w in report.warnings if "motion along the camera's axis" in w]
     # by hand: with the depth d less by v, what is at height h over the axis reads h d / (d - v)
-    found = json.loads((tmp_path / "toward" / "measure" / "deflection.json").read_text())
-    z = found["position_mm"][-1][2] - scene.cameras[0].target[2] * 1e3  # type: ignore[index]
+    found = DeflectionResult.read(tmp_path / "toward" / "measure", "deflection")
+    z = found.position_mm[-1, 2] - scene.cameras[0].target[2] * 1e3  # type: ignore[index]
     depth = 1e3 * (-0.02 - scene.cameras[0].position[1])  # type: ignore[index]
-    come, fall = found["towards_mm"][-1], found["true_mm"][-1][1]
+    come, fall = found.table["towards_mm"][0, -1], found.true_mm[-1, 1]
+    along_axis = found.table["axis_error_z_mm"][0, -1]
     by_hand = (z + fall) * depth / (depth - come) - z - fall
-    assert abs(found["axis_error_mm"][-1][1] - by_hand) <= 2e-3 * abs(by_hand)
+    assert abs(along_axis - by_hand) <= 2e-3 * abs(by_hand)
     assert f"moves {come:.3g} mm towards the camera" in warning
     # what is left unexplained is what markers are measured to
-    assert abs(-tip.error - found["axis_error_mm"][-1][1]) <= 0.1
+    assert abs(-tip.error - along_axis) <= 0.1
     assert any("load 'weight' acts along the axis" in w for w in report.warnings)
 
 
@@ -326,24 +327,28 @@ def test_saturation_at_the_full_well_is_told(tmp_path: Path) -> None:
     scene = mini({"sensor.full_well_e": 10_000.0, "sensor.gain_DN_per_e": 0.02,
                   "sensor.exposure": 2.4})  # fmt: skip
     report = run(scene, tmp_path / "bright", backend="numpy")
-    found = json.loads((tmp_path / "bright" / "measure" / "deflection.json").read_text())
-    assert found["saturated"] == ["column-02", "column-03", "column-04"]  # of those it could find
+    found = DeflectionResult.read(tmp_path / "bright" / "measure", "deflection")
+    columns = found.table.columns
+    # of those it could find
+    assert found.named("saturated") == ["column-02", "column-03", "column-04"]
     assert any("saturated (at 200 of 255: the full well)" in text for text in report.warnings)
     assert any("saturated pixels on column-02" in text for text in report.warnings)
     # a plane that is square to the axis is blamed for nothing, whatever the scale
-    assert found["tilt_deg"] == 0.0 and abs(found["mm_per_px"] / found["mm_per_px_true"] - 1) > 1e-3
-    assert np.abs(found["plane_error_mm"]).max() <= 1e-3
+    share = found.mm_per_px / found.mm_per_px_true - 1
+    assert found.tilt_deg == 0.0 and abs(share) > 1e-3
+    assert np.abs(found.table.vectors("plane_error")).max() <= 1e-3
     assert not any("seen in perspective" in text for text in report.warnings)
     # largest at a marker that wasn't measured, and told of one that was
-    result = DeflectionResult.read(tmp_path / "bright" / "measure", scene.measures[0].name)
-    worse = dataclasses.replace(result, scale_error_mm=20.0 * result.scale_error_mm)
-    assert np.linalg.norm(worse.scale_error_mm, axis=1).argmax() == 7 and worse.status[7] != "OK"
+    scaled = {name: 20.0 * one for name, one in columns.items() if name.startswith("scale_error")}
+    table = dataclasses.replace(found.table, columns={**columns, **scaled})
+    worse = dataclasses.replace(found, table=table)
+    errors = table.vectors("scale_error")[-1]
+    assert np.linalg.norm(errors, axis=1).argmax() == 7 and worse.status[7] != "OK"
     (text,) = [text for text in worse.warnings if "the scale is wrong" in text]
     assert "(3.0036 mm/px; 3 at their depth)" in text and "at column-04" in text
     # one factor for all that moves in the image
-    share = found["mm_per_px"] / found["mm_per_px_true"] - 1
-    scaled = share * np.array(found["true_mm"])
-    assert np.abs(np.array(found["scale_error_mm"]) - scaled).max() <= 0.3 * np.abs(scaled).max()
+    by_scale = share * found.true_mm
+    assert np.abs(errors / 20.0 - by_scale).max() <= 0.3 * np.abs(by_scale).max()
 
 
 def test_auto_exposure_stays_below_the_full_well(tmp_path: Path) -> None:

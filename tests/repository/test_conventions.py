@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,6 @@ from gpusim.export.correlation import csv_names, result_columns, stereo_columns
 from gpusim.export.layers import LAYERS
 from gpusim.measure import DicResult, StereoResult, StrainResult
 from gpusim.optics.calibration.formats import UNITS
-from gpusim.pipeline.measurements import damage
-from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.stereo import CalibratedCamera
-from gpusim.pipeline.measurements.stereo import StereoResult as StereoMarkers
 
 
 @pytest.fixture(scope="module")
@@ -51,26 +46,6 @@ def test_columns_of_correlation(rows: dict[str, list[str]]) -> None:
         ("`gpusim dic --stereo`", stereo_columns(space, strain)),
     ):
         assert ", ".join(csv_names(columns)) == rows[name][0]
-
-
-def test_columns_of_measures(rows: dict[str, list[str]]) -> None:
-    line = empty(DeflectionResult, axes=("+x", "+z"))
-    assert line.tables()[""].split() == [rows["`measure/<deflection>.csv`"][0].replace(", ", ",")]
-    flat, vector = np.zeros(0), np.zeros((0, 3))
-    values = {"found": {"fx": 1.0, "baseline_mm": 2.0, "angle_deg": 3.0}}
-    values |= {"true": values["found"], "sigma": values["found"], "name": "left"}
-    markers = empty(
-        StereoMarkers, position_mm=vector, found_mm=vector, measured_mm=vector, true_mm=vector,
-        sigma_mm=vector, epipolar_px=flat, cameras=(empty(CalibratedCamera, **values),),
-    )  # fmt: skip
-    assert markers.tables()[""].split() == [rows["`measure/<stereo>.csv`"][0].replace(", ", ",")]
-    head, *own = markers.tables()["-cameras"].split()
-    assert head == rows["`measure/<stereo>-cameras.csv`"][0].replace(", ", ",")
-    assert [re.split(",", one)[1:3] for one in own] == [
-        ["fx", "px"], ["baseline_mm", "mm"], ["angle_deg", "deg"]
-    ]  # fmt: skip
-    assert ", ".join(damage._POINTS) == rows["`measure/<damage>.csv`"][0]
-    assert ", ".join(damage._BREAKS) == rows["`measure/<damage>-breaks.csv`"][0]
 
 
 def test_layers_and_units(rows: dict[str, list[str]]) -> None:

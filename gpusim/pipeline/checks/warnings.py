@@ -22,9 +22,10 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
-from gpusim.pipeline.checks.measurability import axial_loads, disc_warnings, marker_warnings
+from gpusim.pipeline.checks.measurability import disc_warnings
 from gpusim.pipeline.checks.resources import mesh_fault
 from gpusim.pipeline.checks.visibility import blind_cameras, lamps_inside
+from gpusim.pipeline.measurements.kinds import Unloaded, kind_of
 from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
@@ -146,11 +147,11 @@ def geometry_warnings(objects: SceneObjects) -> list[str]:
     check_lamp_count(scene, surfaces, cameras)
     blind = blind_cameras(surfaces, cameras)
     strict = objects.history.unloaded(0)  # else the first picture shows other places
+    unloaded = Unloaded(objects.bodies, surfaces, blind, strict)
     return [
-        *marker_warnings(scene, objects.bodies, surfaces, blind, strict),
+        *(text for spec in scene.measures for text in kind_of(spec).checks(spec, scene, unloaded)),
         *blind.values(),
         *lamps_inside(scene, surfaces),
-        *axial_loads(scene, objects.bodies),
         *disc_warnings(surfaces, cameras),
     ]
 

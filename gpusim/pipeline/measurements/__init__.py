@@ -1,22 +1,19 @@
 """Measurements in a run's images, with the truth beside them.
 
-In the order in which data passes:
+A kind of measurement is a module or a folder named by its ``type`` that registers it. In the order
+in which data passes:
 
 - `marker_detection`: Markers of a scene, found in a picture near where they are expected, and
   fits of their crosses.
-- `marker_tracking`: Markers found in a first image of a camera and followed into a last one.
+- `marker_tracking`: Markers found in a first image of a camera and followed into another one.
 - `sources`: What measurements are given: pictures, the board's corners found in them, markers
   tracked.
-- `result_files`: Results of measurements as they are kept in the output folder: JSON with
-  everything, and tables.
-- `projection_error`: What one scale for the whole image does to displacements that are measured
-  with it.
-- `deflection`: A deflection line measured from the first and the last image of one camera, with
-  its truth.
-- `stereo`: Markers in space: a rig calibrated from the run's own chessboard images, then
-  triangulation.
+- `results`: Results of measurements: a table over frames and points, kept in the output folder and
+  told in the report.
+- `kinds`: What a kind of measurement has to provide, and the kinds that there are.
+- `marker_measurement`: Markers over frames and cameras: what every kind that follows them shares.
+- `deflection`: The kind "deflection": displacements in the image of one camera.
+- `stereo`: The kind "stereo": points in space from several cameras.
 - `damage`: Deflection lines of several states compared: difference curves, and where their slope
   changes.
-- `measurements`: Every kind of measurement that a scene can ask for: done, read again, and told
-  in the report.
 """

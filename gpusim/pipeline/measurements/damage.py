@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,11 +14,14 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError
+from gpusim.files.atomic_files import safe_name, write_text
 from gpusim.files.output_folder import inside
-from gpusim.pipeline.measurements.deflection import DeflectionResult
-from gpusim.pipeline.measurements.result_files import csv_text, write_result
-from gpusim.report import Drawing, Measurement
+from gpusim.pipeline.measurements.deflection.result import DeflectionResult
+from gpusim.pipeline.measurements.kinds import Kind, register
+from gpusim.pipeline.measurements.results import PointTable, Reported, Result, csv_text
+from gpusim.report import Drawing, Link, Measurement
 from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw_differences
+from gpusim.report.text import plain_data
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -79,10 +83,10 @@ class DamageLine:
 
 
 @dataclass(frozen=True, eq=False)
-class DamageResult:
-    """All states of one comparison; the reference's lines have differences of zero."""
+class DamageResult(Result):
+    """All states of one comparison; the reference's lines have differences of zero. Points of the
+    table are those of all lines, named by their state."""
 
-    name: str
     reference: str
     tolerance_mm: float
     lines: tuple[DamageLine, ...]
@@ -97,19 +101,44 @@ class DamageResult:
         """Names of the groups, each once."""
         return list(dict.fromkeys(line.group for line in self.lines))
 
+    @property
+    def note(self) -> str:
+        """What became of it, in a few words."""
+        count = sum(len(line.found.position) for line in self.lines if line.found)
+        return f"{count} changes of slope"
+
+    def tables(self) -> dict[str, str]:
+        """``.csv``: every point of every line; ``-breaks.csv``: changes of slope."""
+        return {"": self.table.csv(), "-breaks": csv_text(_BREAKS, self._breaks())}
+
+    def _breaks(self) -> list[list[Any]]:
+        return [row for line in self.lines for row in _breaks(line)]
+
     def write(self, folder: Path) -> list[Path]:
-        """``<name>.csv``: every point of every line, ``<name>-breaks.csv`` and ``<name>.json``."""
-        breaks = [row for line in self.lines for row in _breaks(line)]
+        """Its tables, and ``<name>.json``; no run reads it again."""
+        stem = safe_name(self.name)
         content = {
             "name": self.name,
             "reference": self.reference,
             "noise_px": {f"{line.state}/{line.group}": line.noise_px for line in self.lines},
-            "breaks": [dict(zip(_BREAKS, row, strict=True)) for row in breaks],
+            "breaks": [dict(zip(_BREAKS, row, strict=True)) for row in self._breaks()],
         }
-        tables = {"": csv_text(_POINTS, _points(self.lines)), "-breaks": csv_text(_BREAKS, breaks)}
-        return write_result(folder, self.name, tables, content)
+        texts = {f"{stem}{ending}.csv": text for ending, text in self.tables().items()}
+        texts[f"{stem}.json"] = json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n"
+        return [write_text(inside(folder, name), text) for name, text in texts.items()]
 
-    def measurements(self) -> list[Measurement]:
+    def report(self, scene: Scene, out: Path) -> Reported:
+        """Places of notches, noise, lines and differences."""
+        links = [
+            Link(label, inside(out, "measure", f"{safe_name(self.name)}{ending}.csv"))
+            for label, ending in (
+                ("Deflection and difference curves", ""), ("Changes of slope", "-breaks"),
+            )
+        ]  # fmt: skip
+        figures = self._figures(inside(out, "figures"))
+        return Reported(self._measurements(), figures=figures, links=links)
+
+    def _measurements(self) -> list[Measurement]:
         """Each notch beside the slope change nearest to it, what of it the structure does, and what
         the images do; then the noise of each difference."""
         rows = []
@@ -149,7 +178,7 @@ class DamageResult:
                 )
         return texts
 
-    def figures(self, folder: Path) -> list[Drawing]:
+    def _figures(self, folder: Path) -> list[Drawing]:
         """Lines and differences of each group, to be drawn into ``folder``."""
         figures: list[Drawing] = []
         for group in self.groups:
@@ -173,23 +202,22 @@ class DamageResult:
         return figures
 
 
-def compare_states(
-    spec: m.Damage, scene: Scene, results: Mapping[str, Sequence[DeflectionResult]]
-) -> DamageResult:
+def compare_states(spec: m.Damage, scene: Scene, read: Callable[[str, str], Any]) -> DamageResult:
     """Compare the deflection ``spec.of`` of every variant with that of the reference.
 
-    ``results`` holds each variant's deflections. Raises GpusimError if the reference's line has
-    too few measured points.
+    ``read(variant, measure)`` gives a variant's result. Raises GpusimError if the reference's line
+    has too few measured points.
     """
-    own = {name: next(r for r in found if r.name == spec.of) for name, found in results.items()}
+    own: dict[str, DeflectionResult] = {v.name: read(v.name, spec.of) for v in scene.variants}
     base = own[spec.reference]
     at_rest = {notch[:2] for notch in _notches(scene.variant(spec.reference))}
     lines = []
     for state, result in own.items():
         notches = [n for n in _notches(scene.variant(state)) if n[:2] not in at_rest]
-        for group in dict.fromkeys(result.group):
+        for group in dict.fromkeys(result.group.tolist()):
             lines.append(_line(spec, group, _State(state, result, notches), base))
-    return DamageResult(spec.name, spec.reference, 1e3 * spec.tolerance, tuple(lines))
+    table = _table(lines, base.table.frames[-1:])
+    return DamageResult(spec.name, table, spec.reference, 1e3 * spec.tolerance, tuple(lines))
 
 
 class _State(NamedTuple):
@@ -202,9 +230,7 @@ class _State(NamedTuple):
 
 def _line(spec: m.Damage, group: str, variant: _State, base: DeflectionResult) -> DamageLine:
     state, result, notches = variant
-    rows, base_rows = (
-        np.flatnonzero(np.array(r.group, dtype=object) == group) for r in (result, base)
-    )
+    rows, base_rows = (np.flatnonzero(r.group == group) for r in (result, base))
     own = result.position_mm[rows]
     along = int(np.argmax(np.ptp(own, axis=0)))
     across = _across(result, along)
@@ -260,26 +286,28 @@ def _size(mesh: m.BeamMesh | m.BoxMesh) -> tuple[float, float, float]:
     return mesh.size if isinstance(mesh, m.BoxMesh) else (mesh.length, mesh.width, mesh.height)
 
 
-_POINTS = (
-    "state", "group", "position_mm", "deflection_mm", "true_mm", "difference_mm",
-    "true_difference_mm", "fitted_mm",
-)  # fmt: skip
 _BREAKS = (
     "state", "group", "position_mm", "sigma_mm", "slope_change_mrad", "slope_change_sigma_mrad",
     "p_value", "notch_mm", "true_position_mm",
 )  # fmt: skip
 
 
-def _points(lines: Sequence[DamageLine]) -> list[list[Any]]:
-    rows = []
-    for line in lines:
-        fitted = line.found.at(line.position_mm) if line.found else line.position_mm * np.nan
-        columns = (
-            line.position_mm, line.deflection_mm, line.true_mm, line.difference_mm,
-            line.true_difference_mm, fitted,
-        )  # fmt: skip
-        rows += [[line.state, line.group, *values] for values in zip(*columns, strict=True)]
-    return rows
+def _table(lines: Sequence[DamageLine], frames: tuple[int, ...]) -> PointTable:
+    """Every point of every line."""
+    columns = {
+        name: np.concatenate([getattr(line, name) for line in lines])
+        for name in ("position_mm", "deflection_mm", "true_mm", "difference_mm",
+                     "true_difference_mm")
+    }  # fmt: skip
+    fitted = [
+        line.found.at(line.position_mm) if line.found else line.position_mm * np.nan
+        for line in lines
+    ]
+    counts = [len(line.position_mm) for line in lines]
+    groups = np.repeat([line.group for line in lines], counts)
+    states = np.repeat([line.state for line in lines], counts).tolist()
+    columns = {"group": groups, **columns, "fitted_mm": np.concatenate(fitted)}
+    return PointTable("state", frames, tuple(states), columns)
 
 
 def _breaks(line: DamageLine) -> list[list[Any]]:
@@ -312,3 +340,6 @@ def _curve(line: DamageLine, measured: Array, true: Array) -> StateCurve:
         fitted_x=none if found is None else x,
         fitted_y=none if found is None else found.at(x),
     )
+
+
+register(Kind(m.Damage, DamageResult, compare=compare_states))

@@ -60,18 +60,18 @@ class MarkerSet:
     names: tuple[str, ...]
     group_names: tuple[str, ...]
 
-    def true_motion(self, objects: SceneObjects, last: int) -> tuple[Array, Array]:
-        """True displacements (M, 3) in m of the markers on bodies in the first frame, and from
-        there to the ``last``."""
+    def true_motion(self, objects: SceneObjects, frames: Sequence[int]) -> tuple[Array, Array]:
+        """True displacements in m of the markers on bodies: (M, 3) in the first frame, and
+        (F, M, 3) from there to each of the ``frames``."""
         parts, first = [], 0
         for body, paint in self.groups:
             own = self.position[first : first + len(paint.markers)]
             first += len(own)
             nodes, weights = objects.bodies[body].skin.locate(own)
-            u = np.stack([objects.displacement(body, 0), objects.displacement(body, last)])
-            parts.append(np.einsum("mk,fmka->fma", weights, u[:, nodes]))
-        start, end = np.concatenate(parts, axis=1)
-        return start, end - start
+            u = np.stack([objects.displacement(body, frame)[nodes] for frame in (0, *frames)])
+            parts.append(np.einsum("mk,fmka->fma", weights, u))
+        every = np.concatenate(parts, axis=1)
+        return every[0], every[1:] - every[0]
 
 
 def collect_markers(

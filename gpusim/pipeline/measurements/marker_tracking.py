@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -73,14 +73,6 @@ class MarkerTracks:
     def found(self) -> npt.NDArray[np.bool_]:
         """(M,) bool: seen in the first image."""
         return np.asarray(np.isfinite(self.points).all(axis=1))
-
-    def saturated(self, count: int) -> tuple[str, ...]:
-        """Names of the first ``count`` markers that have clipped pixels."""
-        return tuple(self.names[i] for i in np.flatnonzero(self.clipped[:count]))
-
-    def by_correlation(self, count: int) -> tuple[str, ...]:
-        """Names of those of the first ``count`` markers that rest on correlation alone."""
-        return tuple(self.names[i] for i in np.flatnonzero(self.unrefined[:count]))
 
 
 def track_markers(
@@ -245,19 +237,19 @@ def _odd(width: float) -> int:
     return max(9, 2 * int(np.floor(0.5 * (width - 1.0))) + 1)
 
 
-_KEY = "key"
+_KEYS = "keys"
 
 
 class MarkerCache:
     """`track_markers`, once for the same pictures.
 
-    ``folder``: where what was found is kept; ``reuse``: whether an earlier run's is taken, and
-    ``read`` how.
+    ``folder``: where what was found is kept, in one file for each measure and camera; ``reuse``:
+    whether an earlier run's is taken, and ``read`` how.
     """
 
     def __init__(self, folder: Path, reuse: bool = True, read: Reader = read_input) -> None:
         self.folder, self.reuse, self.read = folder, reuse, read
-        self._found: dict[Path, tuple[str, MarkerTracks]] = {}
+        self._found: dict[Path, dict[str, MarkerTracks]] = {}
 
     @property
     def files(self) -> list[Path]:
@@ -269,64 +261,89 @@ class MarkerCache:
         name: str,
         marks: MarkerSet,
         camera: Camera,
-        reference: npt.NDArray[Any],
-        deformed: npt.NDArray[Any],
+        pictures: Iterable[npt.NDArray[Any]],
         *,
         subset: int | None,
         sensor: Sensor,
-    ) -> MarkerTracks:
-        """As `track_markers`, for the measure ``name``."""
-        key = _key(marks, camera, (reference, deformed), subset, sensor)
+    ) -> list[MarkerTracks]:
+        """As `track_markers`, for the measure ``name``, from the first of the ``pictures`` into
+        each of the others."""
         path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
-        known, found = self._found.get(path, ("", None))
-        if found is None or known != key:
-            found = _stored(path, key, self.read) if self.reuse else None
-        if found is None:
-            found = track_markers(
-                f"measure {name!r}",
-                marks,
-                camera,
-                reference,
-                deformed,
-                subset=subset,
-                sensor=sensor,
-            )
-            with atomic_stream(path) as stream:
-                np.savez(stream, allow_pickle=False, **{_KEY: np.array(key)}, **vars(found))
-        self._found[path] = key, found
-        return found
+        kept = _stored(path, self.read) if self.reuse and path not in self._found else {}
+        known = self._found.get(path, kept)
+        rest = iter(pictures)
+        reference = next(rest)
+        start = _digest(marks, camera, reference, subset, sensor)
+        tracks: dict[str, MarkerTracks] = {}
+        keys = []
+        for deformed in rest:
+            key = _key(start, deformed)
+            keys.append(key)
+            tracks[key] = tracks.get(key) or known.get(key) or track_markers(
+                f"measure {name!r}", marks, camera, reference, deformed,
+                subset=subset, sensor=sensor,
+            )  # fmt: skip
+        if list(kept) != list(tracks):
+            _store(path, tracks)
+        self._found[path] = tracks
+        return [tracks[key] for key in keys]
 
 
-def _key(
+def _digest(
     marks: MarkerSet,
     camera: Camera,
-    pictures: tuple[npt.NDArray[Any], ...],
+    reference: npt.NDArray[Any],
     subset: int | None,
     sensor: Sensor,
-) -> str:
-    """A digest of all that the result depends on."""
+) -> hashlib._Hash:
+    """Of all that a result depends on but the last picture."""
     digest = hashlib.sha256()
     bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
-    for values in (*pictures, camera.K, camera.camera_from_world, bent,
+    for values in (reference, camera.K, camera.camera_from_world, bent,
                    marks.position, marks.size):  # fmt: skip
-        digest.update(f"{values.shape} {values.dtype}".encode())
-        digest.update(np.ascontiguousarray(values).data)
+        _add(digest, values)
     places = [len(paint.markers) for _, paint in marks.groups]
     rest = (__version__, marks.count, marks.names, marks.group_names, places, subset, sensor)
     digest.update(repr(rest).encode())
+    return digest
+
+
+def _key(start: hashlib._Hash, deformed: npt.NDArray[Any]) -> str:
+    """The key of the result in a last picture; ``start``: of all else."""
+    digest = start.copy()
+    _add(digest, deformed)
     return digest.hexdigest()
 
 
-def _stored(path: Path, key: str, read: Reader) -> MarkerTracks | None:
-    """What lies there for ``key``; None if that is another one's, or damaged."""
+def _add(digest: hashlib._Hash, values: npt.NDArray[Any]) -> None:
+    digest.update(f"{values.shape} {values.dtype}".encode())
+    digest.update(np.ascontiguousarray(values).data)
+
+
+def _store(path: Path, tracks: Mapping[str, MarkerTracks]) -> None:
+    """Keep the ``tracks`` by their keys: an array of each field, of all of them."""
+    arrays = {
+        item.name: np.array([getattr(one, item.name) for one in tracks.values()])
+        for item in fields(MarkerTracks)
+    }
+    with atomic_stream(path) as stream:
+        np.savez(stream, allow_pickle=False, **{_KEYS: np.array(list(tracks))}, **arrays)
+
+
+def _stored(path: Path, read: Reader) -> dict[str, MarkerTracks]:
+    """What lies there, by its keys; nothing if that is damaged."""
     try:
         with np.load(read(str(path)).stream(), allow_pickle=False) as file:
-            if str(file[_KEY]) != key:
-                return None
-            values = {item.name: file[item.name] for item in fields(MarkerTracks)}
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
-        return None
-    for name in ("names", "status"):
-        values[name] = tuple(str(word) for word in values[name])
-    return MarkerTracks(**values | {"subset": int(values["subset"]),
-                                "tracking_px": float(values["tracking_px"])})  # fmt: skip
+            arrays = dict(file)
+        keys = [str(key) for key in arrays.pop(_KEYS)]
+        rows = [{name: one[k] for name, one in arrays.items()} for k in range(len(keys))]
+        return {
+            key: MarkerTracks(
+                **row
+                | {name: tuple(map(str, row[name])) for name in ("names", "status")}
+                | {"subset": int(row["subset"]), "tracking_px": float(row["tracking_px"])}
+            )
+            for key, row in zip(keys, rows, strict=True)
+        }
+    except (OSError, EOFError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile):
+        return {}

@@ -17,7 +17,7 @@ from gpusim.files.output_folder import inside
 from gpusim.gpu import Device
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
 from gpusim.pipeline.checks.warnings import SceneWarnings
-from gpusim.pipeline.measurements.measurements import Result, reported, tracked
+from gpusim.pipeline.measurements.results import Reported, Result
 from gpusim.pipeline.measurements.sources import board_of, read_corners
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.stages.images import image_path, read_exposure
@@ -39,7 +39,6 @@ from gpusim.report import (
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.cost import effects
-from gpusim.scene.description import model as m
 
 if TYPE_CHECKING:
     from gpusim.fem import Model
@@ -95,7 +94,7 @@ class RunRecord:
         """The report of a run that has come to its end, or to a ``failure``."""
         scene, solved = self.scene, self.objects.solved
         results = [] if failure else self.results
-        told = [reported(result, scene, self.out) for result in results]
+        told = [result.report(scene, self.out) for result in results]
         measurements = [item for one in told for item in one.measurements]
         return Report(
             scene=scene.name,
@@ -112,7 +111,7 @@ class RunRecord:
             failure=failure,
             facts=self._facts(),
             scene_text=scene.to_toml(),
-            frames=_pairs(scene, self.out, results),
+            frames=_pairs(scene, self.out, told),
             series=tuple(item for one in told for item in one.series),
             overlays=tuple(item for one in told for item in one.overlays),
             residuals=() if solved is None else solved.residuals,
@@ -241,13 +240,13 @@ def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Publi
     rows = []
     for spec in scene.measures:
         own = [item for item in measurements if item.name.startswith(f"{spec.name}: ")]
-        other = None if isinstance(spec, m.Damage) else spec.published
+        other = getattr(spec, "published", None)
         if other is not None and own:
             rows.append(Published(own[0].name, own[0].error_relative, other.error, other.source))
     return tuple(rows)
 
 
-def _pairs(scene: Scene, out: Path, results: Sequence[Result]) -> tuple[FramePair, ...]:
+def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair, ...]:
     factors = scene.analysis.load_factors
     last = len(factors) - 1
     objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
@@ -259,21 +258,9 @@ def _pairs(scene: Scene, out: Path, results: Sequence[Result]) -> tuple[FramePai
         paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
         if last == 0 or not all(path.is_file() for path in paths):
             continue
-        crops = [crop for result in results for crop in _crops(result, camera.name)]
+        crops = [crop for one in told for crop in one.crops.get(camera.name, ())]
         columns, rows = camera.resolution
         caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
         bits = scene.sensor_of(camera.name).bits
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits))
     return tuple(pairs)
-
-
-def _crops(result: Result, camera: str) -> list[tuple[str, float, float, float, float]]:
-    """The first, the middle and the last marker that were followed in a camera."""
-    found = [(points, moved) for name, points, moved in tracked(result) if name == camera]
-    for points, moved in found:
-        ok = np.flatnonzero(np.isfinite(points + moved).all(axis=1))
-        if len(ok):
-            shown = ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))]
-            ends = (points + moved).tolist()
-            return [(result.marker[i], *points[i].tolist(), *ends[i]) for i in shown]
-    return []

@@ -28,10 +28,9 @@ from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, sol
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.resources import check_field, check_memory, check_views
 from gpusim.pipeline.checks.warnings import SceneWarnings, with_known_warnings
-from gpusim.pipeline.measurements import measurements
+from gpusim.pipeline.measurements.kinds import kind_of, measured
 from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.measurements.sources import Sources, read_corners, write_corners
-from gpusim.pipeline.measurements.stereo import track_in_cameras
 from gpusim.pipeline.notes import Notes, StageResult
 from gpusim.pipeline.runner.run_record import (
     DAMAGE,
@@ -49,7 +48,6 @@ from gpusim.plan.plan import Plan, PlannedStage, make_plan
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report, Stage, prepare_figures, write_report
 from gpusim.scene import Scene
-from gpusim.scene.description import model as m
 
 __all__ = ["Progress", "StageRunner"]
 
@@ -303,9 +301,10 @@ class StageRunner(RunRecord):
         """What can be measured while a calibration's pictures are taken; faults are met again."""
         specs = self.scene.measures if self.plan["measure"].runs else ()
         for spec in specs:
-            if isinstance(spec, m.Stereo):
+            prepare = kind_of(spec).prepare
+            if prepare is not None:
                 with suppress(GpusimError):
-                    track_in_cameras(spec, self.scene, self.objects, self._image, self.markers)
+                    prepare(spec, self.scene, self.objects, self._sources())
 
     def _capture(
         self,
@@ -334,10 +333,8 @@ class StageRunner(RunRecord):
 
     def _measure(self) -> StageResult:
         files: list[Path] = []
-        corners = partial(read_corners, self.scene, self.out, self._read)
-        sources = Sources(self._image, corners, self.markers)
-        for measure in self.scene.measures:
-            result = measurements.run_measure(measure, self.scene, self.objects, sources)
+        for spec in self.scene.measures:
+            result = measured(spec, self.scene, self.objects, self._sources())
             self.results.append(result)
             files += result.write(inside(self.out, "measure"))
             self.note = result.note
@@ -346,8 +343,13 @@ class StageRunner(RunRecord):
     def _load_measurements(self) -> None:
         folder = inside(self.out, "measure")
         self.results = [
-            measurements.read_result(measure, folder, self._read) for measure in self.scene.measures
+            kind_of(spec).result.read(folder, spec.name, self._read) for spec in self.scene.measures
         ]
+
+    def _sources(self) -> Sources:
+        """What measurements are given."""
+        corners = partial(read_corners, self.scene, self.out, self._read)
+        return Sources(self._image, corners, self.markers)
 
     def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
         path = images.image_path(self.scene, self.out, camera, frame, kind)

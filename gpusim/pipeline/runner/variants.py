@@ -10,13 +10,12 @@ from pathlib import Path
 
 from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
-from gpusim.pipeline.measurements.damage import DamageResult, compare_states
-from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.pipeline.measurements.kinds import kind_of
+from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.runner.run_record import failure_text, write_page
 from gpusim.plan.state import StateFile, variant_folder
 from gpusim.report import Link, Report, Stage, write_report
 from gpusim.scene import Scene
-from gpusim.scene.description import model as m
 
 __all__ = ["run_variants"]
 
@@ -74,22 +73,28 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
                 raise
             ends[variant.name] = pool.submit(end, rest, folder, tell)
         collect(wait=True)
-    comparisons, stages = [], []
+    comparisons: list[Result] = []
+    stages = []
+    specs = {spec.name: spec for spec in scene.measures}
+
+    def recorded(variant: str, measure: str) -> Result:
+        """What a variant's run has recorded of a measure."""
+        folder = variant_folder(out, variant)
+        state, result = StateFile(folder), kind_of(specs[measure]).result
+        return result.read(inside(folder, "measure"), measure, lambda path: state.read(Path(path)))
+
     for spec in scene.measures:
-        if not isinstance(spec, m.Damage):
+        compare = kind_of(spec).compare
+        if compare is None:
             continue
         started = time.perf_counter()
-        progress(spec.name, 0.0, "differences of the deflection lines")
-        line = next(d for d in scene.measures if d.name == spec.of)
-        assert isinstance(line, m.Deflection)
-        results = {v.name: [_line(variant_folder(out, v.name), line)] for v in scene.variants}
-        comparison = compare_states(spec, scene, results)
+        progress(spec.name, 0.0, "compares the variants")
+        comparison = compare(spec, scene, recorded)
         comparison.write(inside(out, "measure"))
         comparisons.append(comparison)
         seconds = time.perf_counter() - started
-        count = sum(len(one.found.position) for one in comparison.lines if one.found)
         stages.append(Stage(spec.name, "run", "compares the variants", seconds))
-        progress(spec.name, 1.0, f"{count} changes of slope")
+        progress(spec.name, 1.0, comparison.note)
     report = _report(scene, out, reports, tuple(comparisons), tuple(stages))
     progress("report", 0.0, "figures and page")
     write_report(report, out)
@@ -97,18 +102,11 @@ def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> R
     return report
 
 
-def _line(folder: Path, spec: m.Deflection) -> DeflectionResult:
-    """What the run of a variant has recorded."""
-    state = StateFile(folder)
-    measured = inside(folder, "measure")
-    return DeflectionResult.read(measured, spec.name, lambda path: state.read(Path(path)))
-
-
 def _report(
     scene: Scene,
     out: Path,
     reports: dict[str, Report],
-    comparisons: tuple[DamageResult, ...],
+    comparisons: tuple[Result, ...],
     compared: tuple[Stage, ...],
     *,
     failure: str = "",
@@ -118,11 +116,9 @@ def _report(
         for name, report in reports.items()
         for stage in report.stages
     ]
-    measurements, figures, warnings = [], [], []
-    for comparison in comparisons:
-        measurements += comparison.measurements()
-        figures += comparison.figures(inside(out, "figures"))
-        warnings += comparison.warnings
+    told = [comparison.report(scene, out) for comparison in comparisons]
+    measurements = [item for one in told for item in one.measurements]
+    warnings = [text for comparison in comparisons for text in comparison.warnings]
     frames = []
     for name, report in reports.items():
         measurements += [replace(item, name=f"{name}: {item.name}") for item in report.measurements]
@@ -133,13 +129,7 @@ def _report(
     links += [
         Link(f"Report of {name}", inside(out, "variants", name, "report.html")) for name in reports
     ]
-    for comparison in comparisons:
-        links += [
-            Link(
-                "Deflection and difference curves", inside(out, "measure", f"{comparison.name}.csv")
-            ),
-            Link("Changes of slope", inside(out, "measure", f"{comparison.name}-breaks.csv")),
-        ]
+    links += [link for one in told for link in one.links]
     adapters = [r.adapter for r in reports.values() if not r.adapter.startswith("not needed")]
     last = next(reversed(reports.values())) if reports else None
     return Report(
@@ -156,6 +146,7 @@ def _report(
         scene_text=scene.to_toml(),
         frames=tuple(frames[:1] + frames[-1:] if len(frames) > 1 else frames),
         tolerance=scene.solver.tolerance,
-        figures=tuple(figures),
+        series=tuple(item for one in told for item in one.series),
+        figures=tuple(item for one in told for item in one.figures),
         links=tuple(links),
     )

@@ -16,7 +16,9 @@ In the order in which data passes:
 - `lens`: What a real camera does to a pinhole's image.
 - `sensor`: From radiance to grey values.
 - `camera`: From where a scene is seen.
-- `processing`: What is done with a scene, what is measured, and the states that are compared.
+- `processing`: What is done with a scene, and the states that are compared.
+- `measure_table`: What every ``[[measure]]`` says, and the kinds that there are.
+- `measures`: The tables of gpusim's own kinds of ``[[measure]]``.
 - `scene_table`: ``[[body]]``, and the scene as a whole.
 - `model`: Every table's class by its name.
 """

@@ -13,6 +13,8 @@ from .lens import *
 from .lights import *
 from .loads import *
 from .material import *
+from .measure_table import MeasureTable as MeasureTable
+from .measures import *
 from .mesh import *
 from .paint import *
 from .processing import *

@@ -1,5 +1,5 @@
 """What is done with a scene: ``[analysis]``, ``[solver]``, ``[render]``, ``[output]``,
-``[[measure]]``, ``[[variant]]``.
+``[[variant]]``.
 """
 
 from __future__ import annotations
@@ -9,33 +9,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from .colors import Tint
-from .table import (
-    SI,
-    Length,
-    Listed,
-    Name,
-    Names,
-    SeveralNames,
-    SignedAxis,
-    Table,
-    Words,
-    each_once,
-    fault,
-)
+from .table import SI, Listed, Name, Table, Words, each_once, fault
 
-__all__ = [
-    "Analysis",
-    "Damage",
-    "Deflection",
-    "Measure",
-    "MeasureTable",
-    "Output",
-    "Published",
-    "Render",
-    "Solver",
-    "Stereo",
-    "Variant",
-]
+__all__ = ["Analysis", "Output", "Render", "Solver", "Variant"]
 
 TruthLayer = Literal[
     "reference",
@@ -135,105 +111,6 @@ class Output(Table):
     def _check(self) -> Output:
         each_once("truth", "a layer twice", self.truth)
         return self
-
-
-class Published(Table):
-    """What somebody else reached; the report sets it beside this run's error."""
-
-    error_percent: Annotated[float, Field(ge=0)]
-    """Relative error of the measure's main number: the last marker's displacement."""
-    error = SI[float]("percent")
-    source: Annotated[str, Field(min_length=1)]
-    """Where it is written."""
-
-
-def _odd(subset: int | None) -> None:
-    if subset is not None and subset % 2 == 0:
-        raise fault("subset_px", "even", subset, "an odd number of pixels")
-
-
-class Deflection(Table):
-    """The deflection line: markers tracked from frame 0 to the last frame."""
-
-    name: Name
-    type: Literal["deflection"]
-    camera: Name
-    groups: SeveralNames
-    """Paints of markers on bodies, in order from the clamp."""
-    static: Names = ()
-    """Paints of markers on props: what they move is the camera's motion."""
-    subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
-    """Side of the tracked square, odd; without it as large as the marker allows."""
-    subset = SI[int | None]("px")
-    direction: SignedAxis
-    """Of the deflection that counts as positive."""
-    published: Published | None = None
-
-    @model_validator(mode="after")
-    def _check(self) -> Deflection:
-        _odd(self.subset_px)
-        for key, names in (("groups", self.groups), ("static", self.static)):
-            each_once(key, "the same paint twice", names)
-        return self
-
-
-class Stereo(Table):
-    """Points in space from two or more cameras that are calibrated from images alone.
-
-    The cameras' calibration comes from the images of [calibration], which has to show a checker;
-    the markers' displacement between frame 0 and the last one from triangulation.
-    """
-
-    name: Name
-    type: Literal["stereo"]
-    cameras: Annotated[tuple[Name, ...], Listed(2)]
-    """The first one's coordinates are the rig's."""
-    groups: SeveralNames
-    """Paints of markers on bodies, in order from the clamp."""
-    static: Names = ()
-    """Paints of markers on props: what they move is the rig's motion."""
-    lens: Literal[
-        "pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"
-    ] = "brown"
-    """What the calibration is to find: no distortion, k1 k2, + k3, + p1 p2, + k4..k6, + s1..s4,
-    + tau."""
-    subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
-    """Side of the tracked square, odd; without it as large as the marker allows."""
-    subset = SI[int | None]("px")
-    published: Published | None = None
-
-    @model_validator(mode="after")
-    def _check(self) -> Stereo:
-        _odd(self.subset_px)
-        for key in ("cameras", "groups", "static"):
-            each_once(key, "a name twice", getattr(self, key))
-        return self
-
-
-class Damage(Table):
-    """Differences of a deflection line between the variants, and where their slope changes."""
-
-    name: Name
-    type: Literal["damage"]
-    of: Name
-    """The [[measure]] of type "deflection" that every variant makes."""
-    reference: Name
-    """The [[variant]] that the others are compared with."""
-    tolerance_mm: Length = 10.0
-    """How far a change of slope may be from the notch that made it."""
-    tolerance = SI[float]("mm")
-    significance: Annotated[float, Field(gt=0, lt=1)] = 1e-3
-    """Highest p-value at which a change of slope counts."""
-    most: Annotated[int, Field(ge=1, le=50)] = 6
-    """Changes of slope that are looked for."""
-    clearance_mm: Annotated[float, Field(ge=0)] | None = None
-    """Markers nearer than this to a change don't count for where it is; the default is the depth of
-    the notched member: so far the line is bent by how stress flows round the notch."""
-    clearance = SI[float | None]("mm")
-
-
-Measure = Deflection | Stereo | Damage
-MeasureTable = Annotated[Measure, Field(discriminator="type")]
 
 
 class Variant(Table):

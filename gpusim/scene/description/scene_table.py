@@ -12,9 +12,10 @@ from .camera import Camera
 from .lights import LightTable
 from .loads import Amplitude, Load, LoadTable, Support, Where
 from .material import Material, MaterialTable
+from .measures import AnyMeasure
 from .mesh import BeamMesh, BoxMesh, FieldMesh, MeshRecipe, MeshTable, NotchRecipe
 from .paint import Paint, PaintTable, not_by_uv
-from .processing import Analysis, MeasureTable, Output, Render, Solver, Variant
+from .processing import Analysis, Output, Render, Solver, Variant
 from .prop import Calibration, PropTable
 from .sensor import Sensor
 from .table import Listed, Name, Table, Words, fault
@@ -146,7 +147,7 @@ class SceneTable(Table):
     """Images of a calibration target, beside the frames."""
     render: Render = Render()
     sensor: Sensor = Sensor()
-    measure: Annotated[tuple[MeasureTable, ...], Listed()] = ()
+    measure: Annotated[tuple[AnyMeasure, ...], Listed()] = ()
     variant: Annotated[tuple[Variant, ...], Listed()] = ()
     """States that are made in one run and compared."""
     output: Output = Output()

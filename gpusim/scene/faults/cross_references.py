@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.errors import Fault
+from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
-from gpusim.scene.description.table import Words, norm
+from gpusim.scene.description.table import Words
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed, nearest
@@ -22,6 +23,7 @@ Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, Mapping[str, Any]]
 _BITS = 31  # of a truth layer
+_OF_TYPE = "measure of a "
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
 _NEEDS = {
     "gravity": ("density_kg_m3", "gravity on a material without density"),
@@ -42,7 +44,6 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.poses()
     checks.calibration()
     checks.truth_layers()
-    checks.deflection_is_seen()
     checks.shutters()
     return checks.found
 
@@ -83,14 +84,6 @@ def _marker_names(things: list[Item]) -> Names | None:
     if not all(isinstance(text, str) for pair in texts for text in pair):
         return None
     return _names_of_type(paints, "markers")
-
-
-def _numbers(value: Any) -> list[float] | None:
-    """Three numbers that floats can hold, or None."""
-    if not isinstance(value, list) or len(value) != 3:
-        return None
-    good = all(isinstance(v, int | float) and abs(v) < 1e300 for v in value)
-    return [float(v) for v in value] if good else None
 
 
 class _Checks:
@@ -160,25 +153,29 @@ class _Checks:
                         self.refer(keys, where.get("set"), names, "set of the mesh")
 
     def references_of_measures(self) -> None:
-        cameras, variants = _names(self.cameras), _names(self.variants)
-        lines = _names_of_type(self.measures, "deflection")
-        lists = (
-            ("cameras", cameras, "camera"),
-            ("groups", _marker_names(self.bodies), "markers paint on a body"),
-            ("static", _marker_names(self.props), "markers paint on a prop"),
-        )
+        """What the tables of each kind say that they name, and need."""
+        names = {
+            "camera": _names(self.cameras),
+            "variant": _names(self.variants),
+            "markers paint on a body": _marker_names(self.bodies),
+            "markers paint on a prop": _marker_names(self.props),
+        }
         for index, measure in self.measures:
-            at: Keys = ("measure", index)
-            self.refer((*at, "camera"), measure.get("camera"), cameras, "camera")
-            self.refer((*at, "of"), measure.get("of"), lines, "measure of a deflection")
-            self.refer((*at, "reference"), measure.get("reference"), variants, "variant")
-            if measure.get("type") == "stereo" and "calibration" not in self.document:
-                self.add(at, "needs images of a target", Words("no [calibration]"),
-                         "[calibration] of a checker or charuco")  # fmt: skip
-            for key, names, what in lists:
-                values = measure.get(key)
-                for place, value in enumerate(values if isinstance(values, list) else ()):
-                    self.refer((*at, key, place), value, names, what)
+            table, at = TABLES.get(str(measure.get("type"))), ("measure", index)
+            if table is None:
+                continue
+            for key, what in table.references.items():
+                named = names.get(what)
+                if what.startswith(_OF_TYPE):
+                    named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
+                value = measure.get(key)
+                if isinstance(value, list):
+                    for place, one in enumerate(value):
+                        self.refer((*at, key, place), one, named, what)
+                else:
+                    self.refer((*at, key), value, named, what)
+            for keys, *fault in table.faults(measure, self.document):
+                self.add((*at, *keys), *fault)
 
     def loads(self) -> None:
         """Held where they pull, on materials that feel them, with one factor per frame."""
@@ -223,7 +220,9 @@ class _Checks:
             self.add(("body",), "nothing is there", got, wanted)
         for key, what in (("load_factors", "load factors"), ("times", "times")):
             factors = (self.analysis or {}).get(key)
-            if isinstance(factors, list) and len(factors) == 1 and document.get("measure"):
+            kinds = [TABLES.get(str(measure.get("type"))) for _, measure in self.measures]
+            least = max((kind.least_frames for kind in kinds if kind), default=0)
+            if isinstance(factors, list) and len(factors) == 1 < least:
                 self.add(("analysis", key), "nothing to compare", Words("one frame"),
                          f"two {what} or more, the first one the reference")  # fmt: skip
         measures = document.get("measure")
@@ -279,21 +278,6 @@ class _Checks:
         if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
             got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
             self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
-
-    def deflection_is_seen(self) -> None:
-        """One camera can't measure along its own axis."""
-        views = {}
-        for _, camera in self.cameras:
-            ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
-            if ends[0] and ends[1]:
-                views[str(camera.get("name"))] = [b - a for a, b in zip(*ends, strict=True)]
-        for index, measure in self.measures:
-            view, direction = views.get(str(measure.get("camera"))), measure.get("direction")
-            if view is None or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):
-                continue
-            if abs(view["xyz".index(direction[1])]) > 0.7 * norm(view):
-                self.add(("measure", index, "direction"), "is along the camera's view", direction,
-                         "a direction that its image shows")  # fmt: skip
 
     def shutters(self) -> None:
         """What moves while a shutter is open depends on how fast frames follow each other."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from gpusim.scene.description.scene_table import SceneTable
 
-__all__ = ["Place", "expected", "json_schema", "locate"]
+__all__ = ["Place", "expected", "forget", "json_schema", "locate"]
 
 Node = Mapping[str, Any]
 _MANY = 2**31  # a count above it is no limit that anybody asks about
@@ -37,6 +37,11 @@ def json_schema() -> dict[str, Any]:
 
 
 _schema = cache(json_schema)
+
+
+def forget() -> None:
+    """There are other tables than before."""
+    _schema.cache_clear()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,173 @@
+"""A deflection line measured in the images of one camera, with its truth.
+
+The measuring itself sees what a tester has: images, where the markers were put on the unloaded
+structure, and the camera's rough place (to know which marker is which). The finite elements enter
+only afterwards, as the truth that the result is compared with.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim import measure
+from gpusim.errors import GpusimError
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.checks.marker_checks import axial_loads, marker_warnings
+from gpusim.pipeline.measurements.deflection.projection_error import PARTS, projection_error
+from gpusim.pipeline.measurements.deflection.result import DeflectionResult
+from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
+from gpusim.pipeline.measurements.marker_detection import MarkerSet
+from gpusim.pipeline.measurements.marker_measurement import track_markers_of
+from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
+from gpusim.pipeline.measurements.results import PointTable, vector_columns
+from gpusim.pipeline.measurements.sources import Sources
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+
+__all__ = ["measure_deflection"]
+
+Array = npt.NDArray[np.float64]
+TRUTH_POINTS = 200
+
+
+def measure_deflection(
+    spec: m.Deflection, scene: Scene, objects: SceneObjects, sources: Sources
+) -> DeflectionResult:
+    """Track the markers of ``spec`` from the first frame to every other one and scale to mm.
+
+    Marker centres come from the first image (Harris corners, then a fit of the cross); IC-GN
+    subsets follow them into the others, where the centres are fitted again.
+
+    Raises
+    ------
+    InputError
+        A marker is too small in the image, or behind the camera.
+    GpusimError
+        Fewer than two markers could be found in the reference image.
+    """
+    seen = track_markers_of(spec, scene, objects, sources)
+    marks, (camera,), (tracks,) = seen.marks, seen.cameras, seen.tracks
+    count, first, last = marks.count, tracks[0], tracks[-1]
+    points, ok = first.points[:count], first.found[:count]
+    if np.count_nonzero(ok) < 2:
+        raise GpusimError(
+            f"measure {spec.name!r}: only marker {marks.names[int(np.argmax(ok))]!r} of {count} "
+            f"was found in the first image of camera {camera.name!r}; expected two at least: a "
+            "scale needs two"
+        )
+    axes, plane = _image_axes(camera)
+    position = marks.position[:count]
+    scale = measure.scale_coefficient(points[ok], 1e3 * position[ok] @ plane.T)
+    shift, measured, sigma = map(
+        np.stack, zip(*(_scaled(one, count, scale) for one in tracks), strict=True)
+    )
+    start, moved = marks.true_motion(objects, seen.frames)
+    errors = [
+        projection_error(camera, position + start, one, plane, scale=scale, used=ok)
+        for one in moved
+    ]
+    in_plane = [axis[1] for axis in axes]
+    columns = {
+        "status": np.array([one.status[:count] for one in tracks]),
+        **vector_columns("{}_mm", "xyz", 1e3 * position),
+        **vector_columns("{}_px", ("column", "row"), points),
+        **vector_columns("d{}_px", ("column", "row"), shift),
+        **vector_columns("measured_{}_mm", in_plane, measured),
+        **vector_columns("true_{}_mm", in_plane, 1e3 * moved @ plane.T),
+        "sigma_mm": sigma,
+        **seen.states(),
+        "towards_mm": np.array([one.towards_mm for one in errors]),
+    }
+    for part in PARTS:
+        values = np.array([getattr(one, part) for one in errors])
+        columns |= vector_columns(f"{part}_error_{{}}_mm", in_plane, values)
+    return DeflectionResult(
+        name=spec.name,
+        table=PointTable("marker", seen.frames, marks.names[:count], columns),
+        camera=spec.camera,
+        direction=spec.direction,
+        axes=axes,
+        mm_per_px=scale.mm_per_px,
+        mm_per_px_sigma=scale.sigma,
+        mm_per_px_true=_true_scale(camera, position),
+        scale_residual_px=scale.residual_px,
+        subset_px=last.subset,
+        tilt_deg=_tilt(camera, plane),
+        static_px=np.array([one.displacement[count:] for one in tracks]),
+        tracking_px=np.array([one.tracking_px for one in tracks]),
+        curves=_curves(marks, objects, seen.frames[-1], plane),
+    )
+
+
+def _scaled(tracks: MarkerTracks, count: int, scale: measure.Scale) -> tuple[Array, Array, Array]:
+    """Of the first ``count`` markers displacements (M, 2) less the camera's motion, in px and in
+    mm, and their uncertainty (M,) in mm."""
+    moved, points = tracks.displacement, tracks.points
+    still = np.isfinite(moved[count:]).all(axis=1).any()
+    motion = measure.rigid_motion(points[count:], moved[count:]) if still else None
+    line = measure.deflection_line(
+        np.arange(count),
+        np.where(tracks.found[:count, None], points[:count], tracks.expected[:count]),
+        moved[:count],
+        scale,
+        sigma_px=tracks.sigma[:count],
+        camera=motion,
+    )
+    corrected = moved[:count] - (motion.displacement(points[:count]) if motion else 0.0)
+    return corrected, line.displacement_mm, line.sigma_mm
+
+
+def _tilt(camera: Camera, plane: Array) -> float:
+    """Degrees between the viewing direction and the normal of the measured plane (rows: axes)."""
+    along = abs(float(camera.camera_from_world[2, :3] @ np.cross(plane[0], plane[1])))
+    return float(np.degrees(np.arccos(min(along, 1.0))))
+
+
+def _image_axes(camera: Camera) -> tuple[tuple[str, str], Array]:
+    """The two world axes nearest to the image's right and up, as names and as rows (2, 3)."""
+    R = camera.camera_from_world[:3, :3]
+    names, rows = [], []
+    taken = -1
+    for direction in (R[0], -R[1]):
+        strength = np.abs(direction)
+        if taken >= 0:
+            strength[taken] = -1.0
+        taken = int(np.argmax(strength))
+        sign = 1.0 if direction[taken] > 0 else -1.0
+        row = np.zeros(3)
+        row[taken] = sign
+        names.append(("+" if sign > 0 else "-") + "xyz"[taken])
+        rows.append(row)
+    return (names[0], names[1]), np.array(rows)
+
+
+def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Array) -> Array:
+    """(G, 3, K) per group the place along it and the true displacement in the image's plane, mm."""
+    curves = []
+    for body, paint in marks.groups:
+        skin = objects.bodies[body].skin
+        u = objects.displacement(body, last) - objects.displacement(body, 0)
+        own = np.array([marker.position for marker in paint.markers])
+        share = np.linspace(0.0, 1.0, TRUTH_POINTS)[:, None]
+        line = own[0] + share * (own[-1] - own[0])
+        nodes, weights = skin.locate(line)
+        along = 1e3 * np.linalg.norm(line - own[0], axis=1)
+        values = 1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T
+        curves.append(np.concatenate([along[None], values.T]))
+    return np.array(curves)
+
+
+def _true_scale(camera: Camera, position: Array) -> float:
+    """mm per px at the markers' mean depth."""
+    return float(1e3 * camera.to_camera(position)[:, 2].mean() / camera.K[0, 0])
+
+
+def _checks(spec: m.Deflection, scene: Scene, unloaded: Unloaded) -> list[str]:
+    """A scale needs two markers in sight, and nothing that moves along the camera's axis."""
+    sight = marker_warnings(spec, scene, unloaded, least=2)
+    return [*sight, *axial_loads(spec, scene, unloaded.bodies)]
+
+
+register(Kind(m.Deflection, DeflectionResult, measure_deflection, _checks))

@@ -1,0 +1,179 @@
+"""Results of measurements: a table over frames and points, kept in the output folder and told in
+the report.
+
+``<name>.csv`` is for people and other programs, ``<name>.npz`` for the next run: it holds every
+number as it was measured, however many frames there are, and is read without another library.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.errors import InputError
+from gpusim.files.atomic_files import atomic_stream, safe_name, write_text
+from gpusim.files.input_file import Reader, read_input
+from gpusim.files.output_folder import inside
+from gpusim.report import Drawing, Link, Measurement, Overlay, Series
+from gpusim.scene import Scene
+
+__all__ = ["PointTable", "Reported", "Result", "csv_text", "vector_columns"]
+
+Array = npt.NDArray[np.float64]
+Crop = tuple[str, float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class PointTable:
+    """Columns over F frames and P points.
+
+    ``frames``: the numbers of the frames that were measured, as the run has them. ``points``: their
+    names, of things called ``what`` ("marker"). ``columns``: (F, P), or (P,) what is the same in
+    every frame; floats with the unit at the end of the name (``measured_x_mm``) and NaN where
+    nothing was measured, words, or booleans.
+    """
+
+    what: str
+    frames: tuple[int, ...]
+    points: tuple[str, ...]
+    columns: Mapping[str, npt.NDArray[Any]]
+
+    def __post_init__(self) -> None:
+        shape = len(self.frames), len(self.points)
+        wrong = [name for name, one in self.columns.items() if one.shape not in (shape, shape[1:])]
+        if wrong or not shape[0]:
+            raise InputError(
+                f"table of measurements: {', '.join(wrong) or 'no frame'}; expected columns of "
+                f"{shape[0]} frames and {shape[1]} {self.what}s"
+            )
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        """The column (F, P)."""
+        shape = len(self.frames), len(self.points)
+        return np.broadcast_to(self.columns[name], shape)
+
+    def vectors(self, quantity: str) -> Array:
+        """(F, P, K): the K columns whose names begin with a ``quantity``, as "measured"."""
+        names = [name for name in self.columns if name.startswith(f"{quantity}_")]
+        return np.stack([self[name] for name in names], axis=-1)
+
+    def csv(self, columns: Iterable[str] | None = None) -> str:
+        """One row for each point, frame after frame; a column "frame" if there are several."""
+        names = list(self.columns if columns is None else columns)
+        blocks = [self[name] for name in names]
+        several = len(self.frames) > 1
+        rows = [
+            [*([str(frame)] if several else []), point, *(block[f, p] for block in blocks)]
+            for f, frame in enumerate(self.frames)
+            for p, point in enumerate(self.points)
+        ]
+        return csv_text([*(["frame"] if several else []), self.what, *names], rows)
+
+
+def vector_columns(name: str, components: Sequence[str], values: Array) -> dict[str, Array]:
+    """``values`` (..., K) as K columns: ``{}`` in their ``name`` stands for a component."""
+    return {name.format(one): values[..., k] for k, one in enumerate(components)}
+
+
+def csv_text(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A table; texts stay, and numbers that aren't finite are empty cells."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(head)
+    for row in rows:
+        writer.writerow(
+            [v if isinstance(v, str) else f"{v:.7g}" if np.isfinite(v) else "" for v in row]
+        )
+    return stream.getvalue()
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What a measurement says in the report; figures are to be drawn.
+
+    ``crops``: camera -> places in its first and last picture (`gpusim.report.FramePair`).
+    ``links``: to files of a comparison of variants; of others every table has one.
+    """
+
+    measurements: Sequence[Measurement] = ()
+    series: Sequence[Series] = ()
+    overlays: Sequence[Overlay] = ()
+    figures: Sequence[Drawing] = ()
+    crops: Mapping[str, Sequence[Crop]] = field(default_factory=dict)
+    links: Sequence[Link] = ()
+
+
+_REST = "rest"
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What became of one measurement. Kinds add fields (arrays, texts, numbers, tuples) and say
+    more of it."""
+
+    name: str
+    table: PointTable
+
+    @property
+    def note(self) -> str:
+        """What became of it, in a few words."""
+        return f"{len(self.table.points)} {self.table.what}s in {len(self.table.frames)} frames"
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was not well measured, for the report."""
+        return []
+
+    def tables(self) -> dict[str, str]:
+        """CSV texts by the ending of the file's name."""
+        return {"": self.table.csv()}
+
+    def report(self, scene: Scene, out: Path) -> Reported:
+        """What it says in the report of ``scene``'s run into ``out``. The first measurement, named
+        ``<name>: ...``, is its main number, and one with "RMS error" in its name its accuracy."""
+        return Reported()
+
+    def write(self, folder: Path) -> list[Path]:
+        """``<name><ending>.csv`` of each table for people, ``<name>.npz`` with everything."""
+        stem, rest = safe_name(self.name), dict[str, Any]()
+        arrays = dict(self.table.columns)
+        for item in fields(self)[2:]:
+            value = getattr(self, item.name)
+            (arrays if isinstance(value, np.ndarray) else rest)[item.name] = value
+        table = [self.table.what, self.table.frames, self.table.points, [*self.table.columns]]
+        arrays[_REST] = np.array(json.dumps([table, rest], default=vars))
+        tables = [
+            write_text(inside(folder, f"{stem}{ending}.csv"), text)
+            for ending, text in self.tables().items()
+        ]
+        path = inside(folder, f"{stem}.npz")
+        with atomic_stream(path) as stream:
+            np.savez(stream, allow_pickle=False, **arrays)
+        return [*tables, path]
+
+    @classmethod
+    def read(cls, folder: Path, name: str, read: Reader = read_input) -> Self:
+        """What an earlier run wrote; ``read``: how. Raises InputError, or what a damaged file
+        makes NumPy and JSON raise."""
+        file = read(str(inside(folder, f"{safe_name(name)}.npz")))
+        with np.load(file.stream(), allow_pickle=False) as stored:
+            arrays = dict(stored)
+        (what, frames, points, columns), rest = json.loads(str(arrays.pop(_REST)))
+        table = PointTable(
+            what, tuple(frames), tuple(points), {column: arrays.pop(column) for column in columns}
+        )
+        values = {key: cls.restored(key, value) for key, value in rest.items()}
+        return cls(name, table, **values, **arrays)
+
+    @classmethod
+    def restored(cls, key: str, value: Any) -> Any:
+        """The value of a field from what JSON made of it."""
+        return tuple(value) if isinstance(value, list) else value

@@ -1,0 +1,88 @@
+"""What every ``[[measure]]`` says, whatever its kind, and the kinds that there are.
+
+A kind of measurement is known by its ``type``: here is its table, in `gpusim.pipeline.measurements`
+what measures by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, ClassVar, get_args
+
+from pydantic import Field, GetCoreSchemaHandler
+from pydantic_core import CoreSchema
+
+from .table import Name, Table
+
+__all__ = ["TABLES", "AnyKind", "Entry", "MeasureFault", "MeasureTable"]
+
+Entry = Mapping[str, Any]
+MeasureFault = tuple[tuple[str | int, ...], str, Any, str]
+"""Keys within the table, what is wrong there, what stands there, what is expected."""
+
+
+class MeasureTable(Table):
+    """One measurement in a run's pictures; each kind has a table of its own.
+
+    A subclass gives ``type`` the kind's name (``type: Literal["mean_grey"]``), adds its keys, and
+    says below what they need.
+    """
+
+    name: Name
+    type: str
+
+    references: ClassVar[Mapping[str, str]] = {}
+    """What keys name, which has to be there: "camera", "variant", "markers paint on a body",
+    "markers paint on a prop", or "measure of a <type>"."""
+    uses_calibration: ClassVar[bool] = False
+    """Whether it needs the board's corners of [calibration]."""
+    compares_variants: ClassVar[bool] = False
+    """Whether it compares what other measures have found in the variants: no state of the scene has
+    it, and it needs no pictures."""
+    least_frames: ClassVar[int] = 2
+    """So many have to be there: the first one is the reference."""
+
+    @classmethod
+    def kind(cls) -> str:
+        """The ``type`` of the tables of this class."""
+        return str(get_args(cls.model_fields["type"].annotation)[0])
+
+    @property
+    def views(self) -> tuple[str, ...]:
+        """The cameras that it measures with."""
+        named = (getattr(self, key) for key, what in self.references.items() if what == "camera")
+        return tuple(
+            name for one in named for name in ((one,) if isinstance(one, str) else one or ())
+        )
+
+    def pictures(self, frames: int) -> list[tuple[str, int]]:
+        """Camera and frame of every picture that it looks at, of a scene of so many ``frames``."""
+        return [(camera, frame) for camera in self.views for frame in range(frames)]
+
+    def seconds(self, markers: int, pixels: int, frames: int) -> float:
+        """Roughly how long it takes in pictures of so many ``pixels``, for plans."""
+        return 2e-8 * pixels * frames
+
+    @classmethod
+    def faults(
+        cls, entry: Mapping[str, Any], document: Mapping[str, Any]
+    ) -> Iterator[MeasureFault]:
+        """What is wrong between the table as it was written, an ``entry`` of the ``document``, and
+        other tables; what isn't of the right shape there is told elsewhere."""
+        yield from ()
+
+
+TABLES: dict[str, type[MeasureTable]] = {}
+"""The tables of all kinds by their ``type``; `gpusim.scene.measure_kinds.add_kind` adds one."""
+
+
+class AnyKind:
+    """Marks what may be the table of any kind."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        tables: Any = reduce(or_, TABLES.values())
+        return handler.generate_schema(Annotated[tables, Field(discriminator="type")])

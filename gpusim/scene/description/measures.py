@@ -1,0 +1,165 @@
+"""The tables of gpusim's own kinds of ``[[measure]]``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
+from .table import (
+    SI,
+    Length,
+    Listed,
+    Name,
+    Names,
+    SeveralNames,
+    SignedAxis,
+    Table,
+    Words,
+    each_once,
+    fault,
+    norm,
+)
+
+__all__ = ["AnyMeasure", "Damage", "Deflection", "MarkerMeasure", "Published", "Stereo"]
+
+
+class Published(Table):
+    """What somebody else reached; the report sets it beside this run's error."""
+
+    error_percent: Annotated[float, Field(ge=0)]
+    """Relative error of the measure's main number: the last marker's displacement."""
+    error = SI[float]("percent")
+    source: Annotated[str, Field(min_length=1)]
+    """Where it is written."""
+
+
+class MarkerMeasure(MeasureTable):
+    """Markers tracked from frame 0 to every other one."""
+
+    references: ClassVar[Mapping[str, str]] = {
+        "groups": "markers paint on a body",
+        "static": "markers paint on a prop",
+    }
+
+    groups: SeveralNames
+    """Paints of markers on bodies, in order from the clamp."""
+    static: Names = ()
+    """Paints of markers on props: what they move is the motion of the camera, or of the rig."""
+    subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
+    """Side of the tracked square, odd; without it as large as the marker allows."""
+    subset = SI[int | None]("px")
+    published: Published | None = None
+
+    def seconds(self, markers: int, pixels: int, frames: int) -> float:
+        """Each frame is compared with the first."""
+        return (0.01 * markers + 2e-8 * pixels) * (frames - 1)
+
+    @model_validator(mode="after")
+    def _check(self) -> MarkerMeasure:
+        if self.subset_px is not None and self.subset_px % 2 == 0:
+            raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
+        for key, what in self.references.items():
+            if key != "camera":
+                each_once(key, f"the same {what} twice", getattr(self, key))
+        return self
+
+
+class Deflection(MarkerMeasure):
+    """The deflection line of every frame, in the image of one camera."""
+
+    type: Literal["deflection"]
+    references = {"camera": "camera", **MarkerMeasure.references}
+
+    camera: Name
+    direction: SignedAxis
+    """Of the deflection that counts as positive."""
+
+    @classmethod
+    def faults(
+        cls, entry: Mapping[str, Any], document: Mapping[str, Any]
+    ) -> Iterator[MeasureFault]:
+        """One camera can't measure along its own axis."""
+        direction, cameras = entry.get("direction"), document.get("camera")
+        for camera in cameras if isinstance(cameras, list) else ():
+            if not isinstance(camera, Mapping) or camera.get("name") != entry.get("camera"):
+                continue
+            ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
+            if not (ends[0] and ends[1]) or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):
+                continue
+            view = [b - a for a, b in zip(*ends, strict=True)]
+            if abs(view["xyz".index(direction[1])]) > 0.7 * norm(view):
+                yield (
+                    ("direction",), "is along the camera's view", direction,
+                    "a direction that its image shows",
+                )  # fmt: skip
+
+
+class Stereo(MarkerMeasure):
+    """Points in space from two or more cameras that are calibrated from images alone.
+
+    The cameras' calibration comes from the images of [calibration], which has to show a checker;
+    the markers' displacement between frame 0 and every other one from triangulation.
+    """
+
+    type: Literal["stereo"]
+    references = {"cameras": "camera", **MarkerMeasure.references}
+    uses_calibration = True
+
+    cameras: Annotated[tuple[Name, ...], Listed(2)]
+    """The first one's coordinates are the rig's."""
+    lens: Literal[
+        "pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"
+    ] = "brown"
+    """What the calibration is to find: no distortion, k1 k2, + k3, + p1 p2, + k4..k6, + s1..s4,
+    + tau."""
+
+    @classmethod
+    def faults(
+        cls, entry: Mapping[str, Any], document: Mapping[str, Any]
+    ) -> Iterator[MeasureFault]:
+        """Without a target no camera is calibrated."""
+        if "calibration" not in document:
+            yield (
+                (), "needs images of a target", Words("no [calibration]"),
+                "[calibration] of a checker or charuco",
+            )  # fmt: skip
+
+
+class Damage(MeasureTable):
+    """Differences of a deflection line between the variants, and where their slope changes."""
+
+    type: Literal["damage"]
+    references = {"of": "measure of a deflection", "reference": "variant"}
+    compares_variants = True
+
+    of: Name
+    """The [[measure]] of type "deflection" that every variant makes."""
+    reference: Name
+    """The [[variant]] that the others are compared with."""
+    tolerance_mm: Length = 10.0
+    """How far a change of slope may be from the notch that made it."""
+    tolerance = SI[float]("mm")
+    significance: Annotated[float, Field(gt=0, lt=1)] = 1e-3
+    """Highest p-value at which a change of slope counts."""
+    most: Annotated[int, Field(ge=1, le=50)] = 6
+    """Changes of slope that are looked for."""
+    clearance_mm: Annotated[float, Field(ge=0)] | None = None
+    """Markers nearer than this to a change don't count for where it is; the default is the depth of
+    the notched member: so far the line is bent by how stress flows round the notch."""
+    clearance = SI[float | None]("mm")
+
+
+def _numbers(value: Any) -> list[float] | None:
+    """Three numbers that floats can hold, or None."""
+    if not isinstance(value, list) or len(value) != 3:
+        return None
+    good = all(isinstance(v, int | float) and abs(v) < 1e300 for v in value)
+    return [float(v) for v in value] if good else None
+
+
+TABLES.update((table.kind(), table) for table in (Deflection, Stereo, Damage))
+AnyMeasure = Annotated[MeasureTable, AnyKind()]
+"""The table of any kind."""
