@@ -85,7 +85,7 @@ def starting(output: Path, backend: Backend) -> Iterator[None]:
         yield
         return
     from gpusim.gpu.warmup import compile_ahead
-    from gpusim.plan.state import earlier_programs
+    from gpusim.plan.programs import earlier_programs
 
     with compile_ahead(earlier_programs(output)):
         yield

@@ -106,8 +106,10 @@ class Graph:
         *,
         no_reuse: str = "",
         verify: bool = False,
+        targets: Collection[str] | None = None,
     ) -> None:
-        """State and reason of every task, before any work. ``no_reuse``: why nothing is reused."""
+        """State and reason of every task, before any work. ``no_reuse``: why nothing is reused;
+        ``verify``: as `Store.fault` has it; ``targets``: stages that are wanted, by default all."""
         users: dict[str, dict[str, None]] = defaultdict(dict)
         for task in reversed(self.tasks.values()):
             if not task.stage.keeps:
@@ -117,6 +119,8 @@ class Graph:
                 task.reason = (
                     f"needed by {', '.join(who)}" if kinds else "nothing that runs needs it"
                 )
+            elif targets is not None and task.stage.name not in targets and task.key not in users:
+                task.state, task.reason = "skipped", "not asked for"
             elif no_reuse or store is None:
                 task.state, task.reason = "run", no_reuse or "new run"
             else:
@@ -130,13 +134,14 @@ class Graph:
                 for key in (key for keys in task.needs.values() for key in keys):
                     users[key] |= names
 
+    def kept(self, folder: str) -> list[str]:
+        """Keys of a scene's results that are kept."""
+        keys = (key for own in self.records[folder].values() for key in own)
+        return [key for key in keys if self.tasks[key].stage.keeps]
+
     def current(self, folder: str, store: Store) -> set[str]:
-        """The names of the files that the scene's results in ``store`` have."""
-        records = (
-            store.find(key)
-            for stage, keys in self.records[folder].items() for key in keys
-            if self.tasks[key].stage.keeps
-        )  # fmt: skip
+        """The names of the files that a scene's results in ``store`` have."""
+        records = map(store.find, self.kept(folder))
         return {name for record in records if record is not None for name in record.files}
 
     def _why(self, task: Task, folders: Mapping[str, Folder]) -> str:
@@ -164,13 +169,3 @@ class Graph:
         """What is to be kept and made, in the order of work."""
         running = [task for task in self.tasks.values() if task.runs and task.stage.keeps]
         return sorted(running, key=lambda task: task.order)
-
-    def in_folder(self, folder: str) -> Collection[tuple[Task, int]]:
-        """The tasks of a scene with their records there."""
-        return [
-            (self.tasks[key], record)
-            for keys in self.records[folder].values()
-            for record, key in enumerate(keys)
-        ]
-
-

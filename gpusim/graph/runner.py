@@ -85,6 +85,10 @@ class Inputs:
         """The same of a file that may be large."""
         return self._store.open(self._holding[stage, name], name)
 
+    def names(self, stage: str) -> list[str]:
+        """The files of its results."""
+        return [name for record in self._records[stage] for name in record.files]
+
     def path(self, stage: str, name: str) -> Path:
         """Where its content lies."""
         return self._store.blob(self._holding[stage, name].files[name].sha256)
@@ -134,6 +138,9 @@ class Runner:
         self._finished: SimpleQueue[tuple[Task, Exception | None, bool]] = SimpleQueue()
         self._writing = self._beside = 0
         self._early: dict[str, Made] = {}
+        self._left = Counter(
+            place for task in graph.order() for place in {place for place, _ in task.places}
+        )
         self._users = Counter(
             key
             for task in graph.tasks.values() if task.runs
@@ -156,9 +163,13 @@ class Runner:
                 if not stage.keeps and not stage.on_device:
                     self.value(key)
 
-    def work(self) -> None:
-        """Make, keep and show everything. Raises StageFailed; what is finished by then is kept."""
+    def work(self, whole: Callable[[str], None]) -> None:
+        """Make, keep and show everything. ``whole`` is called for each folder as soon as all of its
+        results are there. Raises StageFailed; what is finished by then is kept."""
         schedule = self._schedule
+        for place in self.folders:
+            if not self._left[place]:
+                whole(place)
         with (
             ThreadPoolExecutor(1, "gpusim.host") as host,
             ThreadPoolExecutor(AHEAD, "gpusim.write") as writers,
@@ -169,7 +180,7 @@ class Runner:
                     task = schedule.take(on_device=True)
                 if task is not None:
                     self._begin(task, writers if task.stage.on_device else host)
-                self._collect(wait=task is None)
+                self._collect(whole, wait=task is None)
 
     def value(self, key: str) -> Any:
         """A value in memory, made now if it isn't there."""
@@ -249,7 +260,7 @@ class Runner:
         for place in dict.fromkeys(place for place, _ in task.places):
             self.folders[place].show(self.record(task.key), self.store)
 
-    def _collect(self, wait: bool) -> None:
+    def _collect(self, whole: Callable[[str], None], wait: bool) -> None:
         """Take in what threads have finished; ``wait`` for something to happen."""
         if wait and not self._writing and not self._beside and self._finished.empty():
             time.sleep(_PATIENCE_S)  # another process is at all that is left
@@ -266,6 +277,10 @@ class Runner:
                 raise StageFailed(task) from failure
             self._schedule.finish(task)
             self._let_go(task)
+            for place in {place for place, _ in task.places}:
+                self._left[place] -= 1
+                if not self._left[place]:
+                    whole(place)
 
     def _let_go(self, task: Task) -> None:
         """Forget values that no task needs any more, those never made included."""

@@ -266,8 +266,10 @@ class Store:
     def _has_ended(self, log: Path) -> bool:
         """Whether nobody writes to a log any more; number 0 is that of logs put together."""
         writer = log.name.split("-")[0]
-        return log == self._log.path or writer == "0" or (
-            writer.isdecimal() and not is_alive(int(writer))
+        return (
+            log == self._log.path
+            or writer == "0"
+            or (writer.isdecimal() and not is_alive(int(writer)))
         )
 
     def collect(self, keys: Iterable[str]) -> None:
@@ -310,7 +312,8 @@ def _hash(path: Path) -> str:
 def _plain_files(folder: Path) -> list[Path]:
     with suppress(OSError), os.scandir(folder) as entries:
         return sorted(
-            Path(one.path) for one in entries
+            Path(one.path)
+            for one in entries
             if one.is_file(follow_symlinks=False) and not one.name.endswith(".part")
         )
     return []

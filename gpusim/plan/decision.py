@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,11 +74,13 @@ def decide(
     options: RunOptions,
     store: Path | None = None,
     verify: bool = False,
+    targets: Collection[str] | None = None,
 ) -> Decision:
     """Plan a run of ``scenes`` into places of ``out`` (None: nothing can be reused).
 
     ``store``: the folder of results that runs share; without it ``out`` has its own. ``verify``:
-    results are looked at byte by byte, not by size and time of change.
+    results are looked at byte by byte, not by size and time of change. ``targets``: stages that are
+    wanted, by default all.
     """
     graph = Graph()
     stages = {place: scene_stages(scene, options) for place, scene in scenes.items()}
@@ -88,7 +90,7 @@ def decide(
     if out is not None:
         folders = {place: Folder(inside(out, place) if place else out) for place in scenes}
         kept = Store(store if store is not None else inside(out, INNER))
-    graph.decide(kept, folders, no_reuse=options.no_reuse, verify=verify)
+    graph.decide(kept, folders, no_reuse=options.no_reuse, verify=verify, targets=targets)
     return Decision(scenes, stages, graph, folders, kept, options)
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 from gpusim.graph.stage import Stage, first, same
 from gpusim.plan.motion_stages import stillness
@@ -89,7 +91,8 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     needs = {name: lambda k: (0,) if moved[k] else () for name in motions}
     sections = [f"camera.{camera}", "light", "render", "prop.still", "body.*.name"]
     yield build.stage(f"radiance/{camera}", "images:radiance", sections,
-                      build.surfaces() | needs, rows, on_device=True)  # fmt: skip
+                      build.surfaces() | needs, rows, f"render/{camera}/{{:04d}}",
+                      on_device=True)  # fmt: skip
     yield from _exposed(build, camera, f"radiance/{camera}", len(rows))
 
 
@@ -103,7 +106,7 @@ def _targets(build: StageBuilder, camera: str) -> Iterator[Stage]:
     ]
     sections = [f"camera.{camera}", "light", "render", "prop.still", "sensor.response"]
     yield build.stage(f"target/{camera}", "images:target", sections, {"props": first}, rows,
-                      on_device=True)  # fmt: skip
+                      f"render/{camera}/calib-{{:04d}}", on_device=True)  # fmt: skip
     yield from _exposed(build, camera, f"target/{camera}", len(rows), "calib-")
 
 
@@ -136,11 +139,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         yield build.stage("truth", "truth:truth", sections, whole, table, "truth",
                           on_device=True, keeps=True)  # fmt: skip
     for spec in scene.measures:
-        sections = [f"measure.{spec.name}", "camera", "sensor", "prop", "body", "calibration",
-                    "analysis"]  # fmt: skip
-        needs = whole | _pictures_needed(spec, len(table[0]))
-        yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
-                          "measure", keeps=True)  # fmt: skip
+        yield from _measured(build, spec, whole, table)
     stresses = output.stress and "solve" in moving
     if stresses:
         needs = build.of_bodies("surface") | build.of_bodies("model") | motions
@@ -152,12 +151,26 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
                           table, "export", keeps=True)  # fmt: skip
 
 
-def _pictures_needed(spec: m.Measure, frames: int) -> Needs:
-    if isinstance(spec, m.Deflection):
-        return {f"render/{spec.camera}": lambda k: (0, frames - 1)}
-    assert isinstance(spec, m.Stereo)
-    needs: Needs = {f"render/{name}": lambda k: (0, frames - 1) for name in spec.cameras}
-    return needs | {f"calib-render/{name}": None for name in spec.cameras}
+def _measured(
+    build: StageBuilder, spec: m.MeasureTable, whole: Needs, table: list[Any]
+) -> Iterator[Stage]:
+    """One measurement; what it can find without the calibration's pictures comes before them."""
+    sections = [f"measure.{spec.name}", "camera", "sensor", "prop", "body", "calibration",
+                "analysis"]  # fmt: skip
+    frames: dict[str, list[int]] = {}
+    for camera, frame in spec.pictures(len(build.frames)):
+        frames.setdefault(f"render/{camera}", []).append(frame)
+    needs = whole | {stage: partial(_these, numbers) for stage, numbers in frames.items()}
+    if spec.uses_calibration:
+        name = f"tracks/{spec.name}"
+        yield build.stage(name, "measuring:tracks", sections, needs, table, keeps=True)
+        needs = needs | {f"calib-render/{camera}": None for camera in spec.views} | {name: first}
+    yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
+                      "measure", keeps=True)  # fmt: skip
+
+
+def _these(numbers: Sequence[int], record: int) -> Sequence[int]:
+    return numbers
 
 
 def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:

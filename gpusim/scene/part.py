@@ -58,7 +58,7 @@ class SceneParts:
     def of(self, *sections: str) -> Part:
         """The part with these sections: "light", "camera.front", "body.bar.mesh", "body.*.paint".
 
-    XX Raises KeyError for an unknown section.
+        XX Raises KeyError for an unknown section.
         """
         values = {section: self._value(section, sections) for section in sections}
         texts = {

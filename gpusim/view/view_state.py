@@ -134,7 +134,7 @@ class ViewState:
             if solver.fault:
                 self.fault = f"{UNSOLVED}: {solver.fault}"
             else:
-                load_solution(self.content, solver.folder)
+                load_solution(self.content, solver.folder / "solution")
                 self.frame = self.content.frames - 1
         except GpusimError as error:
             self.fault = str(error)

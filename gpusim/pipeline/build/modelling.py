@@ -56,9 +56,7 @@ def build_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None) 
     return build_body_model(parts, groups).model
 
 
-def build_body_model(
-    parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None
-) -> BodyModel:
+def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None) -> BodyModel:
     """Material, supports and loads.
 
     ``groups`` are the body's load groups, each a load case (one group: forces (N,3)); None: all

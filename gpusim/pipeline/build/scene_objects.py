@@ -217,8 +217,6 @@ class SceneObjects:
 
 def scene_objects(scene: Scene, inputs: Inputs, frames: Sequence[Shown]) -> SceneObjects:
     """What a stage was given of bodies, props and motions; ``scene`` names the bodies."""
-    bodies = [
-        replace(inputs[f"surface/{body.name}"], body=body) for body in scene.bodies
-    ]
+    bodies = [replace(inputs[f"surface/{body.name}"], body=body) for body in scene.bodies]
     motions = [inputs.get(f"motion/{body.name}") for body in scene.bodies]
     return SceneObjects(scene, frames, bodies, inputs.get("props") or [], motions)

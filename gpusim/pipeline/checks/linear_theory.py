@@ -25,9 +25,8 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
-from gpusim.pipeline.build.modelling import build_model, temperature
+from gpusim.pipeline.build.modelling import temperature
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.scene.description import model as m
 
 __all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]
@@ -93,20 +92,20 @@ class LinearError:
         )
 
 
-def linear_errors(objects: SceneObjects) -> list[LinearError]:
-    """One per body that was solved for."""
+def linear_errors(objects: SceneObjects, models: Sequence[fem.Model]) -> list[LinearError]:
+    """One per body, solved as one of the ``models``."""
     found = []
-    for i, parts in enumerate(objects.bodies):
-        if parts.field is not None or objects.solved is None:
-            continue
-        fields = [objects.displacement(i, frame) for frame in range(objects.history.frames)]
-        reach = [float(np.linalg.norm(np.ptp(u, axis=0))) for u in fields]
+    for i, (parts, model) in enumerate(zip(objects.bodies, models, strict=True)):
+        reach = [
+            float(np.linalg.norm(np.ptp(objects.displacement(i, frame), axis=0)))
+            for frame in range(len(objects.frames))
+        ]
         frame = int(np.argmax(reach))
-        u = fields[frame]
+        u = objects.displacement(i, frame)
         turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
         share, longer = 1.0, 0.0
         if turn > SMALL_TURN:
-            share, longer = _second_order(objects, parts, i, frame, u)
+            share, longer = _second_order(parts.body, model, frame, u)
         size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
         moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
         found.append(
@@ -115,11 +114,7 @@ def linear_errors(objects: SceneObjects) -> list[LinearError]:
     return found
 
 
-def _second_order(
-    objects: SceneObjects, parts: BodyParts, i: int, frame: int, u: Array
-) -> tuple[float, float]:
-    body = parts.body
-    model = build_model(parts, objects.history.groups[i])
+def _second_order(body: m.Body, model: fem.Model, frame: int, u: Array) -> tuple[float, float]:
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
     return second_order(model, u, body.formulation, forced=forced, temperature=change)

@@ -9,13 +9,13 @@ from pathlib import Path
 from gpusim.errors import InputError
 from gpusim.field import Field
 from gpusim.files.output_folder import check_below, inside
+from gpusim.graph.folder import INNER
 from gpusim.mesh import check_gmsh
 from gpusim.parallel.machine import host_memory
 from gpusim.pipeline.build.cameras import build_camera, build_lens
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.meshing import build_mesh, read_given_field, size_warnings_of
 from gpusim.plan.plan import Plan
-from gpusim.plan.state import variant_folder
 from gpusim.scene import Scene
 from gpusim.scene.cost import element_counts
 from gpusim.scene.description import model as m
@@ -123,15 +123,15 @@ def check_field(field: Field, times: tuple[float, ...]) -> None:
         field.at(time)
 
 
-_FILES = ("report.html", "report.json", "scene.toml", "state.json", "truth.h5")
-_FOLDERS = ("budget", "figures", "images", "measure", "solution", "stl", "variants")
+_FILES = ("report.html", "report.json", "scene.toml", "truth.h5")
+_FOLDERS = (INNER, "budget", "figures", "images", "measure", "solution", "stl", "variants")
 
 
 def check_folders(scene: Scene, out: Path) -> None:
     """Raises InputError naming the first thing in ``out`` that has the name of a folder or file
     that the run writes, but is something else, leads elsewhere or can't be written."""
     check_below(out, *_FOLDERS)
-    for root in (out, *(variant_folder(out, variant.name) for variant in scene.variants)):
+    for root in (out, *(inside(out, "variants", variant.name) for variant in scene.variants)):
         check_below(root, *(f"images/{camera.name}" for camera in scene.cameras), *_FOLDERS)
         for name in _FILES:
             if inside(root, name).is_dir():

@@ -5,10 +5,8 @@ What a measure can't do without (a camera that sees its markers) is an error, he
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,23 +18,19 @@ from gpusim.optics.light.quadrature import MOST_ACROSS
 from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
+from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.measurability import disc_warnings
 from gpusim.pipeline.checks.resources import mesh_fault
 from gpusim.pipeline.checks.visibility import blind_cameras, lamps_inside
 from gpusim.pipeline.measurements.kinds import Unloaded, kind_of
-from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description import model as m
 from gpusim.scene.description.mesh import CAD_SUFFIXES
+from gpusim.scene.frames import frame_table
 from gpusim.surface import Surface
 
-if TYPE_CHECKING:
-    from gpusim.pipeline.checks.linear_theory import LinearError
-
-__all__ = ["SceneWarnings", "scene_warnings", "with_known_warnings"]
+__all__ = ["geometry_warnings", "scene_warnings", "with_known_warnings"]
 
 NAMED = 6
 
@@ -68,41 +62,6 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
         )
 
 
-@dataclass
-class SceneWarnings:
-    """What geometry and solution make doubtful of a scene that is run.
-
-    ``geometry``: what is known before any work, of the things that are ``shown``, unloaded. All of
-    it is kept with the results, for runs that reuse them and build nothing.
-    """
-
-    geometry: tuple[str, ...] = ()
-    shown: SceneObjects | None = None
-    kept: Notes | None = None
-
-    @staticmethod
-    def of(
-        scene: Scene,
-        history: LoadHistory,
-        built: SceneObjects | None,
-        kept: Mapping[str, Any] | None,
-    ) -> SceneWarnings:
-        """Those that a run has ``kept``, else of what is ``built``, or is built for it."""
-        if kept is not None:
-            return SceneWarnings(kept=Notes.of(kept))
-        shown = built or build_objects(scene, history)
-        return SceneWarnings(() if shown is None else tuple(geometry_warnings(shown)), shown)
-
-    def notes(self, solved: SceneSolution | None) -> Notes:
-        """Warnings, and how far linear statics is off, once the scene is ``solved``."""
-        if self.kept is None:
-            errors = linear_theory(self.shown, solved)
-            warnings = (*self.geometry, *(error.warning for error in errors if error.warning))
-            facts = {f"linear statics, {one.body}": one.fact for one in errors}
-            self.kept = Notes(warnings, facts)
-        return self.kept
-
-
 def scene_warnings(scene: Scene) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
 
@@ -113,7 +72,7 @@ def scene_warnings(scene: Scene) -> list[str]:
     if not scene.variants:
         if fault := mesh_fault(scene):
             return [fault]
-        objects = build_objects(scene, LoadHistory(scene))
+        objects = build_objects(scene)
         return [] if objects is None else geometry_warnings(objects)
     states: dict[str, list[str]] = {}
     for variant in scene.variants:
@@ -126,7 +85,7 @@ def scene_warnings(scene: Scene) -> list[str]:
     ]
 
 
-def build_objects(scene: Scene, history: LoadHistory) -> SceneObjects | None:
+def build_objects(scene: Scene) -> SceneObjects | None:
     """Bodies and props, unloaded; None where CAD would have to be meshed."""
     if any(
         isinstance(body.mesh, m.FileMesh) and Path(body.mesh.path).suffix.lower() in CAD_SUFFIXES
@@ -134,9 +93,10 @@ def build_objects(scene: Scene, history: LoadHistory) -> SceneObjects | None:
     ):
         return None
     bodies = [build_body(body, scene.input) for body in scene.bodies]
-    return SceneObjects(
-        scene, history, bodies, [build_prop(prop, scene.input) for prop in scene.props]
-    )
+    props = [build_prop(prop, scene.input) for prop in scene.props]
+    board = scene.calibration.board if scene.calibration is not None else ""
+    shown = [instant.shown for instant in frame_table(scene)]
+    return SceneObjects(scene, shown, bodies, props, board=board)
 
 
 def geometry_warnings(objects: SceneObjects) -> list[str]:
@@ -146,7 +106,7 @@ def geometry_warnings(objects: SceneObjects) -> list[str]:
     cameras = [build_camera(camera, scene.input) for camera in scene.cameras]
     check_lamp_count(scene, surfaces, cameras)
     blind = blind_cameras(surfaces, cameras)
-    strict = objects.history.unloaded(0)  # else the first picture shows other places
+    strict = objects.frames[0].unloaded  # else the first picture shows other places
     unloaded = Unloaded(objects.bodies, surfaces, blind, strict)
     return [
         *(text for spec in scene.measures for text in kind_of(spec).checks(spec, scene, unloaded)),
@@ -154,16 +114,6 @@ def geometry_warnings(objects: SceneObjects) -> list[str]:
         *lamps_inside(scene, surfaces),
         *disc_warnings(surfaces, cameras),
     ]
-
-
-def linear_theory(shown: SceneObjects | None, solved: SceneSolution | None) -> list[LinearError]:
-    """How far it is off, for each body of what is ``shown``."""
-    if shown is None or solved is None:
-        return []
-    from gpusim.pipeline.checks.linear_theory import linear_errors  # loads the finite elements
-
-    shown.solved = solved
-    return linear_errors(shown)
 
 
 def with_known_warnings(error: Exception, known: Sequence[str]) -> Exception:

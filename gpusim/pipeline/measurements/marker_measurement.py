@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.cameras import build_camera, build_sensor
-from gpusim.pipeline.build.scene_objects import SceneObjects, frame_word
+from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import Crop, Result
@@ -23,6 +23,7 @@ from gpusim.pipeline.measurements.sources import Sources
 from gpusim.report import Series
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
+from gpusim.scene.frames import frame_word
 
 __all__ = ["GOAL", "MarkerResult", "TrackedMarkers", "crops", "track_markers_of"]
 

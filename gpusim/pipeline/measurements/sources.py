@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
@@ -13,16 +12,14 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import InputError
-from gpusim.files.atomic_files import atomic_stream
-from gpusim.files.input_file import Reader
-from gpusim.files.output_folder import inside
+from gpusim.files.input_file import InputFile
 from gpusim.measure.targets.boards import Sighting
 from gpusim.pipeline.measurements.marker_tracking import MarkerCache
-from gpusim.pipeline.stages.images import CapturedImage, image_path
+from gpusim.pipeline.stages.image_window import Window
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["Board", "Sources", "board_of", "read_corners", "write_corners"]
+__all__ = ["Board", "Sources", "board_of", "find_corners", "read_corners"]
 
 MM = 1e3
 Board = measure.Chessboard | measure.CharucoBoard
@@ -49,30 +46,20 @@ def board_of(scene: Scene) -> Board | None:
     return None
 
 
-def write_corners(scene: Scene, shot: CapturedImage) -> list[Path]:
-    """Find the board in a picture of the calibration, if something is measured by it, and write
-    its corners; returns their file."""
+def find_corners(scene: Scene, image: npt.NDArray[Any], window: Window | None) -> dict[str, Any]:
+    """The board in a picture of the calibration, as arrays to be kept; it is within ``window``."""
     board = board_of(scene)
-    if not scene.measures_space or board is None:
-        return []
     if isinstance(board, measure.CharucoBoard):
-        seen = measure.find_charuco(shot.image, board)
+        seen = measure.find_charuco(image, board)
     else:
-        seen = measure.find_chessboard(shot.image, board, shot.window.box if shot.window else None)
-    path = _corners_path(shot.path)
+        assert board is not None
+        seen = measure.find_chessboard(image, board, window.box if window else None)
     # how the board may be turned is known from the scene
-    values = {f.name: getattr(seen, f.name) for f in fields(seen) if f.name != "turns"}
-    with atomic_stream(path) as stream:
-        np.savez(stream, allow_pickle=False, **values)
-    return [path]
+    return {f.name: getattr(seen, f.name) for f in fields(seen) if f.name != "turns"}
 
 
-def read_corners(scene: Scene, out: Path, read: Reader, camera: str, pose: int) -> measure.Sighting:
-    """What was found of the board in a pose. Raises InputError if nothing was kept, or is damaged.
-
-    ``read``: how a file of an earlier run is read.
-    """
-    file = read(str(_corners_path(image_path(scene, out, camera, pose, "calib-"))))
+def read_corners(scene: Scene, file: InputFile) -> measure.Sighting:
+    """What was found of the board in a pose. Raises InputError for a damaged file."""
     try:
         with np.load(file.stream(), allow_pickle=False) as stored:
             values = dict(stored)
@@ -87,10 +74,6 @@ def read_corners(scene: Scene, out: Path, read: Reader, camera: str, pose: int) 
         raise InputError(
             f"{file.path}: damaged ({error}); expected corners of the calibration board"
         ) from None
-
-
-def _corners_path(image: Path) -> Path:
-    return inside(image.parent, f"{image.stem}-corners.npz")
 
 
 @dataclass(frozen=True)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
-from pathlib import Path
 from typing import Any, Literal
 
 from gpusim.errors import InputError
-from gpusim.files.output_folder import claim, inside
-from gpusim.pipeline.runner.run import run, run_claimed
+from gpusim.files.output_folder import claim
+from gpusim.gpu import chosen_backend
+from gpusim.graph.runner import StageFailed
+from gpusim.pipeline.checks.resources import check_folders
+from gpusim.pipeline.runner.stage_log import Progress
+from gpusim.pipeline.runner.variants import tell_failure
+from gpusim.pipeline.runner.work import Work
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
@@ -18,7 +22,6 @@ from gpusim.scene.sources import active_sources, with_only, without_sources
 
 __all__ = ["run_budget"]
 
-Progress = Callable[[str, float, str], None]
 State = Literal["all", "none", "only", "no"]
 FOLDER = "budget"
 
@@ -56,40 +59,43 @@ def run_budget(
     states: list[tuple[State, str, dict[str, Any]]] = [("none", "", with_only(document, []))]
     states += [("only", name, with_only(document, [name])) for name in effects]
     states += [("no", name, without_sources(document, [name])) for name in effects]
-    with claim(out) as folder:
-        return _budget(scene, folder, states, backend, progress)
-
-
-def _budget(
-    scene: Scene,
-    out: Path,
-    states: Sequence[tuple[State, str, dict[str, Any]]],
-    backend: str,
-    progress: Progress | None,
-) -> Report:
-    """As `run_budget`, into a folder that the caller has claimed."""
-    tell = progress or (lambda stage, done, text: None)
-    whole = run_claimed(scene, out, RunOptions(backend), tell)
-    quantities = _counted(scene, whole.measurements)
-    rows = [BudgetRow("all", "", tuple(abs(item.error) for item in quantities))]
-    folder = inside(out, FOLDER)
-    for number, (state, name, changed) in enumerate(states):
+    scenes = {"": scene}
+    for state, name, changed in states:
         words = f"{state} {name}".strip()
-        if progress is not None:
-            progress("budget", number / len(states), words)
-        own = Scene.from_document(
+        scenes[f"{FOLDER}/{words.replace(' ', '-')}"] = Scene.from_document(
             _lean(changed), source=f"{scene.source}, {words}", files=scene.files
         )
-        measured = run(own, folder, backend=backend).measurements
-        found = {item.name: abs(item.error) for item in measured}
+    options = RunOptions(chosen_backend("run", backend))
+    with claim(out) as folder:
+        check_folders(scene, folder)
+        work = Work(scene, scenes, folder, options, progress or _silent)
+        try:
+            work.run()
+        except StageFailed as failed:
+            raise tell_failure(work, failed) from failed.__cause__
+    return _budget(scene, work, states)
+
+
+def _budget(scene: Scene, work: Work, states: Sequence[tuple[State, str, Any]]) -> Report:
+    """The table of a work that is done, in the scene's report."""
+    whole = work.reports[""]
+    quantities = _counted(scene, whole.measurements)
+    rows = [BudgetRow("all", "", tuple(abs(item.error) for item in quantities))]
+    made = [work.reports[place] for place in work.decision.scenes if place]
+    for (state, name, _), report in zip(states, made, strict=True):
+        found = {item.name: abs(item.error) for item in report.measurements}
         errors = tuple(found.get(item.name, float("nan")) for item in quantities)
         rows.append(BudgetRow(state, name, errors))
     budget = Budget(tuple((item.name, item.unit) for item in quantities), tuple(rows))
     report = replace(whole, budget=budget)
-    write_report(report, out)
-    if progress is not None:
-        progress("budget", 1.0, f"{len(states) + 1} states of {(len(states) - 1) // 2} effects")
+    write_report(report, work.out)
+    effects = (len(states) - 1) // 2
+    work.log.tell("budget", 1.0, f"{len(states) + 1} states of {effects} effects")
     return report
+
+
+def _silent(stage: str, done: float, text: str) -> None:
+    """No progress."""
 
 
 def _counted(scene: Scene, items: Sequence[Measurement]) -> list[Measurement]:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
+from gpusim.graph.runner import StageFailed
 from gpusim.pipeline.checks.resources import check_folders
-from gpusim.pipeline.runner.run_record import write_page
-from gpusim.pipeline.runner.stage_runner import Progress, StageRunner
-from gpusim.pipeline.runner.variants import run_variants
+from gpusim.pipeline.runner.scene_report import learn
+from gpusim.pipeline.runner.stage_log import Progress
+from gpusim.pipeline.runner.variants import compare_variants, tell_failure
+from gpusim.pipeline.runner.work import Work
+from gpusim.plan.decision import states_of
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
 from gpusim.scene import Scene
@@ -27,6 +29,8 @@ def run(
     backend: str = "auto",
     fresh: bool = False,
     skip: bool = True,
+    store: str | PathLike[str] | None = None,
+    verify: bool = False,
     progress: Progress | None = None,
 ) -> Report:
     """Run ``scene`` into the folder ``out`` and return its report.
@@ -38,7 +42,10 @@ def run(
     fresh : reuse nothing of an earlier run.
     skip : False switches every shortcut off, those of the renderer too
         (`gpusim.plan.stages.RunOptions`).
-    progress : called with (stage, done 0..1, text).
+    store : a folder of results that runs into several folders share, also at the same time; without
+        it ``out`` has its own.
+    verify : look at earlier results byte by byte, not by their size and time of change.
+    progress : called with (stage, done 0..1, text), by one thread at a time.
 
     Raises
     ------
@@ -55,21 +62,33 @@ def run(
     """
     if not isinstance(scene, Scene):
         raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
-    backend = chosen_backend("run", backend)
-    tell = progress or (lambda stage, done, text: None)
+    options = RunOptions(chosen_backend("run", backend), fresh, skip)
+    shared = None if store is None else Path(store).absolute()
     with claim(out) as folder:
-        return run_claimed(scene, folder, RunOptions(backend, fresh, skip), tell)
+        return run_claimed(scene, folder, options, progress or _silent, shared, verify)
 
 
-def run_claimed(scene: Scene, out: Path, options: RunOptions, tell: Progress) -> Report:
+def run_claimed(
+    scene: Scene,
+    out: Path,
+    options: RunOptions,
+    progress: Progress,
+    store: Path | None = None,
+    verify: bool = False,
+) -> Report:
     """As `run`, into a folder that the caller has claimed."""
     check_folders(scene, out)
+    work = Work(scene, states_of(scene), out, options, progress, store, verify)
+    try:
+        work.run()
+    except StageFailed as failed:
+        raise tell_failure(work, failed) from failed.__cause__
     if scene.variants:
-
-        def begin(state: Scene, folder: Path, note: Progress) -> Callable[[], Report]:
-            return StageRunner(state, folder, options, note).begin()
-
-        return run_variants(scene, out, begin, tell)
-    report = StageRunner(scene, out, options, tell).begin()()
-    write_page(report, out, tell)
+        return compare_variants(work)
+    (report,) = work.reports.values()
+    learn(work.speed, work.plan, report.stages, work.session)
     return report
+
+
+def _silent(stage: str, done: float, text: str) -> None:
+    """No progress."""

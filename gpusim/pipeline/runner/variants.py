@@ -1,116 +1,84 @@
-"""Several states of one scene in one run: each made like a scene of its own, then compared."""
+"""Several states of one scene in one run, compared; and a run that failed, told."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from gpusim.files.atomic_files import clean_leftovers, write_text
-from gpusim.files.output_folder import delete, inside
+from gpusim.files.output_folder import inside
+from gpusim.graph.runner import StageFailed
+from gpusim.pipeline.checks.warnings import with_known_warnings
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.measurements.results import Result
-from gpusim.pipeline.runner.run_record import failure_text, write_page
-from gpusim.plan.state import StateFile, variant_folder
+from gpusim.pipeline.notes import Notes
+from gpusim.pipeline.runner.scene_report import failure_text, read_results
+from gpusim.pipeline.runner.work import Work
 from gpusim.report import Link, Report, Stage, write_report
-from gpusim.scene import Scene
 
-__all__ = ["run_variants"]
-
-Progress = Callable[[str, float, str], None]
-Begin = Callable[[Scene, Path, Progress], Callable[[], Report]]
-"""Does what needs the device; what it returns does the rest of a scene's run but for its page."""
+__all__ = ["compare_variants", "tell_failure"]
 
 
-def run_variants(scene: Scene, out: Path, begin: Begin, progress: Progress) -> Report:
-    """Run every variant of ``scene`` by ``begin`` and compare them; returns the whole report.
-
-    A variant's own report lies in its folder. Errors end the run as in a scene without variants,
-    with a report that says which variant failed.
-    """
-    clean_leftovers(out)
-    for name in ("report.html", "report.json"):
-        delete(out, name)
-    write_text(inside(out, "scene.toml"), scene.to_toml())
-    reports: dict[str, Report] = {}
-
-    def tell_failure(name: str, error: Exception) -> None:
-        failure = f"variant {name!r}: {failure_text(error)}"
-        failed = _report(scene, out, reports, (), (), failure=failure)
-        write_report(failed, out)
-
-    def end(rest: Callable[[], Report], folder: Path, tell: Progress) -> Report:
-        report = rest()
-        write_page(report, folder, tell)
-        return report
-
-    # a variant is measured and its page made while the device works on the next one
-    with ThreadPoolExecutor(1, thread_name_prefix="gpusim.report") as pool:
-        ends: dict[str, Future[Report]] = {}
-
-        def collect(wait: bool) -> None:
-            for name in [name for name in ends if wait or ends[name].done()]:
-                try:
-                    reports[name] = ends.pop(name).result()
-                except Exception as error:
-                    tell_failure(name, error)
-                    raise
-
-        for variant in scene.variants:
-
-            def tell(stage: str, done: float, text: str, name: str = variant.name) -> None:
-                progress(f"{name}/{stage}", done, text)
-
-            collect(wait=False)
-            folder = variant_folder(out, variant.name)
-            try:
-                rest = begin(scene.variant(variant.name), folder, tell)
-            except Exception as error:
-                collect(wait=True)
-                tell_failure(variant.name, error)
-                raise
-            ends[variant.name] = pool.submit(end, rest, folder, tell)
-        collect(wait=True)
+def compare_variants(work: Work) -> Report:
+    """Compare the variants that were made; returns the whole report, which it writes."""
+    scene, decision = work.scene, work.decision
     comparisons: list[Result] = []
     stages = []
-    specs = {spec.name: spec for spec in scene.measures}
 
     def recorded(variant: str, measure: str) -> Result:
         """What a variant's run has recorded of a measure."""
-        folder = variant_folder(out, variant)
-        state, result = StateFile(folder), kind_of(specs[measure]).result
-        return result.read(inside(folder, "measure"), measure, lambda path: state.read(Path(path)))
+        found = read_results(decision, f"variants/{variant}")
+        return next(result for result in found if result.name == measure)
 
     for spec in scene.measures:
         compare = kind_of(spec).compare
         if compare is None:
             continue
         started = time.perf_counter()
-        progress(spec.name, 0.0, "compares the variants")
+        work.log.tell(spec.name, 0.0, "compares the variants")
         comparison = compare(spec, scene, recorded)
-        comparison.write(inside(out, "measure"))
+        comparison.write(inside(work.out, "measure"))
         comparisons.append(comparison)
         seconds = time.perf_counter() - started
         stages.append(Stage(spec.name, "run", "compares the variants", seconds))
-        progress(spec.name, 1.0, comparison.note)
-    report = _report(scene, out, reports, tuple(comparisons), tuple(stages))
-    progress("report", 0.0, "figures and page")
-    write_report(report, out)
-    progress("report", 1.0, "report.html, report.json")
+        work.log.tell(spec.name, 1.0, comparison.note)
+    work.log.tell("report", 0.0, "figures and page")
+    report = _report(work, comparisons, stages)
+    write_report(report, work.out)
+    work.log.tell("report", 1.0, "report.html, report.json")
     return report
 
 
+def tell_failure(work: Work, failed: StageFailed) -> Exception:
+    """Write the report of a run that failed; returns the error to be raised."""
+    cause = failed.__cause__
+    assert isinstance(cause, Exception)
+    places = [place for place in dict.fromkeys(place for place, _ in failed.task.places)]
+    place = places[0]
+    known = [
+        text
+        for key in work.decision.graph.records[place].get("geometry", ())
+        for record in (work.store.find(key),) if record is not None
+        for text in Notes.of(record.notes).warnings
+    ]  # fmt: skip
+    error = with_known_warnings(cause, known)
+    report = work.failed_report(place, failed, failure_text(error))
+    write_report(report, work.decision.folders[place].path)
+    if place:
+        name = place.removeprefix("variants/")
+        whole = _report(work, [], [], failure=f"variant {name!r}: {failure_text(error)}")
+        write_report(whole, work.out)
+    return error
+
+
 def _report(
-    scene: Scene,
-    out: Path,
-    reports: dict[str, Report],
-    comparisons: tuple[Result, ...],
-    compared: tuple[Stage, ...],
-    *,
-    failure: str = "",
+    work: Work, comparisons: Sequence[Result], compared: Sequence[Stage], failure: str = ""
 ) -> Report:
+    scene, out = work.scene, work.out
+    reports = {
+        place.removeprefix("variants/"): work.reports[place]
+        for place in work.decision.scenes if place in work.reports
+    }  # fmt: skip
     stages = [
         Stage(f"{name}/{stage.name}", stage.state, stage.reason, stage.seconds)
         for name, report in reports.items()

@@ -17,7 +17,6 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.images import keep, save_image
-from gpusim.files.input_file import InputFile
 from gpusim.files.output_folder import inside
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -216,9 +215,7 @@ def corners_name(picture: str) -> str:
     return f"{picture.rsplit('.', 1)[0]}-corners.npz"
 
 
-def _save_corners(
-    scene: Scene, image: npt.NDArray[Any], window: Window | None, path: Path
-) -> None:
+def _save_corners(scene: Scene, image: npt.NDArray[Any], window: Window | None, path: Path) -> None:
     from gpusim.pipeline.measurements.sources import find_corners  # OpenCV
 
     with open(path, "wb") as stream:

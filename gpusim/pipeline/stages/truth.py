@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -150,15 +149,12 @@ def _cell_of_face(objects: SceneObjects) -> npt.NDArray[np.int64]:
     """The element, counted over all bodies, of every face of the bodies' surfaces."""
     first = np.cumsum([0, *(parts.mesh.cell_count for parts in objects.bodies)])
     cells = [
-        body.skin.cell_of_piece + start
-        for body, start in zip(objects.bodies, first, strict=False)
+        body.skin.cell_of_piece + start for body, start in zip(objects.bodies, first, strict=False)
     ]
     return np.concatenate(cells or [np.zeros(0, np.int64)])
 
 
-def _write_nodes(
-    file: TruthWriter, objects: SceneObjects, frames: FrameTable, word: str
-) -> None:
+def _write_nodes(file: TruthWriter, objects: SceneObjects, frames: FrameTable, word: str) -> None:
     """Mesh and nodal displacement, bodies one after the other as in the layer ``element``."""
     bodies = objects.bodies
     first_node = np.cumsum([0, *(parts.mesh.node_count for parts in bodies)])

@@ -17,8 +17,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gpusim.scene import Scene
 
 __all__ = ["BackgroundSolver"]
@@ -33,8 +31,7 @@ _CHILD = (
 class BackgroundSolver:
     """The solution of a scene in the making.
 
-    ``progress``: 0 to 1, and words. ``done``: with files in ``folder`` as a run writes them below
-    ``solution``. ``fault``: what ended it otherwise.
+    ``progress``: 0 to 1, and words. ``done``: with files below ``folder`` as a run writes them. ``fault``: what ended it otherwise.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -109,32 +106,10 @@ def solve_here() -> None:
 
 
 def _solve(scene: Scene, folder: Path, progress: Any) -> None:
-    from gpusim.files.atomic_files import atomic_stream
-    from gpusim.pipeline.build.modelling import build_model, support_of_freedom
-    from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
-    from gpusim.pipeline.build.surfaces import build_body
-    from gpusim.pipeline.stages.mechanics import solve_bodies, write_stresses
-    from gpusim.plan.stages import RunOptions
-    from gpusim.scene.amplitudes import LoadHistory
+    """Solution and stress of a scene, as a run makes them, into ``folder``."""
+    from gpusim.pipeline.runner.part import make_part
 
-    objects = SceneObjects(scene, LoadHistory(scene))
-    progress(0.0, "meshing")
-    objects.bodies = [build_body(body, scene.input) for body in scene.bodies]
-    models = [
-        build_model(parts, groups)
-        for parts, groups in zip(objects.bodies, objects.history.groups, strict=True)
-    ]
-    progress(0.05, "solving")
-    found = solve_bodies(
-        scene.solver, objects.bodies, models, RunOptions("gpu"),
-        lambda share, text: progress(0.05 + 0.8 * share, text),
-    )  # fmt: skip
-    held = [support_of_freedom(parts) for parts in objects.bodies]
-    objects.solved = SceneSolution.of(found, models, held)
-    with atomic_stream(folder / "displacement.npz") as stream:
-        np.savez(stream, allow_pickle=False, **objects.solved.arrays())
-    progress(0.85, "stress")
-    write_stresses(
-        folder / "stress.npz", objects.bodies, models, objects.history, objects.displacement,
-        progress=lambda share, text: progress(0.85 + 0.15 * share, f"stress, {text}"),
-    ).close()  # fmt: skip
+    document = scene.document
+    document["output"] = {"stress": True}
+    whole = Scene.from_document(document, source=scene.source, files=scene.files)
+    make_part(whole, {"solve": (0.05, 0.85), "stress": (0.85, 1.0)}, folder, progress)

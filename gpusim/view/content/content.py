@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.thin_lens import Lens
 from gpusim.optics.light.lights import Light
 from gpusim.pipeline.build.cameras import build_lens
-from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
+from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
+from gpusim.scene.amplitudes import LoadGroup, load_groups
+from gpusim.scene.frames import frame_word
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.camera_marks import DepthOfField, depth_of_field
@@ -38,8 +41,8 @@ class Content:
 
     ``files``: those that it was made of. ``objects``: the scene's bodies and props; None for a
     mesh, whose surfaces are ``parts``, and ``part_skins`` of those that have elements.
-    ``cameras``: the scene's. ``lights``: None where there are none. ``stresses``: once there are
-    some.
+    ``cameras``: the scene's. ``lights``: None where there are none. ``solution``, ``stresses``: once
+    there are some.
     """
 
     title: str
@@ -49,6 +52,7 @@ class Content:
     objects: SceneObjects | None = None
     cameras: tuple[Camera, ...] = ()
     lights: Sequence[Light] | None = None
+    solution: SceneSolution | None = None
     stresses: Stresses | None = None
     _shown: dict[tuple[int, float, bool], list[Surface]] = field(default_factory=dict)
     _models: dict[int, Model] = field(default_factory=dict)
@@ -83,7 +87,7 @@ class Content:
         objects = self.objects
         if objects is None or not self.moves:
             return 1
-        return objects.history.frames
+        return len(objects.frames)
 
     @property
     def moves(self) -> bool:
@@ -92,25 +96,31 @@ class Content:
         objects = self.objects
         if objects is None:
             return False
-        history = objects.history
-        return objects.solved is not None or history.given or history.props_move
+        props_move = any(place is not None for place in objects.frames[0].places)
+        return bool(objects.motions) or props_move
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the displacements of its bodies are another program's."""
+        objects = self.objects
+        return objects is not None and any(parts.field is not None for parts in objects.bodies)
 
     @property
     def is_solvable(self) -> bool:
         """Whether it is a scene with bodies whose displacements have to be computed."""
         objects = self.objects
-        return objects is not None and bool(objects.bodies) and not objects.history.given
+        return objects is not None and bool(objects.bodies) and not self.is_given
 
     @property
     def unloaded(self) -> bool:
         """Whether bodies are shown at rest because their solution isn't there yet."""
-        return self.is_solvable and self.objects is not None and self.objects.solved is None
+        return self.is_solvable and self.solution is None
 
     def frame_text(self, frame: int) -> str:
         """What a slider says of a frame."""
         if self.objects is None or self.frames == 1:
             return ""
-        value = self.objects.history.factors[frame]
+        value = self.objects.scene.analysis.load_factors[frame]
         word = frame_word(self.objects.scene).replace("_", " ")
         return f"frame {frame} of {self.frames - 1}: {word} {value:g}"
 
@@ -124,8 +134,11 @@ class Content:
         """
         assert self.objects is not None
         nodes = [parts.mesh.node_count for parts in self.objects.bodies]
-        solution.check([len(groups) for groups in self.objects.history.groups], nodes)
-        self.objects.solved, self.stresses = solution, stresses
+        solution.check([len(self.load_groups(body)) for body in range(len(nodes))], nodes)
+        self.solution, self.stresses = solution, stresses
+        self.objects.motions = [
+            Superposed(u, forces) for u, forces in zip(solution.u, solution.reactions, strict=True)
+        ]
         self._shown.clear()
 
     def displacement(self, body: int, frame: int) -> Array:
@@ -204,22 +217,27 @@ class Content:
         from gpusim.pipeline.build.modelling import build_model
 
         objects = self.objects
-        if objects is None or objects.history.given:
+        if objects is None or self.is_given:
             return None
         if body not in self._models:
-            groups = objects.history.groups[body]
-            self._models[body] = build_model(objects.bodies[body], groups)
+            self._models[body] = build_model(objects.bodies[body], self.load_groups(body))
         return self._models[body]
+
+    def load_groups(self, body: int) -> tuple[LoadGroup, ...]:
+        """What of a body is solved apart."""
+        assert self.objects is not None
+        scene = self.objects.scene
+        return load_groups(scene.bodies[body], scene.analysis.load_factors)
 
     def forces(self, body: int, frame: int) -> Array:
         """Of a body's nodes (N, 3), N, as they act in a frame; of one that can't be shown loaded
         yet, in the last one."""
         assert self.objects is not None
-        frame = frame if self.moves else self.objects.history.frames - 1
-        model, weights = self.model(body), self.objects.history.weights(frame)[body]
-        if model is None:
+        shown = self.objects.frames[frame if self.moves else -1]
+        model, state = self.model(body), shown.states[body]
+        if model is None or state is None:
             return np.zeros((self.objects.bodies[body].mesh.node_count, 3))
-        return np.asarray(np.tensordot(weights, model.load_cases, axes=1))
+        return np.asarray(np.tensordot(np.array(state), model.load_cases, axes=1))
 
     def take_over(self, earlier: Content | None) -> bool:
         """Keep the solution of an earlier state of the file, if nothing that it depends on has
@@ -228,8 +246,8 @@ class Content:
             return False
         if earlier._mechanics() != self._mechanics():
             return False
-        if earlier.objects.solved is not None and self.objects.solved is None:
-            self.solve(earlier.objects.solved, earlier.stresses)
+        if earlier.solution is not None and self.solution is None:
+            self.solve(earlier.solution, earlier.stresses)
         return True
 
     def _mechanics(self) -> tuple[Any, ...]:

@@ -11,14 +11,15 @@ from gpusim.files.input_file import read_input
 from gpusim.mesh import boundary_faces, mesh_cad, read_mesh, read_surface
 from gpusim.mesh.formats.cad import CAD_SUFFIXES
 from gpusim.mesh.formats.reader import MESH_SUFFIXES
+from gpusim.motion import Given
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.scene import load_scene
-from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.scene.description.table import FileUnit, in_si
+from gpusim.scene.frames import frame_table
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.content.content import Content
@@ -86,7 +87,8 @@ def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
 
 def _scene(path: Path, earlier: Content | None = None) -> Content:
     scene = load_scene(path)
-    objects = SceneObjects(scene, LoadHistory(scene))
+    board = scene.calibration.board if scene.calibration is not None else ""
+    objects = SceneObjects(scene, [one.shown for one in frame_table(scene)], board=board)
     before = earlier.objects if earlier is not None else None
     made = before.bodies if before is not None and before.scene.files == scene.files else []
     objects.bodies = [
@@ -95,6 +97,8 @@ def _scene(path: Path, earlier: Content | None = None) -> Content:
         )
         for body in scene.bodies
     ]
+    if any(parts.field is not None for parts in objects.bodies):
+        objects.motions = [Given(parts.field.at) for parts in objects.bodies if parts.field]
     objects.props = [build_prop(prop, scene.input) for prop in scene.props]
     if not objects.bodies and not objects.props:
         raise InputError(f"view {path}: nothing to see; expected a body or a prop")

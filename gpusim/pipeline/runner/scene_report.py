@@ -1,0 +1,276 @@
+"""What a run says of a scene: its report, from the results that are kept.
+
+Whether a stage was run now or before makes no difference: all that is said lies with its results.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpusim._version import __version__
+from gpusim.errors import GpusimError
+from gpusim.files.input_file import InputFile
+from gpusim.files.output_folder import inside
+from gpusim.gpu import Device
+from gpusim.graph.graph import Task
+from gpusim.graph.session import Session
+from gpusim.graph.store import Record
+from gpusim.pipeline.measurements.kinds import kind_of
+from gpusim.pipeline.measurements.results import Reported, Result
+from gpusim.pipeline.notes import Notes
+from gpusim.pipeline.stages.images import image_path
+from gpusim.plan.decision import Decision
+from gpusim.plan.machine_speed import Speed
+from gpusim.plan.plan import Plan
+from gpusim.report import (
+    BodyForce,
+    FramePair,
+    Link,
+    Measurement,
+    Mechanics,
+    Published,
+    Report,
+    SolutionSummary,
+    Stage,
+    StressPeak,
+)
+from gpusim.scene import Scene
+from gpusim.scene.cost import effects
+from gpusim.scene.frames import frame_word
+
+__all__ = ["SceneReport", "failure_text", "learn", "read_results"]
+
+_FIRST = ("solve", "geometry", "linear theory")
+"""Stages whose notes a report has before the others'."""
+
+
+class SceneReport:
+    """Of the scene at a ``place`` of a ``decision``. ``changed``: files of an earlier scene that
+    somebody has changed; ``before``: what the device had spent when the run began."""
+
+    def __init__(
+        self,
+        decision: Decision,
+        place: str,
+        plan: Plan,
+        session: Session,
+        changed: Sequence[str],
+        before: Mapping[str, float],
+    ) -> None:
+        self.decision, self.place, self.plan, self.session = decision, place, plan, session
+        self.scene = decision.scenes[place]
+        self.frames = decision.stages[place].frames
+        self.out = decision.folders[place].path
+        self.changed, self.before = changed, before
+
+    def report(self, stages: tuple[Stage, ...], failure: str = "") -> Report:
+        """The report of a run that has come to its end, or to a ``failure``."""
+        scene = self.scene
+        results = [] if failure else read_results(self.decision, self.place)
+        told = [result.report(scene, self.out) for result in results]
+        measurements = [item for one in told for item in one.measurements]
+        solution = self._said("solve").get("solution")
+        return Report(
+            scene=scene.name,
+            adapter=self._adapters(),
+            status="failed" if failure else "done",
+            stages=stages,
+            solution=None if solution is None else SolutionSummary(**solution["summary"]),
+            mechanics=None if solution is None else self._mechanics(solution),
+            meshes=Notes.of(self._said("meshes")).meshes,
+            measurements=tuple(measurements),
+            published=_published(scene, measurements),
+            warnings=self._warnings(results),
+            description=scene.description,
+            failure=failure,
+            facts=self._facts(),
+            scene_text=scene.to_toml(),
+            frames=_pairs(scene, self.out, told),
+            series=tuple(item for one in told for item in one.series),
+            overlays=tuple(item for one in told for item in one.overlays),
+            residuals=() if solution is None else tuple(solution["residuals"]),
+            tolerance=scene.solver.tolerance,
+            figures=tuple(item for one in told for item in one.figures),
+            links=self._links(),
+        )
+
+    def scene_text(self) -> str:
+        """The resolved scene, and what it is run with."""
+        head = f"# resolved by gpusim {__version__}; adapter: {self._adapters()}\n"
+        return head + self.scene.to_toml()
+
+    @cached_property
+    def _tasks(self) -> list[Task]:
+        """Of results that are kept, in the order of the stages."""
+        graph = self.decision.graph
+        return [graph.tasks[key] for key in graph.kept(self.place)]
+
+    def _record_notes(self, task: Task) -> Mapping[str, Any]:
+        assert self.decision.store is not None
+        record = self.decision.store.find(task.key)
+        return {} if record is None else record.notes
+
+    def _said(self, stage: str) -> Mapping[str, Any]:
+        """The notes of a stage with one record; nothing if there is none."""
+        task = next((task for task in self._tasks if task.stage.name == stage), None)
+        return {} if task is None else self._record_notes(task)
+
+    def _adapters(self) -> str:
+        """What the results were made on, by this run or before it."""
+        made = [
+            self.session.adapter if task.runs else Notes.of(self._record_notes(task)).adapter
+            for task in self._tasks if task.stage.on_device
+        ]  # fmt: skip
+        return "; ".join(dict.fromkeys(filter(None, made))) or "not needed"
+
+    def _mechanics(self, solution: Mapping[str, Any]) -> Mechanics:
+        """Of the last frame in which something has moved; linear, so load groups add up."""
+        last = self.frames.last_moved
+        reactions, loads = [], []
+        rows = zip(
+            self.scene.bodies,
+            solution["reactions"],
+            solution["applied"],
+            self.frames[last].shown.states,
+            strict=True,
+        )
+        for body, held, applied, state in rows:
+            weights = np.zeros(len(held)) if state is None else np.array(state)
+            forces = np.tensordot(weights, np.array(held), axes=1)
+            for support, (x, y, z) in zip(body.supports, forces.tolist(), strict=False):
+                reactions.append(BodyForce(body.name, support.name, (x, y, z)))
+            x, y, z = (weights @ np.array(applied)).tolist()
+            loads.append(BodyForce(body.name, "loads", (x, y, z)))
+        peaks = tuple(
+            StressPeak(**{**row, "position": tuple(row["position"])})
+            for row in self._said("stress").get("peaks", ())
+        )
+        return Mechanics(last, solution["energy_balance"], tuple(reactions), tuple(loads), peaks)
+
+    def _noted(self, first: bool) -> list[Notes]:
+        """In the order of the stages; the ``first`` ones, or the others."""
+        return [
+            Notes.of(self._record_notes(task)) for task in self._tasks
+            if (task.stage.name in _FIRST) == first
+        ]  # fmt: skip
+
+    def _warnings(self, results: Sequence[Result]) -> tuple[str, ...]:
+        once: dict[str, str] = {}
+        rest = []
+        for notes in self._noted(first=False):
+            rest += notes.warnings
+            for about, text in notes.first_warnings.items():
+                if about not in once:
+                    once[about] = text
+                    rest.append(text)
+        return (
+            *self.plan.warnings,
+            *(text for notes in self._noted(first=True) for text in notes.warnings),
+            *(f"{name} is of an earlier scene and was changed since" for name in self.changed),
+            *(text for result in results for text in result.warnings),
+            *rest,
+        )
+
+    def _facts(self) -> dict[str, str]:
+        facts = {"Python": platform.python_version()} | dict(Notes.of(self._said("solve")).facts)
+        facts |= {f"camera {one.name}": effects(self.scene, one) for one in self.scene.cameras}
+        for notes in (*self._noted(first=True), *self._noted(first=False)):
+            facts |= notes.facts
+        device = vars(self.session).get("device")  # if it was opened
+        spent = {} if device is None else _device_seconds(device, self.before)
+        return facts | self.session.kept.get("solver seconds", {}) | spent
+
+    def _links(self) -> tuple[Link, ...]:
+        """Links to this run's files; what an earlier scene left in the folder isn't among them."""
+        assert self.decision.store is not None
+        current = self.decision.graph.current(self.place, self.decision.store)
+        files = {inside(self.out, name) for name in current if not name.startswith(".")}
+        links = [Link("Ground truth (HDF5)", file) for file in files if file.name == "truth.h5"]
+        links.append(Link("Scene as it was run", inside(self.out, "scene.toml")))
+        links.append(Link("Numbers of this report", inside(self.out, "report.json")))
+        for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
+            links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
+        return tuple(links)
+
+
+def read_results(decision: Decision, place: str) -> list[Result]:
+    """What was measured in the scene at a place."""
+    store, graph = decision.store, decision.graph
+    assert store is not None
+    results = []
+    for spec in decision.scenes[place].measures:
+        (key,) = graph.records[place][f"measure/{spec.name}"]
+        record = store.find(key)
+        assert record is not None, spec.name
+
+        def read(path: str, record: Record = record) -> InputFile:
+            return store.read(record, f"measure/{Path(path).name}")
+
+        folder = inside(decision.folders[place].path, "measure")
+        results.append(kind_of(spec).result.read(folder, spec.name, read))
+    return results
+
+
+def learn(speed: Speed, plan: Plan, stages: Sequence[Stage], session: Session) -> None:
+    """Keep how long the ``stages`` of a finished run took, for later plans."""
+    seconds = {stage.name: stage.seconds for stage in stages}
+    spent: dict[str, float] = {}
+    for planned in plan.stages:
+        if planned.runs and planned.name in seconds:
+            spent[planned.kind] = spent.get(planned.kind, 0.0) + seconds[planned.name]
+    done = {work: spent[work.kind] for work in plan.works if work.kind in spent}
+    if done:
+        device = vars(session).get("device")
+        speed.learn(done, "" if device is None else device.name)
+        speed.save()
+
+
+def _device_seconds(device: Device, before: Mapping[str, float]) -> dict[str, str]:
+    """What a run took on the device, by stage; the device may be older than the run."""
+    spent = {
+        name: seconds - before.get(name, 0.0)
+        for name, seconds in sorted(device.timer.seconds().items())
+    }
+    return {f"device: {name}": f"{value:.2f} s" for name, value in spent.items() if value > 0.0}
+
+
+def failure_text(error: BaseException) -> str:
+    """The message, with the error's type where it isn't one of gpusim's own."""
+    return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
+
+
+def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Published, ...]:
+    """The main number of each measure beside what somebody else reached."""
+    rows = []
+    for spec in scene.measures:
+        own = [item for item in measurements if item.name.startswith(f"{spec.name}: ")]
+        other = getattr(spec, "published", None)
+        if other is not None and own:
+            rows.append(Published(own[0].name, own[0].error_relative, other.error, other.source))
+    return tuple(rows)
+
+
+def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair, ...]:
+    factors = scene.analysis.load_factors
+    last = len(factors) - 1
+    objects = [thing for body in scene.bodies for thing in (*body.loads, *body.supports)]
+    own = any(thing.amplitude != factors for thing in objects)  # the factors don't tell all then
+    word = frame_word(scene).replace("_", " ")
+    when = f"frames 0 and {last}" if own else f"{word} {factors[0]:g} and {factors[last]:g}"
+    pairs = []
+    for camera in scene.cameras:
+        paths = [image_path(scene, out, camera.name, k) for k in (0, last)]
+        if last == 0 or not all(path.is_file() for path in paths):
+            continue
+        crops = [crop for one in told for crop in one.crops.get(camera.name, ())]
+        columns, rows = camera.resolution
+        caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
+        bits = scene.sensor_of(camera.name).bits
+        pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits))
+    return tuple(pairs)

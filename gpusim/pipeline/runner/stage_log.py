@@ -1,0 +1,79 @@
+"""What became of a run's stages: told while they are worked off, and afterwards in reports."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from threading import Lock
+
+from gpusim.graph.graph import Task
+from gpusim.plan.decision import Decision
+from gpusim.plan.plan import Plan
+from gpusim.report import Stage
+
+__all__ = ["Progress", "StageLog", "public_name"]
+
+Progress = Callable[[str, float, str], None]
+
+
+def public_name(place: str, stage: str) -> str:
+    """What a stage of a variant is called in the whole: ``<variant>/<stage>``."""
+    return f"{place.removeprefix('variants/')}/{stage}" if place else stage
+
+
+class StageLog:
+    """The public stages of a ``decision``. ``progress`` is called by one thread at a time."""
+
+    def __init__(self, decision: Decision, plan: Plan, progress: Progress) -> None:
+        self._progress, self._lock = progress, Lock()
+        self._public = {place: decision.public(place) for place in decision.scenes}
+        self._details = {stage.name: stage.detail for stage in plan.stages}
+        self._left: Counter[tuple[str, str]] = Counter()
+        self._names: dict[str, tuple[str, str]] = {}
+        for place, stages in self._public.items():
+            for stage in stages:
+                for task in stage.tasks:
+                    if task.runs and task.places[0][0] == place and task.key not in self._names:
+                        self._names[task.key] = place, stage.name
+                        self._left[place, stage.name] += 1
+
+    def begin(self, place: str) -> None:
+        """Tell what isn't run."""
+        for stage in self._public[place]:
+            if not stage.runs:
+                name = public_name(place, stage.name)
+                self.tell(name, 1.0, f"{stage.state}: {stage.reason}")
+
+    def observe(self, task: Task, done: float, words: str) -> None:
+        """Hear how far a task is."""
+        if task.key not in self._names:
+            return
+        place, stage = self._names[task.key]
+        name = public_name(place, stage)
+        if done >= 1.0:
+            with self._lock:
+                self._left[place, stage] -= 1
+                whole = not self._left[place, stage]
+            if not whole:
+                return
+        elif not words:
+            words = self._details.get(name, "")
+        self.tell(name, done, words)
+
+    def tell(self, name: str, done: float, words: str) -> None:
+        """Pass it on."""
+        with self._lock:
+            self._progress(name, done, words)
+
+    def stages(self, place: str, failed: Task | None = None, why: str = "") -> tuple[Stage, ...]:
+        """The stages of a scene that came to their end; of a run that a task ended, with the
+        reason ``why``."""
+        told = []
+        for stage in self._public[place]:
+            own = place, stage.name
+            seconds = sum(task.seconds for task in stage.tasks if self._names.get(task.key) == own)
+            if failed is not None and failed in stage.tasks:
+                told.append(Stage(stage.name, "failed", why, seconds))
+            elif not stage.runs or not self._left[place, stage.name]:
+                told.append(Stage(stage.name, stage.state, stage.reason, seconds))
+        return tuple(told)

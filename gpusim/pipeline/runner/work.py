@@ -1,0 +1,164 @@
+"""The work of a run: scenes made into their folders, each reported as soon as it is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+from gpusim.files.atomic_files import clean_leftovers, write_text
+from gpusim.files.output_folder import delete, inside
+from gpusim.gpu import Device
+from gpusim.gpu.warmup import compile_during
+from gpusim.graph.runner import Runner, StageFailed
+from gpusim.graph.session import Session
+from gpusim.graph.store import Store
+from gpusim.pipeline.checks.resources import check_memory, check_views
+from gpusim.pipeline.runner.scene_report import SceneReport
+from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
+from gpusim.plan.decision import decide
+from gpusim.plan.machine_speed import Speed
+from gpusim.plan.plan import plan_of
+from gpusim.plan.programs import earlier_programs, keep_programs
+from gpusim.plan.stages import RunOptions
+from gpusim.report import Report, prepare_figures, write_report
+from gpusim.scene import Scene
+
+__all__ = ["Work"]
+
+
+class Work:
+    """Scenes run into places of one folder, ``out``.
+
+    ``scene``: what they are states of. ``reports``: by place, of those that are done.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        states: Mapping[str, Scene],
+        out: Path,
+        options: RunOptions,
+        progress: Progress,
+        store: Path | None = None,
+        verify: bool = False,
+    ) -> None:
+        self.scene, self.out, self._shared = scene, out, store is not None
+        self.speed = Speed.read(options.backend)
+        self.decision = decide(states, out, options, store, verify)
+        self.plan = plan_of(scene, self.decision, self.speed)
+        self.log = StageLog(self.decision, self.plan, progress)
+        self.session = Session(options)
+        self.reports: dict[str, Report] = {}
+        self._device_before: dict[str, float] = {}
+
+    @property
+    def store(self) -> Store:
+        """Where results are kept."""
+        assert self.decision.store is not None
+        return self.decision.store
+
+    def run(self) -> None:
+        """Make everything and write the reports of the scenes.
+
+        Raises
+        ------
+        GpusimError, ...
+            What is wrong before anything is written.
+        StageFailed
+            Of what a stage raises later; what was finished by then is kept.
+        """
+        check_memory(self.plan)
+        for scene in self.decision.scenes.values():
+            check_views(scene)
+        with self._device() as device:
+            runner = Runner(
+                self.decision.graph, self.store, self.decision.folders, self.session,
+                self.log.observe,
+            )  # fmt: skip
+            try:
+                runner.make_early()
+            except StageFailed as failed:
+                raise failed.__cause__ or failed from None
+            self._begin()
+            try:
+                self._make(runner)
+            finally:
+                if device is not None:
+                    keep_programs(self.out, device.programs.asked)
+                self._close()
+
+    @contextmanager
+    def _device(self) -> Iterator[Device | None]:
+        """Open the device before anything else, if a stage that runs needs it."""
+        needed = any(task.stage.on_device for task in self.decision.graph.order())
+        device = self.session.device if needed else None
+        if device is None:
+            yield None
+            return
+        self._device_before = device.timer.seconds()
+        prepare_figures()
+        device.programs.asked.clear()
+        with compile_during(device, earlier_programs(self.out)):
+            yield device
+
+    def _begin(self) -> None:
+        """The first that is written: what an earlier run left is put in order."""
+        clean_leftovers(self.out)
+        self.store.clean()
+        runs = bool(self.decision.graph.order())
+        for folder in {self.out, *(one.path for one in self.decision.folders.values())}:
+            # an earlier report must not speak for what a killed run leaves behind
+            for name in ("report.html", "report.json") if runs else ():
+                delete(folder, name)
+        delete(self.out, "state.json")  # of a gpusim that had no store
+        if "" not in self.decision.folders:
+            write_text(inside(self.out, "scene.toml"), self.scene.to_toml())
+        for place, folder in self.decision.folders.items():
+            write_text(inside(folder.path, "scene.toml"), self._scene_report(place).scene_text())
+            for key in self.decision.graph.kept(place):
+                record = self.store.find(key)
+                if record is not None and not self.decision.graph.tasks[key].runs:
+                    folder.show(record, self.store)
+            self.log.begin(place)
+
+    def _make(self, runner: Runner) -> None:
+        """Work off the graph; pages are made by a thread of their own."""
+        with ThreadPoolExecutor(1, "gpusim.report") as pages:
+            written: list[Future[None]] = []
+            runner.work(lambda place: written.append(pages.submit(self._report, place)))
+            for page in written:
+                page.result()
+
+    def _report(self, place: str) -> None:
+        """Write the report of a scene whose results are all there."""
+        folder, graph = self.decision.folders[place], self.decision.graph
+        changed = folder.retire(graph.current(place, self.store))
+        folder.depends(graph.parts[place])
+        name = public_name(place, "report")
+        self.log.tell(name, 0.0, "figures and page")
+        report = self._scene_report(place, changed).report(self.log.stages(place))
+        write_report(report, folder.path)
+        self.reports[place] = report
+        self.log.tell(name, 1.0, "report.html, report.json")
+
+    def _scene_report(self, place: str, changed: list[str] | None = None) -> SceneReport:
+        return SceneReport(self.decision, place, self.plan, self.session, changed or [],
+                           self._device_before)  # fmt: skip
+
+    def failed_report(self, place: str, failed: StageFailed, why: str) -> Report:
+        """Of a scene that ``failed``."""
+        stages = self.log.stages(place, failed.task, why)
+        return self._scene_report(place).report(stages, failure=why)
+
+    def _close(self) -> None:
+        """What nobody needs any more goes; logs are put in order."""
+        self.session.values.clear()
+        self.session.kept.clear()
+        for folder in self.decision.folders.values():
+            folder.close()
+        if not self._shared:
+            places = self.decision.scenes
+            self.store.collect(key for one in places for key in self.decision.graph.kept(one))
+        self.store.close()

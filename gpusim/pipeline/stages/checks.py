@@ -1,0 +1,32 @@
+"""What is doubtful about a scene: of its geometry before any work, of linear theory afterwards."""
+
+from __future__ import annotations
+
+from gpusim.graph.runner import Inputs
+from gpusim.graph.session import Session
+from gpusim.graph.stage import Made
+from gpusim.pipeline.build.scene_objects import scene_objects
+from gpusim.pipeline.checks.warnings import geometry_warnings
+from gpusim.pipeline.notes import notes_of
+from gpusim.scene import Scene
+
+__all__ = ["geometry", "linear_theory"]
+
+
+def geometry(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """Warnings. Raises InputError for a measure that can't work."""
+    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row])
+    if scene.calibration is not None:
+        objects.board = scene.calibration.board
+    return Made(notes=notes_of(geometry_warnings(objects)))
+
+
+def linear_theory(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """How far it is off for each body."""
+    from gpusim.pipeline.checks.linear_theory import linear_errors
+
+    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row])
+    errors = linear_errors(objects, [inputs[f"model/{body.name}"].model for body in scene.bodies])
+    warnings = [one.warning for one in errors if one.warning]
+    facts = {f"linear statics, {one.body}": one.fact for one in errors}
+    return Made(notes=notes_of(warnings, facts))

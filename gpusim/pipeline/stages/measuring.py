@@ -1,0 +1,68 @@
+"""Measurements of a run, one after the other."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from gpusim.export.images import keep, read_image, recall
+from gpusim.graph.runner import Inputs
+from gpusim.graph.session import Session
+from gpusim.graph.stage import Made
+from gpusim.measure.targets.boards import Sighting
+from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
+from gpusim.pipeline.measurements.kinds import kind_of, measured
+from gpusim.pipeline.measurements.marker_tracking import MarkerCache
+from gpusim.pipeline.measurements.sources import Sources, read_corners
+from gpusim.pipeline.stages.images import corners_name, image_name
+from gpusim.scene import Scene
+
+__all__ = ["measure", "tracks"]
+
+
+def measure(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """One measurement."""
+    (spec,) = scene.measures
+    place = inputs.scratch / "measure"
+    if inputs.has(f"tracks/{spec.name}"):
+        for name in inputs.names(f"tracks/{spec.name}"):
+            place.mkdir(exist_ok=True)
+            shutil.copy(inputs.path(f"tracks/{spec.name}", name), place / Path(name).name)
+    result = measured(spec, scene, _objects(scene, inputs), _sources(scene, inputs, place))
+    result.write(place)
+    return Made(_files(inputs), words=result.note)
+
+
+def tracks(scene: Scene, inputs: Inputs, session: Session) -> Made:
+    """What can be found for one while a calibration's pictures are taken."""
+    (spec,) = scene.measures
+    prepare = kind_of(spec).prepare
+    if prepare is not None:
+        place = inputs.scratch / "measure"
+        prepare(spec, scene, _objects(scene, inputs), _sources(scene, inputs, place))
+    return Made(_files(inputs))
+
+
+def _objects(scene: Scene, inputs: Inputs) -> SceneObjects:
+    return scene_objects(scene, inputs, [one.shown for one in inputs.row])
+
+
+def _files(inputs: Inputs) -> dict[str, Path]:
+    return {f"measure/{path.name}": path for path in sorted(inputs.scratch.glob("measure/*"))}
+
+
+def _sources(scene: Scene, inputs: Inputs, place: Path) -> Sources:
+    def image(camera: str, frame: int) -> npt.NDArray[Any]:
+        stage, name = f"render/{camera}", image_name(scene, camera, frame)
+        path = inputs.path(stage, name)
+        known = recall(path)
+        return known if known is not None else keep(path, read_image(inputs.read(stage, name)))
+
+    def corners(camera: str, pose: int) -> Sighting:
+        name = corners_name(image_name(scene, camera, pose, "calib-"))
+        return read_corners(scene, inputs.read(f"calib-render/{camera}", name))
+
+    return Sources(image, corners, MarkerCache(place))
