@@ -22,6 +22,7 @@ __all__ = ["INNER", "Folder"]
 
 INNER = ".gpusim"
 """The folder in it that is no user's business."""
+_NAME = "folder.log"
 Parts = Mapping[str, Mapping[str, str]]
 
 
@@ -32,12 +33,10 @@ class Folder:
         self.path = path
         self._names: dict[str, FileFacts] = {}
         self._parts: dict[str, dict[str, str]] = {}
-        lines, _ = read_log(path / INNER / "folder.log")
-        self._lines = len(lines)
-        for line in lines:
+        self._log: Log | None = None
+        for line in read_log(path / INNER / _NAME)[0]:
             with suppress(KeyError, TypeError, ValueError, AttributeError):
                 self._take(line)
-        self._log = Log(path / INNER / "folder.log")
 
     def _take(self, line: Mapping[str, Any]) -> None:
         for name, (sha256, size, changed) in line.get("names", {}).items():
@@ -89,22 +88,25 @@ class Folder:
             self._append({"parts": new})
 
     def close(self) -> None:
-        """Flush; of a log that is mostly of the past, what still holds is written anew."""
-        self._log.close()
-        if self._lines <= 2 * len(self._names) + 16:
-            return
-        whole = Log(self.path / INNER / f".folder.{os.getpid()}-{secrets.token_hex(4)}.part")
-        for name, facts in self._names.items():
-            whole.append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
-        whole.append({"parts": self._parts})
-        whole.close()
-        os.replace(whole.path, self._log.path)
-        self._lines = len(self._names) + 1
+        """Flush."""
+        if self._log is not None:
+            self._log.close()
 
     def _append(self, content: Mapping[str, Any]) -> None:
-        inside(self.path, INNER)
+        if self._log is None:
+            self._log = self._begin()
         self._log.append(content)
-        self._lines += 1
+
+    def _begin(self) -> Log:
+        """A new log with what holds: the file that lies there may be another's, too."""
+        inside(self.path, INNER).mkdir(parents=True, exist_ok=True)
+        path = inside(self.path, INNER, _NAME)
+        log = Log(path.with_name(f".{_NAME}.{os.getpid()}-{secrets.token_hex(4)}.part"))
+        for name, facts in self._names.items():
+            log.append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
+        log.append({"parts": self._parts})
+        os.replace(log.path, path)
+        return log
 
 
 def _link(blob: Path, path: Path) -> None:

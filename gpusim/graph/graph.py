@@ -26,8 +26,8 @@ _REPORT = "report"
 class Task:
     """A record to be made, or found.
 
-    ``needs``: keys of tasks by stage. ``places``: (folder, record) that show it, the first one makes
-    it. ``order``: scenes that share values in memory are worked off side by side: the first scene
+    ``needs``: keys of tasks by stage. ``places``: (folder, record) that show it, the first one
+    makes it. ``order``: scenes that share values in memory are worked off side by side: the first scene
     that has them, then the stage's position, the record, the scene. ``seconds``: what it took.
     """
 

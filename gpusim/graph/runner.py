@@ -209,18 +209,17 @@ class Runner:
             return
         try:
             inputs = Inputs(task, self)
-            made = self._early.pop(task.key, None)
-            if made is None and task.stage.on_device:
-                made = self._made(task, inputs)
+            known = self._early.pop(task.key, None)
+            if known is None and task.stage.on_device:
+                known = self._made(task, inputs)
         except BaseException:
             self.store.release(task.key)
             raise
         if task.stage.on_device:
             self._writing += 1
-            pool.submit(self._keep, task, lambda: made, inputs)
         else:
             self._beside += 1
-            pool.submit(self._keep, task, lambda: made or self._made(task, inputs), inputs)
+        pool.submit(self._keep, task, lambda: known or self._made(task, inputs), inputs)
 
     def _made(self, task: Task, inputs: Inputs) -> Any:
         """Call a stage's function. Raises StageFailed."""

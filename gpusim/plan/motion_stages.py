@@ -1,4 +1,4 @@
-"""The stages that find a scene's motion, for each kind of analysis: they end in ``motion/<body>``."""
+"""The stages that find a scene's motion, for each kind of analysis; ``motion/<body>`` ends them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def static_stages(build: StageBuilder) -> Iterator[Stage]:
         yield build.stage(f"model/{body.name}", "mechanics:model", [f"body.{body.name}.solid"],
                           {f"mesh/{body.name}": first}, [cases], "model")  # fmt: skip
     yield build.stage("solve", "mechanics:solve_scene", ["solver", "body.*.formulation"],
-                      build.of_bodies("model"), shown="solve", keeps=True, on_device=True)  # fmt: skip
+                      build.of_bodies("model"), [None], "solve", keeps=True,
+                      on_device=True)  # fmt: skip
     yield build.stage("solution", "mechanics:solution", needs={"solve": first})
     for number, name in enumerate(build.bodies):
         yield build.stage(f"motion/{name}", "mechanics:superposed", needs={"solution": first},

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from gpusim.graph.stage import digest
 from gpusim.plan.decision import Decision, PublicStage, decide, states_of
-from gpusim.plan.machine_speed import Speed
+from gpusim.plan.machine_speed import Speed, Workload
 from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
@@ -57,7 +57,8 @@ def plan_of(scene: Scene, decision: Decision, speed: Speed | None = None) -> Pla
     """A decision in words and figures; with variants stages are named ``<variant>/<stage>``, and
     their comparison comes last."""
     compiled: set[str] = set()  # by one process, once
-    stages, works = [], []
+    stages: list[PlannedStage] = []
+    works: list[Workload] = []
     for place, state in decision.scenes.items():
         plan = _ScenePlan(state, place, decision, speed, compiled).plan()
         prefix = f"{place.removeprefix('variants/')}/" if place else ""

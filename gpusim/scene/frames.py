@@ -45,8 +45,8 @@ class Shown(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """A row of the table: the frame's ``number``, its load ``factor`` (of given displacements: their
-    time), its ``time`` (s) where frames have a rate, and what is ``shown``."""
+    """A row of the table: the frame's ``number``, its load ``factor`` (of given displacements:
+    their time), its ``time`` (s) where frames have a rate, and what is ``shown``."""
 
     number: int
     factor: float

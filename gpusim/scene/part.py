@@ -1,7 +1,7 @@
 """Parts of a scene: a scene that has nothing but what a stage's key names.
 
-A stage gets such a part in place of the scene, so that it can't depend on what its key doesn't hold:
-to read anything else is an AttributeError.
+A stage gets such a part in place of the scene, so that it can't depend on what its key doesn't
+hold: to read anything else is an AttributeError.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ Bodies held at both ends also stiffen because they are stretched; that isn't in 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np

@@ -36,7 +36,7 @@ from gpusim.pipeline.measurements.marker_detection import (
     fit_crosses,
     size_range,
 )
-from gpusim.pipeline.stages.images import level_warnings
+from gpusim.pipeline.stages.exposure import level_warnings
 
 __all__ = ["MarkerCache", "MarkerTracks", "track_markers"]
 

@@ -161,13 +161,13 @@ class SceneReport:
         ]  # fmt: skip
 
     def _warnings(self, results: Sequence[Result]) -> tuple[str, ...]:
-        once: dict[str, str] = {}
-        rest = []
+        once: set[str] = set()
+        rest: list[str] = []
         for notes in self._noted(first=False):
             rest += notes.warnings
             for about, text in notes.first_warnings.items():
                 if about not in once:
-                    once[about] = text
+                    once.add(about)
                     rest.append(text)
         return (
             *self.plan.warnings,
@@ -184,7 +184,8 @@ class SceneReport:
             facts |= notes.facts
         device = vars(self.session).get("device")  # if it was opened
         spent = {} if device is None else _device_seconds(device, self.before)
-        return facts | self.session.kept.get("solver seconds", {}) | spent
+        solver: dict[str, str] = self.session.kept.get("solver seconds", {})
+        return facts | solver | spent
 
     def _links(self) -> tuple[Link, ...]:
         """Links to this run's files; what an earlier scene left in the folder isn't among them."""

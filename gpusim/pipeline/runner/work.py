@@ -108,10 +108,10 @@ class Work:
         clean_leftovers(self.out)
         self.store.clean()
         runs = bool(self.decision.graph.order())
-        for folder in {self.out, *(one.path for one in self.decision.folders.values())}:
+        for path in {self.out, *(one.path for one in self.decision.folders.values())}:
             # an earlier report must not speak for what a killed run leaves behind
             for name in ("report.html", "report.json") if runs else ():
-                delete(folder, name)
+                delete(path, name)
         delete(self.out, "state.json")  # of a gpusim that had no store
         if "" not in self.decision.folders:
             write_text(inside(self.out, "scene.toml"), self.scene.to_toml())

@@ -31,7 +31,8 @@ _CHILD = (
 class BackgroundSolver:
     """The solution of a scene in the making.
 
-    ``progress``: 0 to 1, and words. ``done``: with files below ``folder`` as a run writes them. ``fault``: what ended it otherwise.
+    ``progress``: 0 to 1, and words. ``done``: with files below ``folder`` as a run writes them.
+    ``fault``: what ended it otherwise.
     """
 
     def __init__(self, scene: Scene) -> None:

@@ -41,8 +41,8 @@ class Content:
 
     ``files``: those that it was made of. ``objects``: the scene's bodies and props; None for a
     mesh, whose surfaces are ``parts``, and ``part_skins`` of those that have elements.
-    ``cameras``: the scene's. ``lights``: None where there are none. ``solution``, ``stresses``: once
-    there are some.
+    ``cameras``: the scene's. ``lights``: None where there are none. ``solution``, ``stresses``:
+    once there are some.
     """
 
     title: str
