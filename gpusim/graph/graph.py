@@ -27,8 +27,9 @@ class Task:
     """A record to be made, or found.
 
     ``needs``: keys of tasks by stage. ``places``: (folder, record) that show it, the first one
-    makes it. ``order``: scenes that share values in memory are worked off side by side: the first scene
-    that has them, then the stage's position, the record, the scene. ``seconds``: what it took.
+    makes it. ``order``: scenes that share values in memory are worked off side by side: the first
+    scene that has them, then the stage's position, the record, the scene. ``seconds``: what it
+    took.
     """
 
     stage: Stage
@@ -40,6 +41,10 @@ class Task:
     state: State = "skipped"
     reason: str = ""
     seconds: float = 0.0
+
+    def first_in(self, folder: str) -> tuple[str, int]:
+        """The first place in a folder that shows it."""
+        return next(place for place in self.places if place[0] == folder)
 
     @property
     def runs(self) -> bool:

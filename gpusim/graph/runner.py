@@ -219,7 +219,10 @@ class Runner:
             self._writing += 1
         else:
             self._beside += 1
-        pool.submit(self._keep, task, lambda: known or self._made(task, inputs), inputs)
+        if known is not None and all(isinstance(one, bytes) for one in known.files.values()):
+            self._keep(task, lambda: known, inputs)  # small: who needs it can go on at once
+        else:
+            pool.submit(self._keep, task, lambda: known or self._made(task, inputs), inputs)
 
     def _made(self, task: Task, inputs: Inputs) -> Any:
         """Call a stage's function. Raises StageFailed."""

@@ -73,9 +73,8 @@ class Stage:
 
 @dataclass(frozen=True)
 class Made:
-    """A record of a stage that keeps: its ``files`` by their names in the output folder (one that
-    begins with a dot stays in the store), ``notes`` as plain data, and a few words for who waits.
-    """
+    """A record of a stage that keeps: its ``files`` by their names in the output folder, ``notes``
+    as plain data, and a few words for who waits."""
 
     files: Mapping[str, Output] = field(default_factory=dict)
     notes: Mapping[str, Any] = field(default_factory=dict)

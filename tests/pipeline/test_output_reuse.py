@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gpusim.plan.state import StateFile
 
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.files.output_folder import LOCK
-from gpusim.plan.state import StateFile
 from tests.support.small_scene import DOCUMENT, small_scene
 
 # flat cells, a load that bends the bar too far for linear statics, a marker too near to the edge

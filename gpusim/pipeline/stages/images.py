@@ -74,7 +74,7 @@ def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "")
 def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     """A camera's frame, drawn; the last one of the camera where that shows the same."""
     (camera,) = scene.cameras
-    frames, now, between, board = inputs.row
+    frames, now, between, board = inputs.row[:4]
     objects = scene_objects(scene, inputs, frames)
     objects.board = board
     around = [objects.surfaces(number) for number in range(len(frames))]

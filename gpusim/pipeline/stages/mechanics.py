@@ -23,9 +23,9 @@ from gpusim.graph.stage import Made
 from gpusim.motion import Given, Superposed
 from gpusim.pipeline.build.modelling import BodyModel, build_body_model, build_model, temperature
 from gpusim.pipeline.build.scene_objects import (
-    SceneObjects,
+    MovingBodies,
     SceneSolution,
-    scene_objects,
+    moving_bodies,
     solver_seconds,
 )
 from gpusim.pipeline.build.surfaces import MeshedBody, build_body
@@ -135,7 +135,7 @@ def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
 def stress(scene: Scene, inputs: Inputs, session: Session) -> Made:
     """Stress of every body in every frame that moves."""
     frames = FrameTable(inputs.row)
-    objects = scene_objects(scene, inputs, [one.shown for one in frames])
+    objects = moving_bodies(scene, inputs, [one.shown for one in frames])
     models = [inputs[f"model/{body.name}"].model for body in scene.bodies]
     place = inputs.scratch / "stress.npz"
     peaks = write_stresses(place, objects, models, frames, session.options.skip, inputs.progress)
@@ -232,7 +232,7 @@ class Stresses:
 
 def write_stresses(
     path: Path,
-    objects: SceneObjects,
+    objects: MovingBodies,
     models: Sequence[fem.Model],
     frames: FrameTable,
     scaled: bool,
@@ -266,7 +266,7 @@ def write_stresses(
     return peaks
 
 
-def _recovered(objects: SceneObjects, number: int, model: fem.Model, frame: int) -> fem.Stress:
+def _recovered(objects: MovingBodies, number: int, model: fem.Model, frame: int) -> fem.Stress:
     body = objects.scene.bodies[number]
     u = objects.displacement(number, frame)
     return fem.stress(model, u, body.formulation, temperature=temperature(body, frame) or None)

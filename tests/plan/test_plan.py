@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import copy
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gpusim.errors import InputError, SceneError
+from gpusim.errors import SceneError
 from gpusim.optics.light.lights import EnvironmentLight
 from gpusim.pipeline.build.lights import build_lights
+from gpusim.plan.decision import decide, states_of
 from gpusim.plan.plan import Plan, make_plan
-from gpusim.plan.stages import START_SECONDS
-from gpusim.plan.state import StateFile
+from gpusim.plan.programs import earlier_programs, keep_programs
+from gpusim.plan.stages import START_SECONDS, RunOptions
 from gpusim.scene import Scene, load_scene
-
-PERSISTENT = ("solve", "render", "truth", "measure", "export")
 
 
 @pytest.fixture(scope="module")
@@ -25,18 +25,18 @@ def crane(checkout: Path) -> Scene:
     return load_scene(checkout / "examples" / "crane.toml")
 
 
-def pretend_run(plan: Plan, out: Path) -> None:
-    """Write what a run of the plan would: one file per stage that writes any."""
-    out.mkdir(exist_ok=True)
-    state = StateFile(out)
-    for stage in plan.stages:
-        if stage.runs and stage.name == "mesh":
-            state.record("mesh", stage.key, [], {})
-        if stage.runs and stage.name.split("/")[0] in PERSISTENT:
-            path = out / f"{stage.name}.bin"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(stage.key, encoding="utf-8")
-            state.record(stage.name, stage.key, [path])
+def pretend_run(scene: Scene, out: Path) -> None:
+    """Keep what a run would: a file of each stage that writes any."""
+    decision = decide(states_of(scene), out, RunOptions("gpu"))
+    assert decision.store is not None
+    for task in decision.graph.order():
+        name = f"{task.stage.name}/{task.record}.bin"
+        record = decision.store.put(task.key, task.stage.name, {name: task.key.encode()}, {})
+        decision.folders[""].show(record, decision.store)
+    decision.folders[""].depends(decision.graph.parts[""])
+    decision.folders[""].close()
+    decision.store.collect(decision.graph.kept(""))
+    decision.store.close()
 
 
 def states(plan: Plan) -> dict[str, str]:
@@ -68,7 +68,7 @@ def test_a_new_run_of_the_crane(crane: Scene, tmp_path: Path) -> None:
 
 
 def test_nothing_changed(crane: Scene, tmp_path: Path) -> None:
-    pretend_run(make_plan(crane, tmp_path), tmp_path)
+    pretend_run(crane, tmp_path)
     plan = make_plan(crane, tmp_path)
     assert running(plan) == {"report"}
     assert plan["mesh"].state == plan["model"].state == plan["surface"].state == "skipped"
@@ -100,7 +100,7 @@ def test_nothing_changed(crane: Scene, tmp_path: Path) -> None:
         ("output.vtu", False, {"mesh", "surface", "export"}),
         ("output.truth", ["flow"], {"mesh", "surface", "truth"}),
         ("output.truth", [], set()),
-        ("name", "Another crane", set()),
+        ("name", "Another crane", {"mesh", "surface", "truth"}),  # which says whose it is
         ("body.crane.paint.steel.albedo", 0.3,
          {"mesh", "surface", "render/front/0000", "render/front/0001", "truth", "measure",
           "export"}),
@@ -109,7 +109,7 @@ def test_nothing_changed(crane: Scene, tmp_path: Path) -> None:
 def test_a_change_runs_what_depends_on_it(
     crane: Scene, tmp_path: Path, key: str, value: object, runs: set[str]
 ) -> None:
-    pretend_run(make_plan(crane, tmp_path), tmp_path)
+    pretend_run(crane, tmp_path)
     assert running(make_plan(crane.replace(key, value), tmp_path)) == runs | {"report"}
 
 
@@ -136,8 +136,9 @@ def test_a_body_named_like_a_key_hides_no_other(crane: Scene) -> None:
 
 def test_frames_of_equal_load_have_results_of_their_own(crane: Scene, tmp_path: Path) -> None:
     scene = crane.replace("analysis.load_factors", [0.0, 1.0, 1.0])
-    pretend_run(make_plan(scene, tmp_path), tmp_path)
-    (tmp_path / "render/front/0001.bin").unlink()
+    pretend_run(scene, tmp_path)
+    with (tmp_path / "render/front/1.bin").open("r+b") as stream:
+        stream.write(b"x")
     assert running(make_plan(scene, tmp_path)) == {
         "mesh", "surface", "render/front/0001", "report",
     }  # fmt: skip
@@ -148,63 +149,67 @@ def test_going_back_and_forth_never_reuses_what_was_overwritten(
 ) -> None:
     other = crane.replace("camera.front.focal_mm", 31.0)
     for scene in (crane, other):
-        pretend_run(make_plan(scene, tmp_path), tmp_path)
+        pretend_run(scene, tmp_path)
     plan = make_plan(crane, tmp_path)
     assert plan["solve"].state == "reused"
     assert plan["render/front/0000"].runs
 
 
-@pytest.mark.parametrize("damage", ["gone", "changed", "state", "version"])
+@pytest.mark.parametrize("damage", ["gone", "changed", "torn", "no log"])
 def test_damaged_results_are_made_again(crane: Scene, tmp_path: Path, damage: str) -> None:
-    pretend_run(make_plan(crane, tmp_path), tmp_path)
-    target = tmp_path / "solve.bin"
-    state = tmp_path / "state.json"
+    pretend_run(crane, tmp_path)
+    (log,) = (tmp_path / ".gpusim" / "log").iterdir()
+    shown = tmp_path / "solve" / "0.bin"
     if damage == "gone":
-        target.unlink()
+        os.unlink(next(one for one in (tmp_path / ".gpusim/blobs").rglob("*")
+                       if one.is_file() and one.samefile(shown)))  # fmt: skip
     elif damage == "changed":
-        text = target.read_text(encoding="utf-8")
-        target.write_text(text[:-1] + ("0" if text[-1] != "0" else "1"), encoding="utf-8")
-    elif damage == "state":
-        state.write_bytes(state.read_bytes()[: state.stat().st_size // 2])
+        with shown.open("r+b") as stream:
+            stream.write(b"x")
+    elif damage == "torn":
+        lines = log.read_bytes().splitlines(keepends=True)
+        log.write_bytes(b"".join(line.replace(b'"solve"', b'"Solve"') for line in lines))
     else:
-        state.write_text(json.dumps({"version": 99, "stages": {}}), encoding="utf-8")
+        log.unlink()
     plan = make_plan(crane, tmp_path)
     assert plan["solve"].runs
-    if damage in ("gone", "changed"):
-        assert (
-            plan["solve"].reason == f"solve.bin {'is gone' if damage == 'gone' else 'was changed'}"
-        )
-        assert plan["render/front/0000"].state == "reused"
-    else:
-        assert StateFile(tmp_path).problem
-        assert plan["render/front/0000"].runs
+    assert plan["render/front/0000"].runs == (damage == "no log")
+    reasons = {"gone": "solve/0.bin is gone", "changed": "solve/0.bin was changed"}
+    assert plan["solve"].reason == reasons.get(damage, "not made yet")
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["[]", '{"version": 1}', '{"version": 1, "stages": [1]}', "3", "", "[" * 100_000],
-    ids=["list", "bare", "wrong stages", "number", "empty", "nested"],
-)
-def test_any_state_file_is_survived(tmp_path: Path, text: str) -> None:
-    (tmp_path / "state.json").write_text(text, encoding="utf-8")
-    state = StateFile(tmp_path)
-    assert state.problem
-    assert state.fault("x", "solve") == state.problem
-
-
-@pytest.mark.parametrize("at", [0, (37 << 20) + 12345, (66 << 20) - 1])
-def test_large_files_of_one_size_are_told_apart(tmp_path: Path, at: int) -> None:
-    """By every byte."""
-    path = tmp_path / "0000.tif"
-    with path.open("wb") as stream:
-        stream.truncate(66 << 20)
-    state = StateFile(tmp_path)
-    state.record("render", "key", [path])
-    assert StateFile(tmp_path).fault("key", "render") is None
-    with path.open("r+b") as stream:
-        stream.seek(at)
+def test_a_result_with_size_and_time_set_back_is_found_by_its_bytes(
+    crane: Scene, tmp_path: Path
+) -> None:
+    pretend_run(crane, tmp_path)
+    shown = tmp_path / "solve" / "0.bin"
+    before = shown.stat()
+    with shown.open("r+b") as stream:
         stream.write(b"x")
-    assert StateFile(tmp_path).fault("key", "render") == "0000.tif was changed"
+    os.utime(shown, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert make_plan(crane, tmp_path)["solve"].state == "reused"
+    plan = make_plan(crane, tmp_path, verify=True)
+    assert plan["solve"].runs and plan["solve"].reason == "solve/0.bin was changed"
+
+
+def test_a_reason_names_what_changed(crane: Scene, tmp_path: Path) -> None:
+    pretend_run(crane, tmp_path)
+    plan = make_plan(crane.replace("camera.front.focal_mm", 31.0), tmp_path)
+    assert plan["render/front/0000"].reason == "camera.front changed"
+    plan = make_plan(crane.replace("body.crane.load.weight.force_N.2", -12.0), tmp_path)
+    assert plan["render/front/0001"].reason == "body.crane.solid changed"
+    plan = make_plan(crane.replace("analysis.load_factors", [0.0, 0.5]), tmp_path)
+    assert plan["render/front/0001"].reason == "what frames show changed"
+
+
+def test_ten_thousand_frames_are_planned_in_proportion(crane: Scene) -> None:
+    """Twice as many frames have twice as many tasks, not four times."""
+    counts = []
+    for frames in (500, 1000):
+        factors = [k / (frames - 1) for k in range(frames)]
+        many = crane.replace("analysis.load_factors", factors)
+        counts.append(len(decide(states_of(many), None, RunOptions("gpu")).graph.tasks))
+    assert counts[1] - counts[0] == 2 * 500  # radiance and picture
 
 
 def test_skipped_because_the_scene_does_not_need_it(crane: Scene) -> None:
@@ -240,35 +245,6 @@ def test_no_skip_computes_even_what_is_trivially_zero(crane: Scene) -> None:
     assert make_plan(still, skip=False)["solve"].runs
 
 
-def test_files_of_a_replaced_result_go_unless_someone_changed_them(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    for name in "abcd":
-        (out / name).write_text(name)
-    state = StateFile(out)
-    state.record("export", "old", ["a", "b", "c"])
-    state.record("truth", "other", ["d"])
-    (out / "c").write_text("mine")
-    StateFile(out).record("export", "new", ["a"])
-    assert {path.name for path in out.iterdir()} == {"a", "c", "d", "state.json"}
-
-
-def test_state_takes_only_files_of_its_folder(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (tmp_path / "elsewhere").write_text("x", encoding="utf-8")
-    state = StateFile(out)
-    for file in (tmp_path / "elsewhere", "../elsewhere", "absent"):
-        with pytest.raises(InputError, match="expected a file in"):
-            state.record("solve", "k", [file])
-    (out / "a").write_text("x", encoding="utf-8")
-    state.record("solve", "k", ["a"])
-    assert StateFile(out).files("k") == (out / "a",)
-    assert StateFile(out).fault("k", "solve") is None
-    assert StateFile(out).fault("other", "solve") == "its inputs changed"
-    assert StateFile(out).fault("k2", "export") == "not made yet"
-
-
 def test_shaders_are_compiled_once_and_that_counts(crane: Scene, tmp_path: Path) -> None:
     """Measured on two cores, 1404 x 936 px: 12 s of processor time for the first frame of the lit
     steel crane, 0.3 s for the second; 5.6 and 0.2 s unlit; 3.9 s with what the driver has kept."""
@@ -280,7 +256,7 @@ def test_shaders_are_compiled_once_and_that_counts(crane: Scene, tmp_path: Path)
     assert 4.0 < unlit[0].seconds < 8.0 and 0.1 < unlit[1].seconds < 0.5
     plan = make_plan(small, tmp_path)
     assert plan["render/front/0000"].seconds == first.seconds
-    pretend_run(plan, tmp_path)
+    pretend_run(small, tmp_path)
     kept = make_plan(small, tmp_path, fresh=True)["render/front/0000"]
     assert 2.0 < kept.seconds < 6.0 and "shaders are loaded" in kept.detail
     assert make_plan(small, backend="numpy")["render/front/0000"].seconds == pytest.approx(
@@ -292,20 +268,16 @@ def test_shaders_are_compiled_once_and_that_counts(crane: Scene, tmp_path: Path)
 
 
 def test_programs_of_a_run_are_kept(tmp_path: Path) -> None:
-    state = StateFile(tmp_path)
-    assert state.programs == []
-    (tmp_path / "picture.png").write_bytes(b"")
-    state.add_programs(
-        [("optics/shading/forward_pass", ("vertex", "fragment"), (("lit", np.float64(1)),))]
-    )
-    state.record("render", "k", ["picture.png"])
-    shade = ["optics/shading/forward_pass", ["vertex", "fragment"], [["lit", 1.0]]]
-    again = StateFile(tmp_path)
-    assert again.programs == [shade]
+    assert earlier_programs(tmp_path) == []
+    shade = ("optics/shading/forward_pass", ("vertex", "fragment"), (("lit", np.float64(1)),))
+    kept = ["optics/shading/forward_pass", ["vertex", "fragment"], [["lit", 1.0]]]
+    keep_programs(tmp_path, [shade, ("fem/krylov/cg", "main", ())])
+    assert earlier_programs(tmp_path) == [kept]
     # what a run that takes up another's work asks for comes to that
-    again.add_programs([("optics/edge_pixels/resolve", "main", ()), tuple(shade)])
-    again.record("truth", "t", ["picture.png"])
-    assert StateFile(tmp_path).programs == [["optics/edge_pixels/resolve", "main", []], shade]
+    keep_programs(tmp_path, [("optics/edge_pixels/resolve", "main", ()), shade])
+    assert earlier_programs(tmp_path) == [["optics/edge_pixels/resolve", "main", []], kept]
+    (tmp_path / ".gpusim" / "programs.json").write_text('[["x", {}], {"a": 1}, 5')
+    assert earlier_programs(tmp_path) == []
 
 
 def test_occlusion_is_planned_where_it_is_asked_for(crane: Scene, tmp_path: Path) -> None:
