@@ -13,8 +13,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.pipeline import run
-from gpusim.pipeline.measurements import marker_tracking
-from gpusim.pipeline.measurements.marker_tracking import track_markers
+from gpusim.pipeline.measurements.marker_tracking import FirstPicture
 from gpusim.pipeline.measurements.stereo import StereoResult
 from tests.support.documented_tables import documented_columns, head
 
@@ -121,11 +120,13 @@ def test_a_new_lens_leaves_the_other_camera_alone(
     shutil.copytree(earlier, out)
     followed = []
 
-    def follow(what: str, marks: Any, camera: Any, *pictures: Any, **more: Any) -> Any:
-        followed.append(camera.name)
-        return track_markers(what, marks, camera, *pictures, **more)
+    find = FirstPicture.of
 
-    monkeypatch.setattr(marker_tracking, "track_markers", follow)
+    def followed_from(what: str, marks: Any, camera: Any, *rest: Any) -> Any:
+        followed.append(camera.name)
+        return find(what, marks, camera, *rest)
+
+    monkeypatch.setattr(FirstPicture, "of", followed_from)
     left, right = CHANGES["camera"]
     scene = scene_of(checkout, camera=[{**left, "focal_mm": 48.0}, right])
     report = run(scene, out)

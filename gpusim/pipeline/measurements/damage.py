@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,14 +13,13 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError
-from gpusim.files.atomic_files import safe_name, write_text
+from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, register
 from gpusim.pipeline.measurements.results import PointTable, Reported, Result, csv_text
 from gpusim.report import Drawing, Link, Measurement
 from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw_differences
-from gpusim.report.text import plain_data
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -109,23 +107,12 @@ class DamageResult(Result):
 
     def tables(self) -> dict[str, str]:
         """``.csv``: every point of every line; ``-breaks.csv``: changes of slope."""
-        return {"": self.table.csv(), "-breaks": csv_text(_BREAKS, self._breaks())}
-
-    def _breaks(self) -> list[list[Any]]:
-        return [row for line in self.lines for row in _breaks(line)]
+        breaks = [row for line in self.lines for row in _breaks(line)]
+        return {"": self.table.csv(), "-breaks": csv_text(_BREAKS, breaks)}
 
     def write(self, folder: Path) -> list[Path]:
-        """Its tables, and ``<name>.json``; no run reads it again."""
-        stem = safe_name(self.name)
-        content = {
-            "name": self.name,
-            "reference": self.reference,
-            "noise_px": {f"{line.state}/{line.group}": line.noise_px for line in self.lines},
-            "breaks": [dict(zip(_BREAKS, row, strict=True)) for row in self._breaks()],
-        }
-        texts = {f"{stem}{ending}.csv": text for ending, text in self.tables().items()}
-        texts[f"{stem}.json"] = json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n"
-        return [write_text(inside(folder, name), text) for name, text in texts.items()]
+        """Its tables; no run reads it again."""
+        return self.write_tables(folder)
 
     def report(self, scene: Scene, out: Path) -> Reported:
         """Places of notches, noise, lines and differences."""
@@ -214,9 +201,9 @@ def compare_states(spec: m.Damage, scene: Scene, read: Callable[[str, str], Any]
     lines = []
     for state, result in own.items():
         notches = [n for n in _notches(scene.variant(state)) if n[:2] not in at_rest]
-        for group in dict.fromkeys(result.group.tolist()):
+        for group in dict.fromkeys(result.group):
             lines.append(_line(spec, group, _State(state, result, notches), base))
-    table = _table(lines, base.table.frames[-1:])
+    table = _table(lines, base.table.frames[-1])
     return DamageResult(spec.name, table, spec.reference, 1e3 * spec.tolerance, tuple(lines))
 
 
@@ -230,7 +217,7 @@ class _State(NamedTuple):
 
 def _line(spec: m.Damage, group: str, variant: _State, base: DeflectionResult) -> DamageLine:
     state, result, notches = variant
-    rows, base_rows = (np.flatnonzero(r.group == group) for r in (result, base))
+    rows, base_rows = (np.flatnonzero(np.array(r.group) == group) for r in (result, base))
     own = result.position_mm[rows]
     along = int(np.argmax(np.ptp(own, axis=0)))
     across = _across(result, along)
@@ -292,22 +279,19 @@ _BREAKS = (
 )  # fmt: skip
 
 
-def _table(lines: Sequence[DamageLine], frames: tuple[int, ...]) -> PointTable:
-    """Every point of every line."""
-    columns = {
-        name: np.concatenate([getattr(line, name) for line in lines])
-        for name in ("position_mm", "deflection_mm", "true_mm", "difference_mm",
-                     "true_difference_mm")
-    }  # fmt: skip
-    fitted = [
-        line.found.at(line.position_mm) if line.found else line.position_mm * np.nan
-        for line in lines
-    ]
-    counts = [len(line.position_mm) for line in lines]
-    groups = np.repeat([line.group for line in lines], counts)
-    states = np.repeat([line.state for line in lines], counts).tolist()
-    columns = {"group": groups, **columns, "fitted_mm": np.concatenate(fitted)}
-    return PointTable("state", frames, tuple(states), columns)
+def _table(lines: Sequence[DamageLine], frame: int) -> PointTable:
+    """Every point of every line, in the last frame."""
+    names = ("position_mm", "deflection_mm", "true_mm", "difference_mm", "true_difference_mm")
+    states, columns = [], []
+    for line in lines:
+        x = line.position_mm
+        states += len(x) * [line.state]
+        columns.append(
+            {"group": np.full(len(x), line.group), **{name: getattr(line, name) for name in names},
+             "fitted_mm": line.found.at(x) if line.found else x * np.nan}
+        )  # fmt: skip
+    whole = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
+    return PointTable.of("state", states, {frame: whole})
 
 
 def _breaks(line: DamageLine) -> list[list[Any]]:
