@@ -135,7 +135,8 @@ def _triangulated(
 ) -> tuple[Triangulated, Triangulated]:
     """The markers in space, before and after their ``shifts`` (M, 2) px in each camera."""
     noise = np.stack([np.where(s.sigma > 0, s.sigma, np.nan) / np.sqrt(2.0) for s in seen])
-    noise = np.where(np.isfinite(noise), noise, np.nanmedian(noise))
+    known = noise[np.isfinite(noise)]
+    noise = np.where(np.isfinite(noise), noise, np.median(known) if known.size else 1.0)
     before = np.stack([s.points for s in seen])
     first, last = (
         measure.triangulate(calibration.cameras, pixels, sigma_px=noise)

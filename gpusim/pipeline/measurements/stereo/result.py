@@ -16,6 +16,7 @@ from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.marker_measurement import GOAL, MarkerResult
 from gpusim.pipeline.measurements.results import Reported, csv_text
 from gpusim.report import Drawing, Measurement
+from gpusim.report.figures import round_down
 from gpusim.report.measurement_figures import (
     RigCamera,
     draw_calibration,
@@ -179,8 +180,10 @@ class StereoResult(MarkerResult):
         if not fine.any():
             return [calibration]
         rest = self.found_mm
+        # the largest displacement is drawn about as long as 15 % of the structure
+        longest = 0.15 * float(np.ptp(rest[fine], axis=0).max())
         largest = float(np.nanmax(np.linalg.norm(self.true_mm, axis=1)))
-        factor = _magnification(0.15 * float(np.ptp(rest[fine], axis=0).max()), largest)
+        factor = round_down(max(longest / largest, 1.0)) if largest > 0.0 else 1.0
         return [
             partial(
                 draw_rig, cameras, rest[fine], self.boards_mm, inside(folder, f"{stem}-rig.png")
@@ -191,12 +194,3 @@ class StereoResult(MarkerResult):
                 rest, self.measured_mm, self.true_mm, factor, inside(folder, f"{stem}-space.png"),
             ),
         ]  # fmt: skip
-
-
-def _magnification(wanted: float, largest: float) -> float:
-    """1, 2, 5, 10, …: so that the largest displacement is drawn about as long as wanted."""
-    if not largest > 0:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(max(wanted / largest, 1.0)))
-    steps = [step * power for step in (1.0, 2.0, 5.0) if step * power * largest <= wanted]
-    return float(max(steps, default=1.0))
