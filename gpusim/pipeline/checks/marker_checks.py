@@ -38,7 +38,7 @@ def marker_warnings(
     """
     found = []
     strict, what = unloaded.strict, f"measure {spec.name!r}"
-    marks = collect_markers(what, spec.groups, spec.static, scene, unloaded.bodies)
+    marks = collect_markers(spec, scene, unloaded.bodies)
     for camera_spec in (one for one in scene.cameras if one.name in spec.views):
         camera = build_camera(camera_spec)
         if strict and camera.name in unloaded.blind:

@@ -61,6 +61,12 @@ class DamageLine:
         fine = error[np.isfinite(error)]
         return float(np.sqrt(np.mean(fine**2))) if fine.size else float("nan")
 
+    @property
+    def fitted_mm(self) -> Array:
+        """The measured difference as the broken line that was fitted; NaN without one."""
+        x = self.position_mm
+        return x * np.nan if self.found is None else self.found.at(x)
+
     def nearest(self, notch_mm: float) -> tuple[float, float]:
         """Where the difference and its truth change their slope by a notch; NaN where they don't.
 
@@ -88,16 +94,6 @@ class DamageResult(Result):
     reference: str
     tolerance_mm: float
     lines: tuple[DamageLine, ...]
-
-    def of(self, group: str) -> list[DamageLine]:
-        """The lines of a group, the reference first."""
-        own = [line for line in self.lines if line.group == group]
-        return sorted(own, key=lambda line: line.state != self.reference)
-
-    @property
-    def groups(self) -> list[str]:
-        """Names of the groups, each once."""
-        return list(dict.fromkeys(line.group for line in self.lines))
 
     @property
     def note(self) -> str:
@@ -168,8 +164,9 @@ class DamageResult(Result):
     def _figures(self, folder: Path) -> list[Drawing]:
         """Lines and differences of each group, to be drawn into ``folder``."""
         figures: list[Drawing] = []
-        for group in self.groups:
-            lines = self.of(group)
+        for group in dict.fromkeys(line.group for line in self.lines):
+            lines = [line for line in self.lines if line.group == group]
+            lines.sort(key=lambda line: line.state != self.reference)
             along = f"position along the {group}, {lines[0].axis} (mm)"
             across = f"deflection along {lines[0].across} (mm)"
             stem = f"{self.name}-{group}"
@@ -281,17 +278,12 @@ _BREAKS = (
 
 def _table(lines: Sequence[DamageLine], frame: int) -> PointTable:
     """Every point of every line, in the last frame."""
-    names = ("position_mm", "deflection_mm", "true_mm", "difference_mm", "true_difference_mm")
-    states, columns = [], []
-    for line in lines:
-        x = line.position_mm
-        states += len(x) * [line.state]
-        columns.append(
-            {"group": np.full(len(x), line.group), **{name: getattr(line, name) for name in names},
-             "fitted_mm": line.found.at(x) if line.found else x * np.nan}
-        )  # fmt: skip
-    whole = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
-    return PointTable.of("state", states, {frame: whole})
+    names = ("position_mm", "deflection_mm", "true_mm", "difference_mm", "true_difference_mm",
+             "fitted_mm")  # fmt: skip
+    points = [line for line in lines for _ in line.position_mm]
+    columns = {name: np.concatenate([getattr(line, name) for line in lines]) for name in names}
+    groups = {"group": np.array([line.group for line in points])}
+    return PointTable.of("state", [line.state for line in points], {frame: groups | columns})
 
 
 def _breaks(line: DamageLine) -> list[list[Any]]:

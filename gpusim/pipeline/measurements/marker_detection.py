@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import BodyParts
@@ -66,40 +66,23 @@ class MarkerSet:
         return every[0], every[1:] - every[0]
 
 
-def collect_markers(
-    what: str,
-    groups: Sequence[str],
-    static: Sequence[str],
-    scene: Scene,
-    bodies: Sequence[BodyParts],
-) -> MarkerSet:
-    """The markers of paints on bodies, in order, and of paints on props."""
-    own = tuple(_marker_paint(what, bodies, name) for name in groups)
-    paints = [paint for _, paint in own]
-    still = [
-        paint
-        for name in static
-        for prop in scene.props
-        for paint in prop.paints
-        if paint.name == name and isinstance(paint, m.Markers)
-    ]
+def collect_markers(spec: m.MarkerMeasure, scene: Scene, bodies: Sequence[BodyParts]) -> MarkerSet:
+    """The markers of the paints of ``spec`` on bodies, in order, and on props."""
+    painted = [(k, paint) for k, parts in enumerate(bodies) for paint in parts.body.paints]
+    by_name = {paint.name: (k, paint) for k, paint in painted if isinstance(paint, m.Markers)}
+    groups = tuple(by_name[name] for name in spec.groups)
+    on_props = {paint.name: paint for prop in scene.props for paint in prop.paints}
+    paints = [paint for _, paint in groups]
+    still = [paint for name in spec.static if isinstance(paint := on_props[name], m.Markers)]
     every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
     return MarkerSet(
-        groups=own,
+        groups=groups,
         count=sum(len(paint.markers) for paint in paints),
         position=np.array([marker.position for _, marker in every]),
         size=np.array([paint.size for paint, _ in every]),
         names=tuple(marker.name for _, marker in every),
         group_names=tuple(paint.name for paint, _ in every),
     )
-
-
-def _marker_paint(what: str, bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
-    for index, parts in enumerate(bodies):
-        for paint in parts.body.paints:
-            if paint.name == name and isinstance(paint, m.Markers):
-                return index, paint
-    raise GpusimError(f"{what}: no markers named {name!r} on any body")
 
 
 def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:

@@ -70,8 +70,7 @@ def track_markers(
     This needs no calibration. Raises InputError for a marker that is too small or behind a camera,
     GpusimError if none is found.
     """
-    what = f"measure {spec.name!r}"
-    marks = collect_markers(what, spec.groups, spec.static, scene, objects.bodies)
+    marks = collect_markers(spec, scene, objects.bodies)
     by_name = {one.name: one for one in scene.cameras}
     cameras = tuple(build_camera(by_name[name], scene.input) for name in spec.views)
     frames = range(len(scene.analysis.load_factors))

@@ -46,9 +46,7 @@ def measure_stereo(
     GpusimError
         A camera can't be calibrated, or no marker is seen by two cameras.
     """
-    what = f"measure {spec.name!r}"
-    board = _board(what, spec, scene)
-    calibration = measure.calibrate(_sightings(spec, scene, sources.corners), lens=spec.lens)
+    board, calibration = _calibrated(spec, scene, sources.corners)
     tracked = track_markers(spec, scene, objects, sources)
     marks, count = tracked.marks, tracked.marks.count
     _, true = marks.true_motion(objects, [*tracked.frames])
@@ -58,7 +56,9 @@ def measure_stereo(
         before, after = _triangulated(calibration, seen, shift)
         good = np.count_nonzero(np.isfinite(before.points).all(axis=1))
         if not good >= 3:
-            raise GpusimError(f"{what}: {good} markers are seen by two cameras; expected three")
+            raise GpusimError(
+                f"measure {spec.name!r}: {good} markers are seen by two cameras; expected three"
+            )
         structure = measure.align(before.points, MM * marks.position)
         difference = measure.displacement_3d(before, after, structure)
         displacement, motion = _steady(marks, before.points, after.points, structure, difference)
@@ -107,27 +107,23 @@ def measure_stereo(
     )
 
 
-def _board(what: str, spec: m.Stereo, scene: Scene) -> Board:
-    calibration = scene.calibration
-    if calibration is None or not set(spec.cameras) <= set(calibration.cameras):
+def _calibrated(
+    spec: m.Stereo, scene: Scene, corners: Callable[[str, int], measure.Sighting]
+) -> tuple[Board, measure.Calibration]:
+    """The board, and the cameras as its pictures give them."""
+    what, calibration, board = f"measure {spec.name!r}", scene.calibration, board_of(scene)
+    if calibration is None or not set(spec.views) <= set(calibration.cameras):
         raise InputError(
-            f"{what}: no images of a target for {', '.join(spec.cameras)}; expected [calibration]"
+            f"{what}: no images of a target for {', '.join(spec.views)}; expected [calibration]"
         )
-    board = board_of(scene)
     if board is None:
         raise InputError(
             f"{what}: calibration board {calibration.board!r}; got another paint; expected a "
             "checker or charuco"
         )
-    return board
-
-
-def _sightings(
-    spec: m.Stereo, scene: Scene, corners: Callable[[str, int], measure.Sighting]
-) -> dict[str, list[measure.Sighting]]:
-    assert scene.calibration is not None
-    poses = range(len(scene.calibration.poses))
-    return {name: [corners(name, pose) for pose in poses] for name in spec.cameras}
+    poses = range(len(calibration.poses))
+    sightings = {name: [corners(name, pose) for pose in poses] for name in spec.views}
+    return board, measure.calibrate(sightings, lens=spec.lens)
 
 
 def _triangulated(
