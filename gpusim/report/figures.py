@@ -63,9 +63,9 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
 
     def draw(canvas: Canvas) -> None:
         upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.2, 1.0])
-        draw_measured(upper, series)
         for one in beside:
-            draw_points(upper, one)
+            draw_measured(upper, one, legend=False)
+        draw_measured(upper, series)
         axis_title(upper, title)
         _draw_residual(lower, series, x, residual)
 
@@ -82,22 +82,15 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
     return Figure(Path(path), title, caption + ".")
 
 
-def draw_measured(axes: Axes, series: Series, **style: Any) -> None:
-    """Draw measured points on the true curve, with a legend; ``style`` is the points'."""
-    draw_points(
-        axes, series, "Finite elements (truth)", **{"label": "Measured from the images", **style}
-    )
-    axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
-    axes.legend(loc="best")
-
-
-def draw_points(axes: Axes, series: Series, truth: str | None = None, **style: Any) -> None:
-    """Draw measured points on the true curve, which is called ``truth`` in a legend."""
+def draw_measured(axes: Axes, series: Series, legend: bool = True, **style: Any) -> None:
+    """Draw measured points on the true curve; ``style`` is the points'."""
+    labels = "Finite elements (truth)", "Measured from the images"
+    true, measured = labels if legend else ("_", "_")
     order = np.argsort(series.x, kind="stable")
     line = series.x[order], series.y_truth[order]
     if series.truth_x.size:
         line = series.truth_x, series.truth_y
-    axes.plot(*line, color=TRUTH, linewidth=2.2, label=truth)
+    axes.plot(*line, color=TRUTH, linewidth=2.2, label=true)
     axes.plot(
         series.x,
         series.y_measured,
@@ -107,9 +100,13 @@ def draw_points(axes: Axes, series: Series, truth: str | None = None, **style: A
             "markerfacecolor": PAGE,
             "markeredgecolor": MEASURED,
             "markeredgewidth": 1.8,
+            "label": measured,
             **style,
         },
     )
+    if legend:
+        axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
+        axes.legend(loc="best")
 
 
 def _draw_residual(
