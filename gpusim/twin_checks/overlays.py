@@ -29,7 +29,7 @@ from gpusim.view.picture.display import (
     draw_frame,
     enlarged_twin,
 )
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 STEP = 1.0 / 255.0
 """Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""

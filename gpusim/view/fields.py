@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh import Mesh
 from gpusim.surface import Skin
+from gpusim.view.content.body_state import BodyState
 from gpusim.view.field_colors import SurfaceField
 from gpusim.view.overlay import Overlay, Shade, display_color
 
-if TYPE_CHECKING:
-    from gpusim.fem import Model, Stress
-
 __all__ = [
-    "FIELDS", "BodyState", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
+    "FIELDS", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
     "format_value", "scale_of", "surface_field",
 ]  # fmt: skip
 
@@ -37,49 +34,6 @@ def _fem() -> Any:
     from gpusim import fem
 
     return fem
-
-
-@dataclass(frozen=True, eq=False)
-class BodyState:
-    """A body in one frame, from which its fields follow.
-
-    ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
-    displacements are given: it has no stress. ``formulation``, ``temperature``: as for
-    `gpusim.fem.stress`. ``reactions``: of the supports (N, 3), N. ``nodal_stress``: (N, 6), Pa,
-    where it is there already; strain and the elements' fields aren't then.
-    """
-
-    mesh: Mesh
-    u: Array
-    model: Model | None = None
-    formulation: str | None = None
-    temperature: float = 0.0
-    reactions: Array | None = None
-    nodal_stress: Array | None = None
-
-    @cached_property
-    def recovered(self) -> Stress:
-        """The stress of ``u``. Raises InputError for a body without a model."""
-        if self.model is None:
-            raise InputError("field: stress and strain; got a body without a material to solve")
-        change = self.temperature or None
-        found: Stress = _fem().stress(self.model, self.u, self.formulation, temperature=change)
-        return found
-
-    @property
-    def stress(self) -> Array:
-        """(N, 6), Pa."""
-        return self.recovered.nodal if self.nodal_stress is None else self.nodal_stress
-
-    @cached_property
-    def strain(self) -> Array:
-        """(N, 6) as tensor components; where materials meet that of the greatest stress."""
-        found = self.recovered
-        order = np.argsort(_fem().von_mises(found.values), kind="stable")
-        result = np.zeros((self.mesh.node_count, 6))
-        result[found.node_of[order]] = found.strains[order]
-        result[:, 3:] *= 0.5
-        return result
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from gpusim.view.camera_marks import (
     draw_image_frame,
     draw_principal_point,
 )
+from gpusim.view.content.mesh_edges import element_edges
 from gpusim.view.fields import draw_legend, field_kind, format_value, scale_of
 from gpusim.view.keys import help_lines
-from gpusim.view.mesh_edges import element_edges
 from gpusim.view.overlay import Overlay
 from gpusim.view.symbols import Symbols
 from gpusim.view.view_state import ViewState

@@ -15,7 +15,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
 from gpusim.view.overlay import Overlay, Shade, display_color
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 __all__ = ["Symbols", "clusters", "frustum"]
 

@@ -15,9 +15,10 @@ from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.scene.description.table import FileUnit
-from gpusim.view.camera_marks import DepthOfField
+from gpusim.view.camera_marks import defocus_tint
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content
+from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
 from gpusim.view.field_colors import FieldColors, corner_values
@@ -25,8 +26,8 @@ from gpusim.view.fields import field_kind, scale_of, surface_field
 from gpusim.view.overlay import Overlay
 from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
+from gpusim.view.picture.placement import Placement
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
-from gpusim.view.placement import Placement
 from gpusim.view.turntable import Turntable
 
 __all__ = ["ViewState"]
@@ -310,7 +311,7 @@ class ViewState:
                 if self.field_values:
                     self._draw_field(target, recording)
                 elif self.sharp is not None and self.shown["cameras"]:
-                    colored = self.sharp.tint(base.view)
+                    colored = defocus_tint(self.sharp, base.view)
                     self._draw_colors(target, recording, *colored, shade=1.0, opacity=TINT)
             else:
                 overlay.rectangle(0, 0, target.width, target.height, "#23292f")

@@ -17,7 +17,7 @@ from gpusim.view.keys import KEYS, Key
 from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, slider_frame
 from gpusim.view.picking import pick
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 from gpusim.view.turntable import camera_lines
 from gpusim.view.view_state import ViewState
 

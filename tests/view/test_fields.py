@@ -9,9 +9,9 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.twin_checks.overlays import pixels_of
+from gpusim.view.content.body_state import BodyState
 from gpusim.view.fields import (
     FIELDS,
-    BodyState,
     ColorScale,
     color_map,
     draw_legend,

@@ -9,7 +9,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.view.overlay import Overlay
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 from gpusim.view.symbols import Symbols, clusters, frustum
 from tests.support.view_bodies import camera_before, small_crane
 

@@ -18,9 +18,9 @@ from gpusim.pipeline.build.cameras import build_lens
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution, frame_word
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
-from gpusim.view.camera_marks import DepthOfField, depth_of_field
-from gpusim.view.fields import BodyState
-from gpusim.view.mesh_edges import crease_edges
+from gpusim.view.content.body_state import BodyState
+from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
+from gpusim.view.content.mesh_edges import crease_edges
 from gpusim.view.picture.neutral import unpainted
 
 if TYPE_CHECKING:  # a third of a second to import, which the first picture doesn't need

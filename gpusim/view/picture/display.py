@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gpusim.arrays.srgb import encoded
 from gpusim.gpu import Device, Recording
 from gpusim.optics.frame import Frame
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 __all__ = ["display_twin", "draw_enlarged", "draw_frame", "enlarged_twin"]
 

@@ -17,7 +17,7 @@ from gpusim.optics.rendering.renderer import render
 from gpusim.surface.surface import Surface
 from gpusim.view.picture.display import draw_enlarged, draw_frame
 from gpusim.view.picture.moving_picture import moving_picture, unshadowed
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 __all__ = ["ProgressivePicture", "Shot", "coarser", "rows_of"]
 

@@ -28,7 +28,7 @@ class Placement:
 
         Examples
         --------
-        >>> from gpusim.view.placement import Placement
+        >>> from gpusim.view.picture.placement import Placement
         >>> camera = gs.Camera.from_lens((36, 24), 50, (600, 400), (0, 0, 2), (0, 0, 0), (0, 1, 0))
         >>> Placement.fit(camera, 300, 300)
         Placement(x=0.0, y=50.0, scale=0.5)
