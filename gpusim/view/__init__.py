@@ -1,7 +1,7 @@
 """The preview window: a scene, a run's folder or a mesh, looked at while one works on it.
 
 What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``) are imported by
-`window` alone. In the order in which modules need each other:
+`window` and `server` alone. In the order in which modules need each other:
 
 - `picture`: Pictures of what is shown: coarse while it moves, exact when it is still.
 - `content`: What is shown, from files, and solved meanwhile.
@@ -25,5 +25,6 @@ What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``)
 - `view_state`: What is looked at: content, view and choices; and how it is drawn.
 - `viewer`: How keys and the mouse change what is looked at.
 - `screenshot`: The window's picture without a window.
-- `window`: The window (rendercanvas and glfw), and the same picture in a browser.
+- `window`: The window (rendercanvas and glfw).
+- `server`: The same picture in a browser, from a server that pages of this machine alone reach.
 """

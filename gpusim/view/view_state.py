@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -86,15 +87,26 @@ class ViewState:
         self.device.programs.stop()  # a process waits for what is being compiled in threads
         self.picture.release()
 
+    @contextmanager
+    def faults_shown(self) -> Iterator[None]:
+        """Whatever is raised within is shown in the window, and ends nothing: the next event, tick
+        or picture comes all the same."""
+        try:
+            yield
+        except (GpusimError, OSError) as error:
+            self.fault = str(error)
+        except Exception as error:
+            self.fault = f"{type(error).__name__}: {error}"
+
     # -- content ------------------------------------------------------------------------------
 
     def load(self) -> None:
         """Read the file again; what can't be read leaves the last good content, and a fault."""
-        try:
-            found = load_content(self.path, self.unit, self.content)
-        except (GpusimError, OSError) as error:
-            self.fault = str(error)
-            return
+        with self.faults_shown():
+            self._show(load_content(self.path, self.unit, self.content))
+
+    def _show(self, found: Content) -> None:
+        """Show what was read in place of what there was."""
         unsolved = self.fault if self.fault.startswith(UNSOLVED) else ""
         earlier, self.content, self.fault = self.content, found, ""
         self.watch.watch((self.path, *found.files))
@@ -123,7 +135,8 @@ class ViewState:
         if self.solver is not None:
             news = True  # its progress
             if not self.solver.running:
-                self._solved()
+                with self.faults_shown():
+                    self._solved()
         if self.message and time.monotonic() > self._until:
             self.message, news = "", True
         return news
@@ -131,14 +144,12 @@ class ViewState:
     def _solved(self) -> None:
         solver, self.solver = self.solver, None
         assert solver is not None and self.content is not None
-        try:
+        with self.faults_shown():
             if solver.fault:
                 self.fault = f"{UNSOLVED}: {solver.fault}"
             else:
                 load_solution(self.content, solver.folder)
                 self.frame = self.content.frames - 1
-        except GpusimError as error:
-            self.fault = str(error)
         solver.stop()
         self._field_again()
 
@@ -148,10 +159,10 @@ class ViewState:
             self.field_values = []
             self.changed()
             return
-        try:
+        with self.faults_shown():
             self.show_field(self.field)
-        except GpusimError as error:
-            self.fault, self.field = str(error), None
+            return
+        self.field = None
 
     # -- what is seen -------------------------------------------------------------------------
 
@@ -290,15 +301,14 @@ class ViewState:
             self.size = target.width, target.height
             self.changed()
         more = False
-        try:
+        with self.faults_shown():
             more = self.picture.step()
             self._exposed()
             if whole:
                 self.picture.finish()
             self._draw(target)
-        except GpusimError as error:  # what is seen now can't be shown
-            self.fault = str(error)
-            self._draw(target, with_picture=False)
+            return more
+        self._draw(target, with_picture=False)  # what is seen now can't be shown
         return more
 
     def _draw(self, target: Any, with_picture: bool = True) -> None:

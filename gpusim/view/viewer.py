@@ -6,7 +6,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -165,9 +164,9 @@ class Viewer(ViewState):
         self.gain *= 2.0**0.5
 
     def do_save(self) -> None:
-        number = 1
-        while (path := Path(f"{self.path.stem}-{number:03d}.png")).exists():
-            number += 1
+        folder = self.path if self.path.is_dir() else self.path.parent
+        paths = (folder / f"{self.path.stem}-{number:03d}.png" for number in count(1))
+        path = next(path for path in paths if not path.exists())
         if self.save is not None:
             self.message = ""
             self.save(path)
