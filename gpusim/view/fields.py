@@ -18,7 +18,7 @@ from gpusim.view.overlay import Overlay, Shade, display_color
 
 __all__ = [
     "FIELDS", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
-    "format_value", "scale_of", "surface_field",
+    "format_value", "legend_width", "scale_of", "surface_field",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -270,6 +270,22 @@ def format_value(value: float, step: float | None = None) -> str:
     return text.replace("-", "−")  # noqa: RUF001
 
 
+def _labels(scale: ColorScale) -> list[str]:
+    """What stands at the ticks."""
+    step = float(np.diff(scale.ticks).min()) if len(scale.ticks) > 1 else None
+    return [format_value(tick, step) for tick in scale.ticks]
+
+
+def legend_width(
+    overlay: Overlay, scale: ColorScale, title: str, unit: str, size: float = 13.0
+) -> float:
+    """Of what `draw_legend` draws, px."""
+    beside = max((overlay.text_width(label, size) for label in _labels(scale)), default=0.0)
+    bar = round(1.2 * size) + round(0.45 * size) + 6 + beside
+    text = f"{title} ({unit})" if unit else title
+    return float(round(2 * round(0.8 * size) + max(overlay.text_width(text, size), bar)))
+
+
 def draw_legend(
     overlay: Overlay,
     scale: ColorScale,
@@ -289,15 +305,12 @@ def draw_legend(
     """
     x, y, height = round(x), round(y), round(height)
     text = f"{title} ({unit})" if unit else title
-    step = float(np.diff(scale.ticks).min()) if len(scale.ticks) > 1 else None
-    labels = [format_value(tick, step) for tick in scale.ticks]
     pad, bar, tip = round(0.8 * size), round(1.2 * size), round(0.7 * size)
     mark = round(0.45 * size)
-    beside = max((overlay.text_width(label, size) for label in labels), default=0.0)
-    wide = 2 * pad + max(overlay.text_width(text, size), bar + mark + 6 + beside)
+    wide = legend_width(overlay, scale, title, unit, size)
     tall = 2 * pad + round(1.8 * size) + height + 2 * tip
     if panel is not None:
-        overlay.rectangle(x, y, round(wide), tall, panel)
+        overlay.rectangle(x, y, wide, tall, panel)
     overlay.text(x + pad, y + pad, text, size, color)
     left, top = x + pad, y + pad + round(1.8 * size) + tip
     colors = scale.colors
@@ -313,9 +326,9 @@ def draw_legend(
     if scale.below:
         end = top + height
         overlay.polygon([(left, end), (left + bar, end), (middle, end + tip)], tuple(colors[0]))
-    for tick, label in zip(scale.ticks, labels, strict=True):
+    for tick, label in zip(scale.ticks, _labels(scale), strict=True):
         share = (scale.high - tick) / (scale.high - scale.low)
         at = top + min(max(round(share * height - 0.5), 0), height - 1)
         overlay.rectangle(left + bar, at, mark, 1, display_color(color))
         overlay.text(left + bar + mark + 5, at + 0.5, label, size, color, anchor="lm")
-    return float(round(wide)), float(tall)
+    return wide, float(tall)

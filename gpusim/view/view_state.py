@@ -23,7 +23,7 @@ from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
 from gpusim.view.field_colors import FieldColors, corner_values
-from gpusim.view.fields import field_kind, scale_of, surface_field
+from gpusim.view.fields import ColorScale, field_kind, scale_of, surface_field
 from gpusim.view.overlay import Overlay
 from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
@@ -40,6 +40,9 @@ MESSAGE_SECONDS = 4.0
 
 UNSOLVED = "not solved"
 
+STRESS = ("von_mises", "stress_", "principal_stress_")
+"""How names of fields begin that are of the stress at nodes."""
+
 TINT = 0.4
 """Opacity of the tint on what isn't sharp."""
 
@@ -52,7 +55,8 @@ class ViewState:
 
     ``content``: None until there is something that can be shown. ``fault``: why the file as it is
     now can't be, or "". ``through``: number of the scene's camera that is looked through; None for
-    the ``view`` that the mouse moves. ``shown``: what can be switched on and off.
+    the ``view`` that the mouse moves. ``free_view``: where that was before. ``shown``: what can be
+    switched on and off.
     """
 
     def __init__(
@@ -63,7 +67,7 @@ class ViewState:
         self.content: Content | None = None
         self.solver: BackgroundSolver | None = None
         self.fault = self.message = ""
-        self.view = Turntable()
+        self.view = self.free_view = Turntable()
         self.through: int | None = None
         self.frame, self.scale, self.gain = 0, 1.0, 1.0
         self.field: str | None = None
@@ -77,6 +81,9 @@ class ViewState:
         self.copy: Callable[[str], None] | None = None
         self._white: float | None = None
         self.field_values: list[Array] = []
+        self.color_scale = ColorScale(0.0, 1.0, ())
+        self._framed: Turntable | None = None
+        self._layout: tuple[Any, ...] = ()
         self._until = 0.0
         self.load()
 
@@ -121,7 +128,7 @@ class ViewState:
         self._white, self.selected = None, None
         self.frame = min(self.frame, found.frames - 1)
         if self.through is not None and self.through >= len(found.cameras):
-            self.through = None
+            self.look_through(None)
         if earlier is None:
             self.reset()
         self._field_again()
@@ -171,7 +178,8 @@ class ViewState:
         width, height = self.size
         if self.through is None or self.content is None:
             return self.view.camera(width, height), 0, 0
-        return _within(self.content.cameras[self.through], width, height)
+        right, bottom = self.taken()
+        return _within(self.content.cameras[self.through], width - right, height - bottom)
 
     @property
     def place(self) -> Placement:
@@ -198,12 +206,14 @@ class ViewState:
         return self.content.surfaces(self.frame, self.scale, self.shown["paint"])
 
     def look_through(self, number: int | None) -> None:
-        """See what a camera of the scene sees; None: leave it."""
-        self.through = number
+        """See what a camera of the scene sees; None: what the mouse moved before."""
+        if self.through is None:
+            self.free_view = self.view
+        self.through, self.view = number, self.free_view
         if number is not None and self.content is not None:
             middle = self.content.outline(self.frame, self.scale).mean(axis=0)
             self.view = self.view.of_camera(self.content.cameras[number], middle)
-        self.changed()
+        self._frame_again()
 
     def show_frame(self, frame: int) -> None:
         """Show a frame, or the first or last one if there are none beyond."""
@@ -216,14 +226,12 @@ class ViewState:
             self.show_field(self.field)
 
     def has_field(self, name: str) -> bool:
-        """Whether a field is there without more work."""
+        """Whether a field can be shown of what is solved, its stress at most recovered."""
         content = self.content
         if content is None or not content.skins or not content.moves:
             return False
-        stress = ("von_mises", "principal_1", "principal_2", "principal_3")
-        return name.startswith("displacement") or (
-            content.stresses is not None and (name in stress or name.startswith("stress_"))
-        )
+        solved = content.is_solvable and not content.unloaded
+        return name.startswith(("displacement", *(STRESS if solved else ())))
 
     def show_field(self, name: str | None) -> None:
         """Colour the bodies by a field; None: as they are painted.
@@ -243,6 +251,7 @@ class ViewState:
                 kind.values(content.state(number, self.frame, solved))
                 for number in range(len(content.skins))
             ]
+            self.color_scale = scale_of(self.field_values, kind.signed)
         self.changed()
 
     def say(self, text: str) -> None:
@@ -259,9 +268,18 @@ class ViewState:
         self.frame_all()
 
     def frame_all(self) -> None:
-        """Everything that is loaded in view."""
+        """Everything that is loaded in view, beside what is written over it."""
         if self.content is not None:
-            self.look(self.view.fit(self.content.outline(self.frame, self.scale), *self.size))
+            outline = self.content.outline(self.frame, self.scale)
+            self.look(self.view.fit(outline, *self.size, self.taken()))
+            self._framed = self.view
+
+    def _frame_again(self) -> None:
+        """Everything in view where it was and nobody has moved since, in another window."""
+        if self.through is None and self.view is self._framed:
+            self.frame_all()
+        else:
+            self.changed()
 
     def look(self, view: Turntable) -> None:
         """See what another view sees."""
@@ -279,7 +297,8 @@ class ViewState:
             lights, background = self.content.lights, self.content.background
             if self.through is None:  # no black void around what is walked round
                 background = background or BACKDROP * (self._white or 0.0)
-        self.picture.begin(Shot(self.surfaces(), camera, lights, background))
+        weights = self.content.grey_weights(self.through)
+        self.picture.begin(Shot(self.surfaces(), camera, lights, background, weights))
 
     def _exposed(self) -> None:
         """Choose what is white from the first picture of a scene's lamps."""
@@ -287,8 +306,11 @@ class ViewState:
         lamps = self.content is not None and self.content.lights is not None
         if not (lamps and self.shown["light"]):
             self._white = HEADLIGHT_WHITE
-        elif self._white is None and base is not None:
-            high = float(np.quantile(base.radiance, EXPOSED))
+        elif self._white is None and base is not None and self.picture.shot is not None:
+            radiance, weights = base.radiance, self.picture.shot.weights
+            if base.coloured and weights is not None:
+                radiance = radiance @ np.array(weights, np.float32)
+            high = float(np.quantile(radiance, EXPOSED))
             self._white = high if high > 0.0 else 1.0
             self.changed()
 
@@ -298,8 +320,10 @@ class ViewState:
         Whether there is more to be drawn, as soon as keys and the mouse have been heard.
         """
         if self.size != (target.width, target.height):
-            self.size = target.width, target.height
-            self.changed()
+            self.size, self._white = (target.width, target.height), None
+        if self._layout != (self.size, self.taken()):
+            self._layout = self.size, self.taken()
+            self._frame_again()
         more = False
         with self.faults_shown():
             more = self.picture.step()
@@ -328,6 +352,10 @@ class ViewState:
             self.draw_over(overlay)
             overlay.draw(target, recording)
 
+    def taken(self) -> tuple[float, float]:
+        """Px of the window's right and lower side where something stands over the picture."""
+        return 0.0, 0.0
+
     def draw_over(self, overlay: Overlay) -> None:
         """Collect what stands over the picture."""
 
@@ -340,8 +368,7 @@ class ViewState:
             surface_field(skin, kind, values)
             for skin, values in zip(skins, self.field_values, strict=True)
         ]
-        scale = scale_of(self.field_values, kind.signed)
-        values = corner_values(base.view, self.surfaces(), fields)
+        scale, values = self.color_scale, corner_values(base.view, self.surfaces(), fields)
         self._draw_colors(target, recording, values, scale.limits, scale.colors)
 
     def _draw_colors(self, target: Any, recording: Any, *colored: Any, **look: Any) -> None:
@@ -355,9 +382,9 @@ class ViewState:
         )  # fmt: skip
 
 
-def _within(camera: Camera, width: int, height: int) -> tuple[Camera, int, int]:
+def _within(camera: Camera, width: float, height: float) -> tuple[Camera, int, int]:
     """A camera with as many pixels as its image has in the middle of a window, and its corner."""
     scale = min(width / camera.width, height / camera.height)
     columns, rows = max(round(scale * camera.width), 1), max(round(scale * camera.height), 1)
     seen = camera.reframed(columns, rows, scale=(columns / camera.width, rows / camera.height))
-    return seen, (width - columns) // 2, (height - rows) // 2
+    return seen, int(width - columns) // 2, int(height - rows) // 2

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from gpusim.view.fields import FIELDS
 from gpusim.view.keys import KEYS, Key
 from gpusim.view.overlay import Overlay
-from gpusim.view.panels import draw_panels, slider_frame
+from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.view.picking import pick
 from gpusim.view.picture.placement import Placement
 from gpusim.view.turntable import camera_lines
@@ -47,6 +47,10 @@ class Viewer(ViewState):
     """
 
     _drag: dict[str, Any] | None = None
+
+    def taken(self) -> tuple[float, float]:
+        """Of the window by the legend and the slider."""
+        return panels_taken(self)
 
     def draw_over(self, overlay: Overlay) -> None:
         """Title, slider, help and the like."""

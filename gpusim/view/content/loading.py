@@ -15,6 +15,8 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
+from gpusim.pipeline.checks.resources import check_memory
+from gpusim.plan.plan import make_plan
 from gpusim.scene import load_scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
@@ -86,6 +88,7 @@ def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
 
 def _scene(path: Path, earlier: Content | None = None) -> Content:
     scene = load_scene(path)
+    check_memory(make_plan(scene))  # as a run does, before anything is built
     objects = SceneObjects(scene, LoadHistory(scene))
     before = earlier.objects if earlier is not None else None
     made = before.bodies if before is not None and before.scene.files == scene.files else []
