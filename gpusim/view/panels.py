@@ -16,7 +16,7 @@ from gpusim.view.camera_marks import (
 from gpusim.view.content.mesh_edges import element_edges
 from gpusim.view.fields import draw_legend, field_kind, format_value, legend_width
 from gpusim.view.keys import help_lines
-from gpusim.view.overlay import Overlay
+from gpusim.view.overlay import INK, PAPER, Overlay
 from gpusim.view.symbols import Symbols
 from gpusim.view.view_state import ViewState
 
@@ -27,7 +27,6 @@ Array = npt.NDArray[np.float64]
 SIZE = 14
 """px of letters."""
 
-INK, PAPER = "#16202b", "#ffffffd8"
 ACCENT, WARNING = "#1f6fb2", "#9c1c1c"
 EDGE = 14
 """px between panels and the window's border."""

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.view.fields import FIELDS
-from gpusim.view.keys import KEYS, Key
+from gpusim.view.keys import KEYS
 from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.view.picking import pick
 from gpusim.view.picture.placement import Placement
-from gpusim.view.turntable import camera_lines
+from gpusim.view.turntable import SIDES, camera_lines
 from gpusim.view.view_state import ViewState
 
 __all__ = ["Viewer"]
@@ -63,15 +63,16 @@ class Viewer(ViewState):
         wanted = ALIASES.get(key, key)
         for known in KEYS:
             if known.key.lower() == wanted.lower():
-                action = getattr(self, f"do_{known.action}", None)
-                if action is None:
-                    self._switch(known)
+                if known.action in SIDES:
+                    self.look(self.view.side(known.action))
+                elif known.action in self.shown:
+                    self._switch(known.action)
                 else:
-                    action()
+                    getattr(self, f"do_{known.action}")()
 
-    def _switch(self, key: Key) -> None:
+    def _switch(self, what: str) -> None:
         """On or off, and say so: not all that is switched is in sight."""
-        what, content = key.action, self.content
+        content = self.content
         on = self.shown[what] = not self.shown[what]
         if what in ("paint", "light"):
             self._white = None
@@ -79,15 +80,6 @@ class Viewer(ViewState):
         if what != "help":
             there = content is None or content.has(what)
             self.say(f"{what}: {'on' if on else 'off'}{'' if there else ', but there is none'}")
-
-    def do_front(self) -> None:
-        self.look(self.view.side("front"))
-
-    def do_right(self) -> None:
-        self.look(self.view.side("right"))
-
-    def do_top(self) -> None:
-        self.look(self.view.side("top"))
 
     def do_next_camera(self) -> None:
         cameras = self.content.cameras if self.content is not None else ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import random
-import time
 from pathlib import Path
 
 import numpy as np
@@ -20,24 +19,7 @@ from gpusim.view.picture.progressive_picture import coarser, rows_of
 from gpusim.view.screenshot import screenshot, wait_for_solution
 from gpusim.view.viewer import Viewer
 from tests.support.small_scene import DOCUMENT
-
-SIZE = (331, 207)
-LIGHT = [{"name": "sun", "type": "sun", "direction": [0.3, 1.0, -0.6], "irradiance_W_m2": 3.0}]
-
-
-@pytest.fixture
-def scene_path(tmp_path: Path) -> Path:
-    path = tmp_path / "bar.toml"
-    path.write_text(toml_text({**DOCUMENT, "light": LIGHT}), encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def viewer(device: Device, scene_path: Path):  # type: ignore[no-untyped-def]
-    made = Viewer(device, scene_path, SIZE, solve=False)
-    assert made.fault == ""
-    yield made
-    made.close()
+from tests.support.viewing import LIGHT, SIZE, wait_for
 
 
 def encoded(radiance: np.ndarray, white: float) -> np.ndarray:
@@ -243,18 +225,6 @@ def test_solving_in_the_background_then_frames_and_fields(device: Device, scene_
     viewer.close()
 
 
-def test_a_support_of_nothing_is_a_fault_beside_the_picture(
-    viewer: Viewer, scene_path: Path
-) -> None:
-    viewer.key("u")
-    text = scene_path.read_text(encoding="utf-8")
-    assert 'set = "x_min"' in text
-    scene_path.write_text(text.replace('set = "x_min"', "x_min_mm = 900.0"), encoding="utf-8")
-    wait_for(viewer, "another set")
-    picture = screenshot(viewer)
-    assert "support 'clamp'" in viewer.fault and picture[60:150].std() > 20.0
-
-
 def test_a_part(device: Device, tmp_path: Path) -> None:
     """Its size, its edges, its elements and sets; keys that have nothing to show say so."""
     cube = gs.mesh.box(size=(30, 20, 10), divisions=(3, 2, 1))
@@ -280,66 +250,6 @@ def test_a_part(device: Device, tmp_path: Path) -> None:
         viewer.show_field("von_mises")
     viewer.close()
     assert "it says its own" in Viewer(device, tmp_path / "out.toml", SIZE, unit="in").fault
-
-
-def wait_for(viewer: Viewer, what: str) -> float:
-    """Seconds until a change of the file is seen."""
-    begun = time.monotonic()
-    content, fault = viewer.content, viewer.fault
-    while (viewer.content, viewer.fault) == (content, fault):
-        viewer.tick()
-        assert time.monotonic() - begun < 20.0, what
-        time.sleep(0.01)
-    return time.monotonic() - begun
-
-
-def test_reload_and_faults(viewer: Viewer, scene_path: Path) -> None:
-    first = screenshot(viewer)
-    text = scene_path.read_text(encoding="utf-8")
-    scene_path.write_text(text.replace("focal_mm = 50.0", "focal_mm = 60.0"), encoding="utf-8")
-    wait_for(viewer, "a focal length")
-    assert viewer.content is not None and viewer.fault == ""
-    assert viewer.content.cameras[0].K[0, 0] == pytest.approx(60 / 15 * 450)
-    np.testing.assert_array_equal(screenshot(viewer), first)  # the view stays
-    content = viewer.content
-    scene_path.write_text(text.replace("focal_mm", "focal_m"), encoding="utf-8")
-    wait_for(viewer, "a fault")
-    assert "focal_m" in viewer.fault and viewer.content is content
-    assert (screenshot(viewer) != first).any()  # it is said over the last good view
-    scene_path.write_text(text, encoding="utf-8")
-    wait_for(viewer, "mended")
-    assert viewer.fault == ""
-    np.testing.assert_array_equal(screenshot(viewer), first)
-
-
-def test_a_mesh_too_large_for_the_machine(
-    viewer: Viewer, scene_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Said as `gpusim run` says it, before anything is built."""
-    monkeypatch.setattr("gpusim.pipeline.checks.resources.host_memory", lambda: 8_000_000_000)
-    monkeypatch.setattr("gpusim.view.content.loading.build_body", None)
-    text = scene_path.read_text(encoding="utf-8")
-    scene_path.write_text(text.replace("[12, 2, 1]", "[3000, 1000, 100]"), encoding="utf-8")
-    wait_for(viewer, "a fault")
-    assert "mesh: needs about 60.7 GB of memory" in viewer.fault
-
-
-def test_whatever_a_reload_raises_is_shown(
-    viewer: Viewer, scene_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def damaged(*_: object) -> None:
-        raise UnicodeDecodeError("utf-8", b"\xff\xfe", 0, 1, "invalid start byte")
-
-    text = scene_path.read_text(encoding="utf-8")
-    with monkeypatch.context() as patch:
-        patch.setattr("gpusim.view.view_state.load_content", damaged)
-        scene_path.write_text(text + "\n", encoding="utf-8")
-        wait_for(viewer, "a fault")
-        assert viewer.fault.startswith("UnicodeDecodeError: 'utf-8' codec")
-        assert screenshot(viewer).std() > 10.0
-    scene_path.write_text(text, encoding="utf-8")
-    wait_for(viewer, "mended")
-    assert viewer.fault == ""
 
 
 def test_a_screenshot_lies_beside_the_scene(

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from gpusim.gpu import Device
 from gpusim.interrupts import DelayedSignals
-from gpusim.scene.toml_text import toml_text
 from gpusim.view.keys import KEYS
 from gpusim.view.viewer import Viewer
 from gpusim.view.window import WindowView
-from tests.support.small_scene import DOCUMENT
 
 
 class Canvas:
@@ -53,15 +49,6 @@ class Loop:
         waiting, self.later = self.later, []
         for call in waiting:
             call()
-
-
-@pytest.fixture
-def viewer(device: Device, tmp_path: Path):  # type: ignore[no-untyped-def]
-    path = tmp_path / "bar.toml"
-    path.write_text(toml_text(DOCUMENT), encoding="utf-8")
-    made = Viewer(device, path, (320, 200), solve=False)
-    yield made
-    made.close()
 
 
 def typed(view: WindowView, key: str, *modifiers: str, browser: bool = True) -> None:

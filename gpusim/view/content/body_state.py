@@ -26,8 +26,8 @@ class BodyState:
 
     ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
     displacements are given: it has no stress. ``formulation``, ``temperature``: as for
-    `gpusim.fem.stress`. ``reactions``: of the supports (N, 3), N. ``nodal_stress``: (N, 6), Pa,
-    where it is there already; strain and the elements' fields aren't then.
+    `gpusim.fem.stress`. ``nodal_stress``: (N, 6), Pa, where it is there already; strain and the
+    elements' fields aren't then.
     """
 
     mesh: Mesh
@@ -35,7 +35,6 @@ class BodyState:
     model: Model | None = None
     formulation: str | None = None
     temperature: float = 0.0
-    reactions: Array | None = None
     nodal_stress: Array | None = None
 
     @cached_property
