@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gpusim.scene import load_scene
+from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.screenshot import screenshot
 from gpusim.view.viewer import Viewer
 from tests.support.viewing import wait_for
@@ -41,6 +45,20 @@ def test_a_mesh_too_large_for_the_machine(
     scene_path.write_text(text.replace("[12, 2, 1]", "[3000, 1000, 100]"), encoding="utf-8")
     wait_for(viewer, "a fault")
     assert "mesh: needs about 60.7 GB of memory" in viewer.fault
+
+
+def test_a_solution_too_large_for_any_machine(scene_path: Path) -> None:
+    """Said by the process that would solve; where the mesh has room it is shown all the same."""
+    text = scene_path.read_text(encoding="utf-8")
+    scene_path.write_text(text.replace("[12, 2, 1]", "[3000, 1000, 100]"), encoding="utf-8")
+    solver = BackgroundSolver(load_scene(scene_path))
+    try:
+        end = time.monotonic() + 60.0
+        while solver.running and time.monotonic() < end:
+            time.sleep(0.05)
+        assert re.match(r"(model|solve): needs about [\d.e+]+ GB of memory", solver.fault)
+    finally:
+        solver.stop()
 
 
 def test_whatever_a_reload_raises_is_shown(
