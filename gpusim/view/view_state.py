@@ -320,7 +320,9 @@ class ViewState:
         Whether there is more to be drawn, as soon as keys and the mouse have been heard.
         """
         if self.size != (target.width, target.height):
-            self.size, self._white = (target.width, target.height), None
+            self.size = target.width, target.height
+            if self.through is not None or self.view is self._framed:  # else it is the user's
+                self._white = None
         if self._layout != (self.size, self.taken()):
             self._layout = self.size, self.taken()
             self._frame_again()

@@ -139,6 +139,10 @@ def test_the_white_of_a_window_that_grew(device: Device, viewer: Viewer) -> None
         other.draw(device.texture(*size, "rgba8unorm", "view.target"))
         other.picture.took(0.001)  # a quick machine: finer pictures while it moves
     np.testing.assert_array_equal(screenshot(other, SIZE), wanted)
+    other.wheel(-20.0, 60, 95)  # once the user has moved it stays as it is
+    white = other.white
+    screenshot(other, (90, 400))
+    assert other.white == white
     other.close()
 
 
