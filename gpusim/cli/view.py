@@ -67,8 +67,9 @@ def view(
                 save_screenshot,
                 wait_for_solution,
             )
+            from gpusim.view.server import local_socket, serve_view
             from gpusim.view.viewer import Viewer
-            from gpusim.view.window import local_socket, open_window, serve_view
+            from gpusim.view.window import open_window
 
         if screenshot is not None:
             check_ending(screenshot)

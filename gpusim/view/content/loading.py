@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
-from gpusim.scene import load_scene
+from gpusim.pipeline.checks.resources import check_memory
+from gpusim.plan.plan import make_plan
+from gpusim.scene import Scene, load_scene
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.scene.description.table import FileUnit, in_si
 from gpusim.scene.frames import frame_table
@@ -25,7 +28,7 @@ from gpusim.surface.surface import Surface
 from gpusim.view.content.content import Content
 from gpusim.view.picture.neutral import PAINT
 
-__all__ = ["load_content", "load_solution"]
+__all__ = ["check_room", "load_content", "load_solution"]
 
 STEP = (".step", ".stp")
 
@@ -87,6 +90,7 @@ def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
 
 def _scene(path: Path, earlier: Content | None = None) -> Content:
     scene = load_scene(path)
+    check_room(scene, "mesh", "surface")
     board = scene.calibration.board if scene.calibration is not None else ""
     objects = SceneObjects(scene, [one.shown for one in frame_table(scene)], board=board)
     before = earlier.objects if earlier is not None else None
@@ -109,6 +113,14 @@ def _scene(path: Path, earlier: Content | None = None) -> Content:
         cameras=tuple(build_camera(camera, scene.input) for camera in scene.cameras),
         lights=build_lights(scene),
     )
+
+
+def check_room(scene: Scene, *stages: str) -> None:
+    """Raises InputError, as a run would, where one of these stages of it needs more memory than
+    there is."""
+    plan = make_plan(scene)
+    kept = tuple(stage for stage in plan.stages if stage.name.split("/")[-1] in stages)
+    check_memory(replace(plan, stages=kept))
 
 
 def _run(folder: Path) -> Content:
