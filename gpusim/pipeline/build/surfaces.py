@@ -197,7 +197,8 @@ def _painted(
 ) -> tuple[dict[str, Paint], dict[str, Frame]]:
     """Paints by name, and paint coordinates of those that need some; ``region`` (F,): which of the
     ``patterns`` a face has, from 1, 0 for none."""
-    found: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
+    without = _new_name("unpainted", {paint.name for paint in patterns})
+    found: dict[str, Paint] = {without: Plain(DEFAULT_ALBEDO)}
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
         found[paint.name] = Plain(paint.albedo, *finish_of(paint))
@@ -274,7 +275,7 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
             if texels > MOST_TEXELS:
                 raise InputError(
                     f"{place}: pictures of {texels:,} pixels so far, with that of material "
-                    f"{name!r}; expected at most {MOST_TEXELS:,} on a prop"
+                    f"{material.name!r}; expected at most {MOST_TEXELS:,} on a prop"
                 )
             found[name], frame = _by_uv(look, paint, faces_of_it, material, place)
             if frame is not None:
