@@ -15,8 +15,8 @@ import pytest
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
-from gpusim.mesh import read_surface
-from tests.support.gltf_files import SQUARE, TRIANGLES, GltfFile, glb, square
+from gpusim.mesh import read_surface, read_textured
+from tests.support.gltf_files import SQUARE, TRIANGLES, GltfFile, glb, pictured, square
 
 
 def bounds(path: Path) -> tuple[list[float], list[float]]:
@@ -275,3 +275,50 @@ def test_faces_are_counted_before_they_are_made(kind: str, tmp_path: Path) -> No
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 60e6
+
+
+def places_in(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Where in a JSON there is a value."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    inner = [places_in(v, (*at, k)) for k, v in items if isinstance(v, dict | list)]
+    keys = value if isinstance(value, dict) else range(len(value))
+    return [(*at, key) for key in keys] + [place for found in inner for place in found]
+
+
+@pytest.mark.parametrize(
+    "value", [None, -1, 7, 0.5, 1e300, 10**400, float("nan"), True, "", "\x1b[2J", [], [[]], {}],
+    ids=lambda value: repr(value)[:8],
+)  # fmt: skip
+def test_any_value_may_be_wrong(value: Any, tmp_path: Path) -> None:
+    """Each value of the JSON in turn: a surface, or one error that names the file."""
+    whole, path = pictured(), tmp_path / "a.glb"
+    one = whole.json["meshes"][0]["primitives"][0]
+    one["attributes"]["COLOR_0"] = whole.numbers(np.tile([0.5, 1, 1], (4, 1)).astype("<f4"))
+    texture = whole.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    transform = {"offset": [0, 1], "rotation": 0.5, "scale": [2, 1], "texCoord": 0}
+    texture["extensions"] = {"KHR_texture_transform": transform}
+    whole.json["nodes"] = [
+        {"children": [1], "rotation": [0, 0, 0, 1], "scale": [1, 2, 1], "translation": [1, 0, 0]},
+        {"mesh": 0, "matrix": np.eye(4).ravel().tolist()},
+    ]
+    whole.json["accessors"][0]["sparse"] = {
+        "count": 1, "indices": {"bufferView": whole.view(b"\2"), "componentType": 5121},
+        "values": {"bufferView": whole.view(SQUARE[2].tobytes())},
+    }  # fmt: skip
+    whole.json["extensionsRequired"] = ["KHR_texture_transform"]
+    whole.json["buffers"] = [{"byteLength": len(whole.data)}]
+    text = json.dumps(whole.json)
+    path.write_bytes(glb(text.encode(), whole.data))
+    assert len(read_textured(path).faces) == 2
+    for *way, key in places_in(whole.json):
+        document = json.loads(text)
+        inner = document
+        for step in way:
+            inner = inner[step]
+        inner[key] = value
+        path.write_bytes(glb(json.dumps(document).encode(), whole.data))
+        try:
+            read_textured(path)
+        except InputError as error:
+            assert str(error).startswith(f"{path}: ") and "\x1b" not in str(error)
+            assert len(str(error)) < 600

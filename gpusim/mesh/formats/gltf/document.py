@@ -55,7 +55,8 @@ def gltf_document(file: InputFile) -> Iterator[GltfDocument]:
 
 def whole(number: Any) -> int:
     """A whole number of the JSON, which may be written as 2.0; raises ValueError for another."""
-    if not isinstance(number, int | float) or number != int(number):
+    fits = isinstance(number, int | float) and abs(number) <= 2**53
+    if not fits or number != int(number):
         raise ValueError(f"{str(number)[:40]!r} where a whole number is expected")
     return int(number)
 
