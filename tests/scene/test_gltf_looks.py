@@ -304,7 +304,7 @@ def test_pixels_are_counted_before_they_are_decoded(tmp_path: Path) -> None:
     path = pictured(picture=flat_png(12_000)).save(tmp_path / "a.glb")
     assert path.stat().st_size < 500_000
     for file, words in (
-        (None, "pictures of 144,000,000 pixels so far.*expected at most 67,108,864"),
+        (None, "pictures of 144,000,000 pixels; expected at most 67,108,864"),
         (pictured(uv=150 * CORNERS), "64 x 64 150 x 150 times; expected at most 16384 pixels"),
     ):
         if file is not None:

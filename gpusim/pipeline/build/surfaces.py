@@ -260,7 +260,6 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
         place = f"{where}, paint {paint.name!r}"
         region[surface_faces_of(points, faces, paint.where, place)] = number
     found, frames = _painted(where, prop.paints, points, faces, region, read)
-    texels = 0
     for paint in by_uv:
         assert look is not None
         own = np.flatnonzero(region == list(found).index(paint.name))
@@ -268,15 +267,8 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
         for number, (faces_of_it, material) in enumerate(_looks(look, paint, own, place, read)):
             name = paint.name
             if number:
-                name = _new_name(f"{name}/{material.name if material else 'none'}", found)
+                name = _new_name(f"{name}/{material.name}", found)
                 region[faces_of_it] = len(found)
-            if material is not None and material.picture is not None:
-                texels += claimed_pixels(material.picture)
-            if texels > MOST_TEXELS:
-                raise InputError(
-                    f"{place}: pictures of {texels:,} pixels so far, with that of material "
-                    f"{material.name!r}; expected at most {MOST_TEXELS:,} on a prop"
-                )
             found[name], frame = _by_uv(look, paint, faces_of_it, material, place)
             if frame is not None:
                 frames[name] = frame
@@ -291,21 +283,26 @@ def _new_name(name: str, known: Collection[str]) -> str:
 
 def _looks(
     surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], where: str, read: Reader
-) -> list[tuple[npt.NDArray[np.int64], FileMaterial | None]]:
-    """Of a paint's ``own`` faces (n,) those that look alike, and how: None as its ground."""
+) -> list[tuple[npt.NDArray[np.int64], FileMaterial]]:
+    """Of a paint's ``own`` faces (n,) those that look alike, and how."""
     if not len(own):
         raise InputError(f"{where}: every face it matches is painted over by a later paint")
     if paint.path is not None:
         return [(own, FileMaterial(paint.name, (1.0, 1.0, 1.0), read(paint.path)))]
     if not surface.materials:
         raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
-    result: list[tuple[npt.NDArray[np.int64], FileMaterial | None]] = []
+    result: list[tuple[npt.NDArray[np.int64], FileMaterial]] = []
     for number in np.unique(surface.material[own]).tolist():
-        material = surface.materials[number] if number >= 0 else None
-        if material is not None and material.missing:
+        material = FileMaterial("none", paint.albedo) if number < 0 else surface.materials[number]
+        if material.missing:
             raise InputError(f"{where}: {material.missing!r}, of material {material.name!r}, isn't "
                              "there; expected it beside the prop's file")  # fmt: skip
         result.append((own[surface.material[own] == number], material))
+    texels = sum(claimed_pixels(one.picture) for _, one in result if one.picture)
+    if texels > MOST_TEXELS:
+        raise InputError(
+            f"{where}: pictures of {texels:,} pixels; expected at most {MOST_TEXELS:,} in all"
+        )
     return result
 
 
@@ -313,13 +310,13 @@ def _by_uv(
     surface: TexturedSurface,
     paint: m.Picture,
     own: npt.NDArray[np.int64],
-    material: FileMaterial | None,
+    material: FileMaterial,
     where: str,
 ) -> tuple[Paint, Atlas | None]:
     """The paint of faces ``own`` (n,), and where it lies on them."""
     finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
-    if material is None or material.picture is None:
-        return Plain(material.color if material else paint.albedo, **finish), None
+    if material.picture is None:
+        return Plain(material.color, **finish), None
     dark, light = (np.multiply(color(one), material.color) for one in (paint.dark, paint.light))
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
