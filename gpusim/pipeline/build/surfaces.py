@@ -23,6 +23,7 @@ from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
+from gpusim.surface.bitmap import LUMA
 from gpusim.surface.color import color
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
@@ -317,7 +318,8 @@ def _by_uv(
     finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
     if material.picture is None:
         return Plain(material.color, **finish), None
-    dark, light = (np.multiply(color(one), material.color) for one in (paint.dark, paint.light))
+    factor = material.color if paint.channels == "rgb" else np.dot(LUMA, material.color)
+    dark, light = (np.multiply(color(one), factor) for one in (paint.dark, paint.light))
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
     wanted = np.isin(source, own)
