@@ -207,6 +207,8 @@ def test_factors_multiply_pictures_after_they_are_decoded(tmp_path: Path) -> Non
     found = seen(path, 1, {"name": "look", "gamma": "srgb"})
     np.testing.assert_allclose(found, [[[0.0102, 0.202, 0.5593]]], atol=5e-4)  # it rounds
     half = seen(path, 1, {"name": "look", "gamma": "srgb", "dark": 0.1, "light": 0.6})
+    plain = seen(path, 1, {"name": "look", "gamma": "srgb", "channels": "grey"})
+    assert np.ptp(plain) == 0.0 and 0.05 < plain[0, 0, 0] < 0.3
     want = np.array([0.2, 1.0, 0.7]) * (0.1 + 0.5 * np.array([0.0513, 0.2016, 0.7991]))
     np.testing.assert_allclose(half, [[want]], atol=3e-4)
 

@@ -23,15 +23,15 @@ TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
 @dataclass(frozen=True)
 class FileMaterial:
-    """A named material: its ``color`` (red, green, blue; linear), by which its picture, if it has
-    one, is multiplied. Names needn't differ.
+    """A named material: its ``color`` (grey, or red, green, blue; linear), by which its picture, if
+    it has one, is multiplied. Names needn't differ.
 
     ``picture`` is a file, its bytes read. ``missing``: the name of a picture that isn't there.
     ``wrap``: how it goes on beyond its sides, along u and v, as of `gpusim.surface.texture`.
     """
 
     name: str
-    color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    color: float | tuple[float, float, float] = (0.8, 0.8, 0.8)
     picture: InputFile | None = field(default=None, repr=False)
     missing: str = ""
     wrap: tuple[str, str] = ("repeat", "repeat")

@@ -293,8 +293,9 @@ def _looks(
     if not surface.materials:
         raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
     result: list[tuple[npt.NDArray[np.int64], FileMaterial]] = []
+    ground = FileMaterial("none", color(paint.albedo))
     for number in np.unique(surface.material[own]).tolist():
-        material = FileMaterial("none", paint.albedo) if number < 0 else surface.materials[number]
+        material = surface.materials[number] if number >= 0 else ground
         if material.missing:
             raise InputError(f"{where}: {material.missing!r}, of material {material.name!r}, isn't "
                              "there; expected it beside the prop's file")  # fmt: skip
