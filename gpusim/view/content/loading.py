@@ -21,7 +21,7 @@ from gpusim.pipeline.checks.resources import check_memory
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
-from gpusim.scene.description.table import FileUnit, in_si
+from gpusim.scene.description.table import FileUnit, file_unit, in_si
 from gpusim.scene.frames import frame_table
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -39,10 +39,12 @@ CURVED = 24
 """Elements around a full circle there."""
 
 
-def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = None) -> Content:
+def load_content(
+    path: Path, unit: FileUnit | None = None, earlier: Content | None = None
+) -> Content:
     """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file,
-    whose coordinates are in ``unit``, as they would be for a scene (a STEP file says its own).
-    Meshes of an ``earlier`` state of a scene are taken from there.
+    whose coordinates are in ``unit``, as they would be for a scene (mm unless said, of glTF m; a
+    STEP file says its own). Meshes of an ``earlier`` state of a scene are taken from there.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = No
     'bar'
     """
     suffix = path.suffix.lower()
-    if unit != "mm" and (path.is_dir() or suffix in (".toml", *STEP)):
+    if unit not in (None, "mm") and (path.is_dir() or suffix in (".toml", *STEP)):
         raise InputError(f"view --unit; got {unit!r} for {path}; expected none: it says its own")
     if path.is_dir():
         return _run(path)
@@ -69,7 +71,9 @@ def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = No
             f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
             f"folder of a run, or a mesh: {' '.join(known)}"
         )
-    surface, skins = _part(path, suffix, float(in_si(unit, "a file's unit")))
+    surface, skins = _part(
+        path, suffix, float(in_si(unit or file_unit(path.name), "a file's unit"))
+    )
     return Content(path.name, (path,), parts=(surface,), part_skins=skins)
 
 
