@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import meshio
 import numpy as np
@@ -235,12 +236,22 @@ def write_vtu(
     mesh = meshio.Mesh(
         points,
         blocks,
-        point_data=dict(point_data or {}),
-        cell_data={name: np.split(values, borders) for name, values in (cell_data or {}).items()},
+        point_data={_attribute(name): values for name, values in (point_data or {}).items()},
+        cell_data={
+            _attribute(name): np.split(values, borders)
+            for name, values in (cell_data or {}).items()
+        },
     )
     with atomic_path(path) as part:
         meshio.write(part, mesh, file_format="vtu")
     return Path(path)
+
+
+def _attribute(name: str) -> str:
+    """A name as it stands between quotes in XML, which meshio leaves to others."""
+    if re.search("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", name):
+        raise InputError(f"field name; got {name!r}; expected characters that XML has")
+    return escape(name, {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"})
 
 
 def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:

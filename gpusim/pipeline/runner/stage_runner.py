@@ -351,7 +351,8 @@ class StageRunner(RunRecord):
 
     def _image(self, camera: str, frame: int, kind: str = "") -> npt.NDArray[Any]:
         path = images.image_path(self.scene, self.out, camera, frame, kind)
-        return read_image(self.state.read(path))
+        image, shift = read_image(self.state.read(path)), self.scene.sensor_of(camera).shift
+        return image >> shift if shift else image
 
     def _stress(self) -> StageResult:
         from gpusim.pipeline.stages.mechanics import write_stresses

@@ -263,6 +263,7 @@ class FrameCapture:
         number = common.series * SERIES + frame
         image = sensor.expose(linear, common.seed, number, f"{self.kind}{camera.name}")
         self._check_levels(image, sensor, camera.name, frame)
+        image = image << self.scene.sensor_of(camera.name).shift
         if window is not None:
             image = window.placed(image, build_camera(camera, self.scene.input))
         wide = camera.sensor[0]
