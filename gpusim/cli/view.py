@@ -45,8 +45,9 @@ def view(
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
     unit: Annotated[
-        Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of a mesh file's coordinates.")
-    ] = "mm",
+        Literal["m", "cm", "mm", "um", "in"] | None,
+        typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
+    ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")

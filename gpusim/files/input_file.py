@@ -16,12 +16,13 @@ import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from gpusim.errors import InputError
@@ -185,12 +186,14 @@ _LOOKS = {
     ".mtl": re.compile(rb"^[ \t]*map_Kd[ \t]+(?:-[^\r\n]*[ \t])?([^\r\n#]+)", re.M),
 }
 """Materials and pictures, which may be missing where nothing is painted with them."""
+_URI = re.compile(rb'"uri"\s*:\s*("(?!data:)(?:[^"\\]|\\.)*")')
+"""Of a glTF file's buffers and pictures."""
 _MOST = 1000
 
 
 def included_files(file: InputFile) -> tuple[InputFile, ...]:
     """All files that a mesh file names with *INCLUDE or INCLUDE, and those that they name; an
-    OBJ's materials and their pictures, if they are there.
+    OBJ's materials and their pictures, and what a glTF names, if they are there.
 
     Raises InputError for one that can't be read; readers say in which line it is named. Files of
     other kinds include nothing.
@@ -199,6 +202,8 @@ def included_files(file: InputFile) -> tuple[InputFile, ...]:
         beside = {file.path.parent / _text(name) for name in _LOOKS[file.suffix].findall(file.data)}
         named = [read_input(path) for path in sorted(beside) if path.is_file()]
         return tuple(named + [picture for mtl in named for picture in included_files(mtl)])
+    if file.suffix in (".glb", ".gltf"):
+        return tuple(read_input(path) for path in _gltf_files(file))
     statement = _STATEMENTS.get(file.suffix)
     if statement is None:
         return ()
@@ -216,6 +221,17 @@ def included_files(file: InputFile) -> tuple[InputFile, ...]:
                 found[str(child)] = read_input(child, "an included file")
                 waiting.append(found[str(child)])
     return tuple(found.values())[1:]
+
+
+def _gltf_files(file: InputFile) -> list[Path]:
+    """The files that a glTF names, if they are there."""
+    binary = file.data[:4] == b"glTF"
+    text = file.data[: 20 + int.from_bytes(file.data[12:16], "little")] if binary else file.data
+    names = set()
+    for quoted in _URI.findall(text):
+        with suppress(ValueError):  # which is said where it is read
+            names.add(file.path.parent / unquote(json.loads(quoted)))
+    return sorted(path for path in names if os.path.isfile(path))
 
 
 def _text(name: bytes) -> Path:

@@ -31,7 +31,15 @@ from gpusim.files.picture_tags import TIFF_MAGIC, Page, exif_orientation, plain_
 from gpusim.files.radiance_file import RadianceHeader, to_srgb
 from gpusim.parallel.machine import memory_limit
 
-__all__ = ["decode", "decoding", "pages_of", "picture_file", "read_grey", "read_picture"]
+__all__ = [
+    "claimed_pixels",
+    "decode",
+    "decoding",
+    "pages_of",
+    "picture_file",
+    "read_grey",
+    "read_picture",
+]
 
 LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
 BYTES = 32  # of memory for a pixel, with all that is made of a picture
@@ -194,6 +202,12 @@ def _check_size(file: InputFile, size: Size) -> None:
             f"image file: {file.path}: too large; got {width} x {height} pixels in "
             f"{len(file.data)} bytes; expected at most {most / 1e6:.0f} million pixels"
         )
+
+
+def claimed_pixels(source: Source) -> int:
+    """How many pixels a picture's head says that it has; 0 for a kind whose head isn't known."""
+    width, height = _claimed(read_input(source, "a picture").data) or (0, 0)
+    return width * height
 
 
 def _claimed(data: bytes) -> Size | None:

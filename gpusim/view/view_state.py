@@ -55,7 +55,7 @@ class ViewState:
 
     def __init__(
         self, device: Device, path: Path, size: tuple[int, int], solve: bool = True,
-        unit: FileUnit = "mm",
+        unit: FileUnit | None = None,
     ) -> None:  # fmt: skip
         self.device, self.path, self.size, self.solves, self.unit = device, path, size, solve, unit
         self.content: Content | None = None

@@ -16,7 +16,7 @@ In the order in which data passes:
 - `msh_numbers`, `msh`: Gmsh's .msh files: their bytes, and the mesh that they hold.
 - `element_sizes`, `cad`: CAD files meshed by Gmsh, which is an optional dependency.
 - `reader`: Reading mesh files, by the ending of their name.
-- `gltf`: Meshes of glTF files, by trimesh.
+- `gltf`: glTF files: their triangles and base colours.
 - `surfaces`: Faces without solids in STL, PLY, OBJ, OFF and glTF files.
 - `textures`: What OBJ and glTF files say of how their faces look.
 """

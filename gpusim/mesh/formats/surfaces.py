@@ -4,8 +4,7 @@ Each format has a function that takes a file and returns points (P, 3) float64 a
 int64 as they are written there, -1 as the last corner of a triangle. All refuse, with the line
 where there are lines, what they don't know.
 
-trimesh reads glTF alone: of the others it takes files that are cut off or say what it doesn't know,
-and its triangles are the halves of quadrilaterals.
+That of glTF is `gpusim.mesh.formats.gltf`.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.gltf import gltf_meshes
+from gpusim.mesh.formats.gltf.primitives import gltf_faces
 
 __all__ = ["read_surface"]
 
@@ -157,17 +156,6 @@ def off(file: InputFile) -> Surface:
         (size,) = _whole(file, words[:1], 1, line)
         corners.append(_padded(file, _whole(file, words[1 : 1 + size], size, line), line))
     return np.array(place).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 4)
-
-
-def gltf(file: InputFile) -> Surface:
-    """All meshes of a glTF where its nodes place them."""
-    points, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    for mesh in gltf_meshes(file):
-        points.append(np.asarray(mesh.vertices).reshape(-1, 3))
-        faces.append(np.asarray(mesh.faces, np.int64).reshape(-1, 3) + count)
-        count += len(points[-1])
-    corners = np.concatenate(faces)
-    return np.concatenate(points), np.column_stack([corners, np.full(len(corners), -1)])
 
 
 _TYPES = {
@@ -339,7 +327,8 @@ class _Binary:
         return rows
 
 
-_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf, ".gltf": gltf}
+_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf_faces,
+            ".gltf": gltf_faces}  # fmt: skip
 _FARTHEST = 1e15
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.gltf import gltf_meshes
+from gpusim.mesh.formats.gltf.base_colors import gltf_looks
 from gpusim.mesh.formats.surfaces import fail, numbered_surface, text_lines
 
 __all__ = ["TEXTURED_SUFFIXES", "FileMaterial", "TexturedSurface", "read_textured"]
@@ -24,16 +23,18 @@ TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
 @dataclass(frozen=True)
 class FileMaterial:
-    """A named material: its ``color`` (red, green, blue; linear) or, where it has one, a picture.
+    """A named material: its ``color`` (red, green, blue; linear), by which its picture, if it has
+    one, is multiplied. Names needn't differ.
 
-    ``picture`` is a file, its bytes read; one that lay in the surface's file is a PNG here. The
-    colour of one with a picture isn't used. ``missing``: the name of a picture that isn't there.
+    ``picture`` is a file, its bytes read. ``missing``: the name of a picture that isn't there.
+    ``wrap``: how it goes on beyond its sides, along u and v, as of `gpusim.surface.texture`.
     """
 
     name: str
     color: tuple[float, float, float] = (0.8, 0.8, 0.8)
     picture: InputFile | None = field(default=None, repr=False)
     missing: str = ""
+    wrap: tuple[str, str] = ("repeat", "repeat")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
     """A surface of an OBJ or glTF file with its texture coordinates and materials.
 
     An OBJ's materials are those of its ``mtllib`` beside it: ``Kd`` and ``map_Kd``. A glTF's are
-    the base colours and their textures.
+    the base colours, by which vertices' colours are multiplied, and their textures.
 
     Raises
     ------
@@ -138,6 +139,7 @@ def _library(file: InputFile, name: str) -> dict[str, FileMaterial]:
                 fail(mtl, f"got Kd {' '.join(rest)[:60]}; expected red, green, blue", line)
             values["color"] = red, green, blue
         elif word == "map_Kd":
+            values.setdefault("color", (1.0, 1.0, 1.0))
             picture = rest[-1] if rest and rest[0].startswith("-") else " ".join(rest)
             if (mtl.path.parent / picture).is_file():
                 values["picture"] = InputFile(mtl.path, b"", file.known).beside(
@@ -149,36 +151,6 @@ def _library(file: InputFile, name: str) -> dict[str, FileMaterial]:
 
 
 def _gltf(file: InputFile) -> Looks:
-    materials: dict[int, tuple[int, FileMaterial]] = {}
-    uv, material = [np.zeros((0, 3, 2))], [np.zeros(0, np.int32)]
-    for mesh in gltf_meshes(file):
-        number, place = -1, np.full((len(mesh.faces), 3, 2), np.nan)
-        given = getattr(mesh.visual, "material", None)
-        if given is not None:
-            if id(given) not in materials:
-                materials[id(given)] = len(materials), _of_gltf(file, given, len(materials))
-            number = materials[id(given)][0]
-        if getattr(mesh.visual, "uv", None) is not None:
-            place = np.asarray(mesh.visual.uv, np.float64)[mesh.faces]
-        uv.append(place)
-        material.append(np.full(len(mesh.faces), number, np.int32))
-    corners = np.concatenate(uv)
-    corners = np.concatenate([corners, np.full((len(corners), 1, 2), np.nan)], axis=1)
-    return corners, np.concatenate(material), tuple(found for _, found in materials.values())
-
-
-def _of_gltf(file: InputFile, given: Any, number: int) -> FileMaterial:
-    name = str(given.name or f"material-{number}")
-    factor = getattr(given, "baseColorFactor", None)
-    red, green, blue = (
-        (1.0, 1.0, 1.0) if factor is None else (float(value) / 255.0 for value in factor[:3])
-    )
-    texture = getattr(given, "baseColorTexture", None)
-    if texture is None:
-        return FileMaterial(name, (red, green, blue))
-    # as the bytes of a file, which are read as those of any picture
-    data = io.BytesIO()
-    texture.convert("RGB").save(data, "png")
-    return FileMaterial(
-        name, (red, green, blue), InputFile(file.path.with_suffix(".png"), data.getvalue())
-    )
+    triangles, material, looks = gltf_looks(file)
+    uv = np.concatenate([triangles, np.full((len(triangles), 1, 2), np.nan)], axis=1)
+    return uv, material, tuple(FileMaterial(**look) for look in looks)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,17 +14,19 @@ import numpy.typing as npt
 from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field
-from gpusim.files.input_file import InputFile, Reader, read_input
+from gpusim.files.input_file import Reader, read_input
+from gpusim.files.picture_file import claimed_pixels
 from gpusim.mesh import Mesh, read_surface, read_textured
-from gpusim.mesh.formats.textures import TexturedSurface
+from gpusim.mesh.formats.textures import FileMaterial, TexturedSurface
 from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
+from gpusim.surface.color import color
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
-from gpusim.surface.texture import textured
+from gpusim.surface.texture import MOST_TEXELS, textured
 
 __all__ = ["BodyParts", "build_body", "build_prop", "posed", "rotation"]
 
@@ -256,60 +259,77 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
         place = f"{where}, paint {paint.name!r}"
         region[surface_faces_of(points, faces, paint.where, place)] = number
     found, frames = _painted(where, prop.paints, points, faces, region, read)
+    texels = 0
     for paint in by_uv:
         assert look is not None
         own = np.flatnonzero(region == list(found).index(paint.name))
         place = f"{where}, paint {paint.name!r}"
-        for number, (faces_of_it, name, what) in enumerate(_looks(look, paint, own, place, read)):
-            region[faces_of_it] = region[own[0]] if number == 0 else len(found)
-            found[name], frame = _by_uv(look, paint, faces_of_it, what, place)
+        for number, (faces_of_it, material) in enumerate(_looks(look, paint, own, place, read)):
+            name = paint.name
+            if number:
+                name = _new_name(f"{name}/{material.name if material else 'none'}", found)
+                region[faces_of_it] = len(found)
+            if material is not None and material.picture is not None:
+                texels += claimed_pixels(material.picture)
+            if texels > MOST_TEXELS:
+                raise InputError(
+                    f"{place}: pictures of {texels:,} pixels so far, with that of material "
+                    f"{name!r}; expected at most {MOST_TEXELS:,} on a prop"
+                )
+            found[name], frame = _by_uv(look, paint, faces_of_it, material, place)
             if frame is not None:
                 frames[name] = frame
     return Surface(points, faces, found, region, frames=frames, name=prop.name)
 
 
-Look = InputFile | tuple[float, float, float] | None
-"""A picture, a colour, or that of the paint's ground."""
+def _new_name(name: str, known: Collection[str]) -> str:
+    """The name, or one like it that isn't ``known``: those in files needn't differ."""
+    names = (f"{name} {number}" for number in itertools.count(2))
+    return name if name not in known else next(one for one in names if one not in known)
 
 
 def _looks(
     surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], where: str, read: Reader
-) -> list[tuple[npt.NDArray[np.int64], str, Look]]:
-    """Of a paint's ``own`` faces (n,) those that look alike, a name, and how they look."""
+) -> list[tuple[npt.NDArray[np.int64], FileMaterial | None]]:
+    """Of a paint's ``own`` faces (n,) those that look alike, and how: None as its ground."""
     if not len(own):
         raise InputError(f"{where}: every face it matches is painted over by a later paint")
     if paint.path is not None:
-        return [(own, paint.name, read(paint.path))]
+        return [(own, FileMaterial(paint.name, (1.0, 1.0, 1.0), read(paint.path)))]
     if not surface.materials:
         raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
-    result: list[tuple[npt.NDArray[np.int64], str, Look]] = []
+    result: list[tuple[npt.NDArray[np.int64], FileMaterial | None]] = []
     for number in np.unique(surface.material[own]).tolist():
         material = surface.materials[number] if number >= 0 else None
         if material is not None and material.missing:
             raise InputError(f"{where}: {material.missing!r}, of material {material.name!r}, isn't "
                              "there; expected it beside the prop's file")  # fmt: skip
-        name = f"{paint.name}/{material.name if material else 'none'}" if result else paint.name
-        look = material and (material.picture or material.color)
-        result.append((own[surface.material[own] == number], name, look))
+        result.append((own[surface.material[own] == number], material))
     return result
 
 
 def _by_uv(
-    surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], look: Look, where: str
+    surface: TexturedSurface,
+    paint: m.Picture,
+    own: npt.NDArray[np.int64],
+    material: FileMaterial | None,
+    where: str,
 ) -> tuple[Paint, Atlas | None]:
     """The paint of faces ``own`` (n,), and where it lies on them."""
     finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
-    if not isinstance(look, InputFile):
-        return Plain(paint.albedo if look is None else look, **finish), None
+    if material is None or material.picture is None:
+        return Plain(material.color if material else paint.albedo, **finish), None
+    dark, light = (np.multiply(color(one), material.color) for one in (paint.dark, paint.light))
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
     wanted = np.isin(source, own)
     try:
         picture = paints.Image.read(
-            look, 1.0, dark=paint.dark, light=paint.light, ground=paint.albedo, gamma=paint.gamma,
+            material.picture, 1.0, dark=dark, light=light, ground=paint.albedo, gamma=paint.gamma,
             channels=paint.channels, **finish,
         )  # fmt: skip
-        picture, places = textured(picture, surface.uv.reshape(-1, 2)[triangles[wanted]])
+        uv = surface.uv.reshape(-1, 2)[triangles[wanted]]
+        picture, places = textured(picture, uv, material.wrap)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     st = np.full((len(triangles), 3, 2), np.nan)

@@ -18,7 +18,7 @@ from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.scene import load_scene
 from gpusim.scene.amplitudes import LoadHistory
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
-from gpusim.scene.description.table import FileUnit, in_si
+from gpusim.scene.description.table import FileUnit, file_unit, in_si
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.content.content import Content
@@ -35,10 +35,12 @@ CURVED = 24
 """Elements around a full circle there."""
 
 
-def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = None) -> Content:
+def load_content(
+    path: Path, unit: FileUnit | None = None, earlier: Content | None = None
+) -> Content:
     """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file,
-    whose coordinates are in ``unit``, as they would be for a scene (a STEP file says its own).
-    Meshes of an ``earlier`` state of a scene are taken from there.
+    whose coordinates are in ``unit``, as they would be for a scene (mm unless said, of glTF m; a
+    STEP file says its own). Meshes of an ``earlier`` state of a scene are taken from there.
 
     Raises
     ------
@@ -53,7 +55,7 @@ def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = No
     'bar'
     """
     suffix = path.suffix.lower()
-    if unit != "mm" and (path.is_dir() or suffix in (".toml", *STEP)):
+    if unit not in (None, "mm") and (path.is_dir() or suffix in (".toml", *STEP)):
         raise InputError(f"view --unit; got {unit!r} for {path}; expected none: it says its own")
     if path.is_dir():
         return _run(path)
@@ -65,7 +67,9 @@ def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = No
             f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
             f"folder of a run, or a mesh: {' '.join(known)}"
         )
-    surface, skins = _part(path, suffix, float(in_si(unit, "a file's unit")))
+    surface, skins = _part(
+        path, suffix, float(in_si(unit or file_unit(path.name), "a file's unit"))
+    )
     return Content(path.name, (path,), parts=(surface,), part_skins=skins)
 
 
