@@ -19,6 +19,7 @@ from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
 from gpusim.files.output_folder import inside
 from gpusim.mesh.formats.numbering import NODES
+from gpusim.mesh.polygons import cut_at_dents
 
 __all__ = ["write_pvd", "write_region_stls", "write_stl", "write_vtu"]
 
@@ -172,6 +173,8 @@ def _triangles(
         raise InputError("points: got a value that is not finite; expected finite numbers, m")
     indices = faces.astype(np.int64)
     if faces.shape[1] == 4:
+        indices, _ = cut_at_dents(points, indices)
+        indices = np.where(indices < 0, indices[:, [2]], indices)
         indices = indices[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     a, b, c = indices.T
     proper: npt.NDArray[np.int64] = indices[(a != b) & (b != c) & (c != a)]
