@@ -23,11 +23,11 @@ ROUND = 1e-4
 NARROW = 1e-3
 """Side, in texels, of what is seen by a triangle to which one point of the picture belongs."""
 
-
 MOST_TEXELS = 1 << 26
 """Of a picture with its repeats, or of all that lie on a surface: some 2 GB are made of them."""
 
-WRAPS = ("repeat", "mirror", "clamp")
+PERIODS = {"repeat": 1, "mirror": 2, "clamp": 0}
+"""After how many pictures one that goes on beyond its sides begins anew; 0: never."""
 
 
 def textured(
@@ -56,11 +56,13 @@ def textured(
     uv = np.array(uv, np.float64).reshape(-1, 3, 2)
     if not np.isfinite(uv).all():
         raise InputError("texture coordinates; got faces without; expected some for every corner")
-    first = np.floor(uv.min(axis=(0, 1), initial=0.0) + ROUND)  # of a picture that is clamped
-    for axis, kind in enumerate(wrap):
-        least = uv[..., axis].min(axis=1, keepdims=True) + ROUND
-        whole = {"repeat": np.floor(least), "mirror": 2.0 * np.floor(0.5 * least)}
-        uv[..., axis] -= whole.get(kind, first[axis])
+    low = uv.min(axis=1, keepdims=True) + ROUND
+    periods, first = [PERIODS[kind] for kind in wrap], np.floor(low.min(axis=(0, 1), initial=0.0))
+    for axis, period in enumerate(periods):
+        if period:
+            uv[..., axis] -= period * np.floor(low[..., axis] / period)
+            first[axis] = 0.0
+    uv -= first
     rows, columns = picture.pixels.shape[:2]
     tiles = np.maximum(np.ceil(uv.max(axis=(0, 1), initial=1.0) - ROUND), 1.0)
     wanted = tiles * (columns, rows)
@@ -72,8 +74,10 @@ def textured(
         )
     if tiles.prod() > 1.0 or first.any():
         across, up = (
-            _continued(int(count), size, kind, int(start))
-            for count, size, kind, start in zip(wanted, (columns, rows), wrap, first, strict=True)
+            _continued(int(count), size, period, int(start))
+            for count, size, period, start in zip(
+                wanted, (columns, rows), periods, first, strict=True
+            )
         )
         pixels = picture.pixels[(rows - 1 - up)[::-1]][:, across]
         picture = replace(picture, pixels=pixels)
@@ -85,12 +89,11 @@ def textured(
     return picture, st
 
 
-def _continued(count: int, size: int, kind: str, first: int) -> npt.NDArray[np.int64]:
-    """Which of ``size`` texels is seen at each of ``count`` places; ``first``: pictures before the
-    one that is clamped."""
-    place = np.arange(count)
-    if kind == "clamp":
-        return np.clip(place + first * size, 0, size - 1)
-    if kind == "mirror":
-        return np.minimum(place % (2 * size), 2 * size - 1 - place % (2 * size))
-    return place % size
+def _continued(count: int, size: int, period: int, first: int) -> npt.NDArray[np.int64]:
+    """Which of ``size`` texels is seen at each of ``count`` places, of which the leftmost lies in
+    the picture of number ``first``."""
+    place = np.arange(count) + first * size
+    if not period:
+        return np.clip(place, 0, size - 1)
+    place %= period * size
+    return np.minimum(place, 2 * size - 1 - place)

@@ -25,8 +25,8 @@ TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
 @dataclass(frozen=True)
 class FileMaterial:
-    """A named material: its ``color`` (red, green, blue; linear), by which its picture, if it has
-    one, is multiplied. Names needn't differ.
+    """A named material: its ``color`` (grey, or red, green, blue; linear), by which its picture, if
+    it has one, is multiplied. Names needn't differ.
 
     ``picture`` is a file, its bytes read. ``missing``: a picture or library of materials that isn't
     there, or the material itself, ``newmtl …``.
@@ -34,7 +34,7 @@ class FileMaterial:
     """
 
     name: str
-    color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    color: float | tuple[float, float, float] = (0.8, 0.8, 0.8)
     picture: InputFile | None = field(default=None, repr=False)
     missing: str = ""
     wrap: tuple[str, str] = ("repeat", "repeat")

@@ -23,6 +23,7 @@ from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
+from gpusim.surface.bitmap import LUMA
 from gpusim.surface.color import color
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
@@ -197,7 +198,8 @@ def _painted(
 ) -> tuple[dict[str, Paint], dict[str, Frame]]:
     """Paints by name, and paint coordinates of those that need some; ``region`` (F,): which of the
     ``patterns`` a face has, from 1, 0 for none."""
-    found: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
+    without = _new_name("unpainted", {paint.name for paint in patterns})
+    found: dict[str, Paint] = {without: Plain(DEFAULT_ALBEDO)}
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
         found[paint.name] = Plain(paint.albedo, *finish_of(paint))
@@ -259,7 +261,6 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
         place = f"{where}, paint {paint.name!r}"
         region[surface_faces_of(points, faces, paint.where, place)] = number
     found, frames = _painted(where, prop.paints, points, faces, region, read)
-    texels = 0
     for paint in by_uv:
         assert look is not None
         own = np.flatnonzero(region == list(found).index(paint.name))
@@ -267,15 +268,8 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
         for number, (faces_of_it, material) in enumerate(_looks(look, paint, own, place, read)):
             name = paint.name
             if number:
-                name = _new_name(f"{name}/{material.name if material else 'none'}", found)
+                name = _new_name(f"{name}/{material.name}", found)
                 region[faces_of_it] = len(found)
-            if material is not None and material.picture is not None:
-                texels += claimed_pixels(material.picture)
-            if texels > MOST_TEXELS:
-                raise InputError(
-                    f"{place}: pictures of {texels:,} pixels so far, with that of material "
-                    f"{name!r}; expected at most {MOST_TEXELS:,} on a prop"
-                )
             found[name], frame = _by_uv(look, paint, faces_of_it, material, place)
             if frame is not None:
                 frames[name] = frame
@@ -290,21 +284,27 @@ def _new_name(name: str, known: Collection[str]) -> str:
 
 def _looks(
     surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], where: str, read: Reader
-) -> list[tuple[npt.NDArray[np.int64], FileMaterial | None]]:
-    """Of a paint's ``own`` faces (n,) those that look alike, and how: None as its ground."""
+) -> list[tuple[npt.NDArray[np.int64], FileMaterial]]:
+    """Of a paint's ``own`` faces (n,) those that look alike, and how."""
     if not len(own):
         raise InputError(f"{where}: every face it matches is painted over by a later paint")
     if paint.path is not None:
         return [(own, FileMaterial(paint.name, (1.0, 1.0, 1.0), read(paint.path)))]
     if not surface.materials:
         raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
-    result: list[tuple[npt.NDArray[np.int64], FileMaterial | None]] = []
+    result: list[tuple[npt.NDArray[np.int64], FileMaterial]] = []
+    ground = FileMaterial("none", color(paint.albedo))
     for number in np.unique(surface.material[own]).tolist():
-        material = surface.materials[number] if number >= 0 else None
-        if material is not None and material.missing:
+        material = surface.materials[number] if number >= 0 else ground
+        if material.missing:
             raise InputError(f"{where}: {material.missing!r}, of material {material.name!r}, isn't "
                              "there; expected it beside the prop's file")  # fmt: skip
         result.append((own[surface.material[own] == number], material))
+    texels = sum(claimed_pixels(one.picture) for _, one in result if one.picture)
+    if texels > MOST_TEXELS:
+        raise InputError(
+            f"{where}: pictures of {texels:,} pixels; expected at most {MOST_TEXELS:,} in all"
+        )
     return result
 
 
@@ -312,14 +312,15 @@ def _by_uv(
     surface: TexturedSurface,
     paint: m.Picture,
     own: npt.NDArray[np.int64],
-    material: FileMaterial | None,
+    material: FileMaterial,
     where: str,
 ) -> tuple[Paint, Atlas | None]:
     """The paint of faces ``own`` (n,), and where it lies on them."""
     finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
-    if material is None or material.picture is None:
-        return Plain(material.color if material else paint.albedo, **finish), None
-    dark, light = (np.multiply(color(one), material.color) for one in (paint.dark, paint.light))
+    if material.picture is None:
+        return Plain(material.color, **finish), None
+    factor = material.color if paint.channels == "rgb" else np.dot(LUMA, material.color)
+    dark, light = (np.multiply(color(one), factor) for one in (paint.dark, paint.light))
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
     wanted = np.isin(source, own)

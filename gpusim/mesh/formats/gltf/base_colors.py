@@ -105,8 +105,9 @@ def _tints(document: GltfDocument, one: PlacedPrimitive) -> tuple[Array, npt.NDA
 
 def _coordinates(document: GltfDocument, one: PlacedPrimitive, texture: dict[str, Any]) -> Array:
     """Texture coordinates of a primitive's points (P, 2); glTF's v runs downwards."""
-    document.refuse_extensions(texture, f"{one.name}, its texture", {_TRANSFORM})
-    transform = texture.get("extensions", {}).get(_TRANSFORM, {})
+    extensions = texture.get("extensions", {})
+    document.refuse(extensions, f"{one.name}, its texture", {_TRANSFORM})
+    transform = extensions.get(_TRANSFORM, {})
     kind = whole(transform.get("texCoord", texture.get("texCoord", 0)))
     uv = _attribute(document, one, f"TEXCOORD_{kind}", {"VEC2"})
     if uv is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator, Set
+from collections.abc import Iterable, Iterator, Set
 from contextlib import contextmanager
 from typing import Any, NoReturn
 from urllib.parse import unquote, unquote_to_bytes
@@ -19,13 +19,9 @@ __all__ = ["GltfDocument", "gltf_document", "whole"]
 
 # extensions that a file may require: they are read, or say nothing of shape and base colour
 _READ = {
-    "KHR_lights_punctual",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_unlit",
-    "KHR_materials_variants",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-}
+    "KHR_lights_punctual", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit",
+    "KHR_materials_variants", "KHR_mesh_quantization", "KHR_texture_transform",
+}  # fmt: skip
 _COMPONENTS: dict[int, np.dtype[Any]] = {
     5120: np.dtype("i1"), 5121: np.dtype("u1"), 5122: np.dtype("<i2"), 5123: np.dtype("<u2"),
     5125: np.dtype("<u4"), 5126: np.dtype("<f4"),
@@ -55,7 +51,8 @@ def gltf_document(file: InputFile) -> Iterator[GltfDocument]:
 
 def whole(number: Any) -> int:
     """A whole number of the JSON, which may be written as 2.0; raises ValueError for another."""
-    if not isinstance(number, int | float) or number != int(number):
+    fits = isinstance(number, int | float) and abs(number) <= 2**53
+    if not fits or number != int(number):
         raise ValueError(f"{str(number)[:40]!r} where a whole number is expected")
     return int(number)
 
@@ -69,26 +66,20 @@ class GltfDocument:
         self.json: dict[str, Any] = json.loads(InputFile(file.path, text).text("JSON in UTF-8"))
         self._buffers: dict[int, memoryview] = {}
         asset = self.json["asset"]
-        for key, version in (
-            ("version", asset["version"]),
-            ("minVersion", asset.get("minVersion")),
-        ):
-            if version is not None and not str(version).startswith("2."):
-                self.fail(f"asset.{key}; got {str(version)[:40]!r}; expected '2.0'")
-        self._refuse(set(self.json.get("extensionsRequired", ())) - _READ, "extensionsRequired")
+        version, least = str(asset["version"])[:40], str(asset.get("minVersion", "2.0"))[:40]
+        if not version.startswith("2.") or least != "2.0":
+            self.fail(f"glTF of version {version!r}, at least {least!r}; expected '2.0'")
+        self.refuse(self.json.get("extensionsRequired", ()), "extensionsRequired", _READ)
 
     def fail(self, problem: str) -> NoReturn:
         raise InputError(f"{self.file.path}: {problem}")
 
-    def refuse_extensions(self, thing: dict[str, Any], name: str, read: Set[str]) -> None:
-        """Refuse an object with other extensions than those that are ``read``, or mean nothing."""
-        self._refuse(thing.get("extensions", {}).keys() - read, name)
-
-    def _refuse(self, extensions: Set[str], name: str) -> None:
-        if extensions:
+    def refuse(self, extensions: Iterable[str], name: str, read: Set[str] = frozenset()) -> None:
+        """Refuse other extensions than those that are ``read``, or mean nothing here."""
+        if unread := sorted(set(extensions) - read):
             self.fail(
-                f"{name}: got {', '.join(sorted(extensions))[:200]!r}, which gpusim doesn't read; "
-                "expected a file saved without"
+                f"{name}: got {', '.join(unread)[:200]!r}, which gpusim doesn't read; expected a "
+                "file saved without"
             )
 
     def _container(self) -> tuple[bytes, bytes | None]:
@@ -128,7 +119,7 @@ class GltfDocument:
         """The bytes of a buffer view."""
         view = self.item("bufferViews", number)
         name = f"bufferViews[{whole(number)}]"
-        self.refuse_extensions(view, name, set())
+        self.refuse(view.get("extensions", ()), name)
         data = self._buffer(whole(view["buffer"]))
         begin, length = whole(view.get("byteOffset", 0)), whole(view["byteLength"])
         if not 0 <= begin <= begin + length <= len(data):
@@ -138,7 +129,7 @@ class GltfDocument:
     def _buffer(self, number: int) -> memoryview:
         if number not in self._buffers:
             buffer, name = self.item("buffers", number), f"buffers[{number}]"
-            self.refuse_extensions(buffer, name, set())
+            self.refuse(buffer.get("extensions", ()), name)
             uri = buffer.get("uri")
             data = self._chunk if number == 0 and uri is None else self.bytes_of(uri or "")
             if data is None and uri:
@@ -162,36 +153,25 @@ class GltfDocument:
         Those that are normalised lie in -1 to 1.
         """
         accessor = self.item("accessors", number)
-        self.refuse_extensions(accessor, name, set())
+        self.refuse(accessor.get("extensions", ()), name)
         if accessor["type"] not in types:
             self.fail(f"{name}; got {str(accessor['type'])[:40]!r}; expected {sorted(types)}")
+        if "sparse" in accessor or "bufferView" not in accessor:
+            self.fail(f"{name}; got a sparse accessor, or one without data; expected plain data")
         kind, columns = _COMPONENTS[whole(accessor["componentType"])], _COLUMNS[accessor["type"]]
-        shape = self.count(number), columns
-        values: npt.NDArray[Any] = np.zeros(shape, kind)
-        if "bufferView" in accessor:
-            values = self._elements(accessor, name, kind, shape)
-        if "sparse" in accessor:
-            sparse = accessor["sparse"]
-            count, places = whole(sparse["count"]), sparse["indices"]
-            rows = self._elements(
-                places, name, _COMPONENTS[whole(places["componentType"])], (count, 1)
+        place, count, size = accessor["bufferView"], self.count(number), kind.itemsize * columns
+        data = self.view(place)
+        stride = whole(self.item("bufferViews", place).get("byteStride", 0)) or size
+        begin = whole(accessor.get("byteOffset", 0))
+        end = begin + stride * (count - 1) + size
+        if begin < 0 or stride < size or end > len(data):
+            self.fail(
+                f"{name}; got {count} elements of {size} bytes, {stride} apart, from byte {begin} "
+                f"to {end} of {len(data)}; expected them within"
             )
-            values = values.copy()
-            values[rows[:, 0]] = self._elements(sparse["values"], name, kind, (count, columns))
+        values: npt.NDArray[Any] = np.ndarray(
+            (count, columns), kind, data, begin, (stride, kind.itemsize)
+        )
         if accessor.get("normalized"):
             values = np.maximum(values / float(np.iinfo(kind).max), -1.0)
         return values
-
-    def _elements(
-        self, place: dict[str, Any], name: str, kind: np.dtype[Any], shape: tuple[int, int]
-    ) -> npt.NDArray[Any]:
-        data, size = self.view(place["bufferView"]), kind.itemsize * shape[1]
-        stride = whole(self.item("bufferViews", place["bufferView"]).get("byteStride", 0)) or size
-        begin = whole(place.get("byteOffset", 0))
-        end = begin + stride * (shape[0] - 1) + size
-        if begin < 0 or stride < size or end > len(data):
-            self.fail(
-                f"{name}; got {shape[0]} elements of {size} bytes, {stride} apart, from byte "
-                f"{begin} to {end} of {len(data)}; expected them within"
-            )
-        return np.ndarray(shape, kind, data, begin, (stride, kind.itemsize))

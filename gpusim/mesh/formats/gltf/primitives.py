@@ -99,7 +99,7 @@ def _places(document: GltfDocument) -> dict[int, list[Array]]:
         if number in met:
             document.fail(f"{name} is met twice; expected a tree of nodes")
         met.add(number)
-        document.refuse_extensions(node, name, {"KHR_lights_punctual"})
+        document.refuse(node.get("extensions", ()), name, {"KHR_lights_punctual"})
         matrix = parent @ _matrix(node)
         if "mesh" in node:
             mesh = document.item("meshes", node["mesh"])
@@ -131,7 +131,7 @@ def _matrix(node: dict[str, Any]) -> Array:
 def _placed(
     document: GltfDocument, primitive: dict[str, Any], name: str, places: Array
 ) -> PlacedPrimitive:
-    document.refuse_extensions(primitive, name, {"KHR_materials_variants"})
+    document.refuse(primitive.get("extensions", ()), name, {"KHR_materials_variants"})
     points = document.numbers(primitive["attributes"]["POSITION"], f"{name}, POSITION", {"VEC3"})
     if "indices" in primitive:
         index = document.numbers(primitive["indices"], f"{name}, indices", {"SCALAR"})[:, 0]
