@@ -6,6 +6,7 @@ of the memory; kinds of files of which it isn't known are refused. Nobody else c
 
 from __future__ import annotations
 
+import ctypes
 import io
 import logging
 import os
@@ -177,7 +178,7 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
             f"image file: {file.path}: got no package OpenEXR; expected it for .exr files: "
             "pip install 'gpusim[exr]'"
         ) from None
-    with file.on_disk() as path:
+    with file.on_disk() as path, _silenced():
         (part,) = OpenEXR.File(str(path), header_only=True).parts
         low, high = part.header["dataWindow"]
         _check_size(file, (int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1))
@@ -194,6 +195,24 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
     return pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
 
 
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Without what OpenEXR prints of damaged files: it is said once, by the error."""
+    flush = ctypes.CDLL(None).fflush  # of C's streams, which Python doesn't know
+    flush(None)
+    kept = [(number, os.dup(number)) for number in (1, 2)]
+    with open(os.devnull, "wb") as nowhere:
+        for number, _ in kept:
+            os.dup2(nowhere.fileno(), number)
+    try:
+        yield
+    finally:
+        flush(None)
+        for number, copy in kept:
+            os.dup2(copy, number)
+            os.close(copy)
+
+
 def _check_size(file: InputFile, size: Size) -> None:
     width, height = size
     most = min(LARGEST, memory_limit() // BYTES)
@@ -206,7 +225,10 @@ def _check_size(file: InputFile, size: Size) -> None:
 
 def claimed_pixels(source: Source) -> int:
     """How many pixels a picture's head says that it has; 0 for a kind whose head isn't known."""
-    width, height = _claimed(read_input(source, "a picture").data) or (0, 0)
+    file = read_input(source, "a picture")
+    with decoding(file):
+        tiff = file.data[:4] in TIFF_MAGIC
+        width, height = (tiff_pages(file)[0].size if tiff else _claimed(file.data)) or (0, 0)
     return width * height
 
 

@@ -228,7 +228,9 @@ def test_rows_of_a_radiance_file_lie_in_any_order(first: str, second: str, tmp_p
 
 
 @pytest.mark.parametrize("half", [False, True])
-def test_panoramas_in_openexr(half: bool, tmp_path: Path) -> None:
+def test_panoramas_in_openexr(
+    half: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     openexr = pytest.importorskip("OpenEXR")
     from gpusim.export import write_radiance
 
@@ -242,6 +244,10 @@ def test_panoramas_in_openexr(half: bool, tmp_path: Path) -> None:
     right = np.array([0.2, 1.0, 0.2]) @ to_srgb(head["chromaticities"]).T
     np.testing.assert_allclose(read_panorama(path)[0, 0], np.maximum(right, 0.0), rtol=1e-5)
     data = bytearray(path.read_bytes())
+    path.write_bytes(data[:-10])
+    with pytest.raises(InputError, match=r"sky\.exr: can't be read as a picture"):
+        read_panorama(path)
+    assert capfd.readouterr() == ("", "")
     at = data.index(b"dataWindow\0box2i\0") + 21
     data[at : at + 16] = struct.pack("<4i", 0, 0, 59999, 49999)
     path.write_bytes(data)
