@@ -6,7 +6,6 @@ of the memory; kinds of files of which it isn't known are refused. Nobody else c
 
 from __future__ import annotations
 
-import ctypes
 import io
 import logging
 import os
@@ -14,7 +13,7 @@ import re
 import struct
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -197,20 +196,15 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
 
 @contextmanager
 def _silenced() -> Iterator[None]:
-    """Without what OpenEXR prints of damaged files: it is said once, by the error."""
-    flush = ctypes.CDLL(None).fflush  # of C's streams, which Python doesn't know
-    flush(None)
-    kept = [(number, os.dup(number)) for number in (1, 2)]
-    with open(os.devnull, "wb") as nowhere:
-        for number, _ in kept:
-            os.dup2(nowhere.fileno(), number)
-    try:
-        yield
-    finally:
-        flush(None)
-        for number, copy in kept:
-            os.dup2(copy, number)
-            os.close(copy)
+    """Without what OpenEXR prints of damaged files, by Python and past it: the error says it."""
+    kept = os.dup(2)
+    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+        os.dup2(nowhere.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _check_size(file: InputFile, size: Size) -> None:
