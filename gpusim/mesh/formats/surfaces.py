@@ -108,12 +108,12 @@ def obj(file: InputFile) -> Surface:
 
 
 def _cut(
-    file: InputFile, points: npt.NDArray[np.float64], corners: Sequence[int], sizes: Sequence[int]
+    file: InputFile, points: npt.NDArray[np.float64], corners: npt.ArrayLike, sizes: Sequence[int]
 ) -> Surface:
     """Of polygons one after another, with their numbers of corners."""
-    numbers = np.array(corners, np.int64)
-    rows, _ = cut_polygons(str(file.path), points, numbers, np.array(sizes, np.int64))
-    return points, np.where(rows < 0, -1, numbers[rows])
+    place = np.asarray(corners, np.int64)
+    rows, _ = cut_polygons(str(file.path), points, place, np.array(sizes, np.int64))
+    return points, np.where(rows < 0, -1, place[rows])
 
 
 _TYPES = {
@@ -142,7 +142,7 @@ def ply(file: InputFile) -> Surface:
             fail(file, f"got element {element.name}; expected faces")
     reader = _Text(file, start) if not order else _Binary(file, start, order)
     points = np.zeros((0, 3))
-    corners: list[int] = []
+    corners: npt.ArrayLike = []
     sizes: list[int] = []
     for element in elements:
         if element.count > len(file.data):
@@ -159,7 +159,7 @@ def ply(file: InputFile) -> Surface:
             lists = [columns[name] for name in _CORNERS if name in columns]
             if not lists:
                 fail(file, "no property list vertex_indices of face; expected one")
-            corners = np.concatenate([np.zeros(0), *lists[0]]).astype(np.int64).tolist()
+            corners = np.concatenate([np.zeros(0), *lists[0]]).astype(np.int64)
             sizes = [len(row) for row in lists[0]]
             if min(sizes, default=3) < 3:
                 fail(file, f"a face of {min(sizes)} corners; expected at least 3")
