@@ -11,6 +11,7 @@ import logging
 import os
 import re
 import struct
+import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -49,6 +50,8 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 Source = str | os.PathLike[str] | InputFile
 Size = tuple[int, int]
+_DENSEST = {b"\x89PNG": 8300, b"\xff\xd8": 1000, b"BM": 130, b"#?": 16, b"P": 8}
+"""Pixels that a byte of a file may hold, by the file's beginning."""
 _OPENEXR = b"\x76\x2f\x31\x01"
 
 
@@ -79,7 +82,8 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
         elif file.data[:4] == _OPENEXR:
             image = _openexr(file)
         elif size := _claimed(file.data):
-            _check_size(file, size)
+            densest = next(n for begin, n in _DENSEST.items() if file.data.startswith(begin))
+            _check_size(file, size, densest * len(file.data))
             radiance = RadianceHeader.of(file.data)
             data = _plain_pam(file.data) if radiance is None else radiance.plain()
             image = _by_opencv(data, 0, flags)
@@ -198,8 +202,8 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
 def _silenced() -> Iterator[None]:
     """Without what OpenEXR prints of damaged files, by Python and past it: the error says it."""
     kept = os.dup(2)
-    with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
-        os.dup2(nowhere.fileno(), 2)
+    with tempfile.TemporaryFile() as unread, redirect_stdout(io.StringIO()):
+        os.dup2(unread.fileno(), 2)
         try:
             yield
         finally:
@@ -207,13 +211,13 @@ def _silenced() -> Iterator[None]:
             os.close(kept)
 
 
-def _check_size(file: InputFile, size: Size) -> None:
+def _check_size(file: InputFile, size: Size, most: int = LARGEST) -> None:
     width, height = size
-    most = min(LARGEST, memory_limit() // BYTES)
+    most = min(most, LARGEST, memory_limit() // BYTES)
     if width * height > most:
         raise InputError(
             f"image file: {file.path}: too large; got {width} x {height} pixels in "
-            f"{len(file.data)} bytes; expected at most {most / 1e6:.0f} million pixels"
+            f"{len(file.data)} bytes; expected at most {most / 1e6:.3g} million pixels"
         )
 
 
