@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -96,6 +97,8 @@ def main() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names in a scene may not fit a narrow terminal
             stream.reconfigure(errors="replace")
+    if logging.lastResort is not None:  # what libraries tell their developers
+        logging.lastResort.setLevel(logging.ERROR)
     try:
         app()
     except KeyboardInterrupt:

@@ -10,6 +10,7 @@ In the order in which data passes:
   Pure data.
 - `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
 - `quality`: Jacobians of the map from a reference cell, aspect ratio, distortion, bad cells.
+- `polygons`: Polygons as triangles and quadrilaterals that lie within them: cut at their dents.
 - `mesh`: The mesh: points, cells by type, and named sets.
 - `selection`: Named and geometric selections of nodes and faces.
 - `builders`: Meshes made by number, and meshes made from other meshes.

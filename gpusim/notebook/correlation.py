@@ -127,15 +127,35 @@ def plot(
             f"{type(result).__name__}.plot: component; got {name!r}; expected one of "
             f"{list(known)}{hint}"
         )
+    mapped = isinstance(result, MappedResult)
+    if image is not None:
+        _check_picture(f"{type(result).__name__}.plot: image", image, result.points, mapped)
     ax = flat_axes(ax)
     one = known[name]
     shown = FieldMap(one.values(result), one.label, one.centred)
     draw_map(ax, None if image is None else grey_picture(image), result.points, shown, **style)
-    mapped = isinstance(result, MappedResult)
     unit = "unit of the mapping" if mapped else "px"
     ax.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal")
     ax.grid(visible=False)
     return ax
+
+
+def _check_picture(what: str, image: npt.NDArray[Any], points: Array, mapped: bool) -> None:
+    """Refuse a picture that the points can't have been measured in."""
+    if mapped:
+        raise InputError(f"{what}; got one beside points in the mapping's unit; expected None")
+    picture = np.asarray(image)
+    colored = picture.ndim == 3 and picture.shape[2] == 3
+    if not (picture.ndim == 2 or colored) or picture.dtype.kind not in "buif":
+        raise InputError(
+            f"{what}; got shape {picture.shape}, {picture.dtype}; expected (H, W) or (H, W, 3)"
+        )
+    (height, width), (right, low) = picture.shape[:2], points.max(axis=0)
+    if not (right <= width - 1 and low <= height - 1):
+        raise InputError(
+            f"{what}; got {width} x {height} px; expected the reference picture: points reach "
+            f"x = {right:g}, y = {low:g}"
+        )
 
 
 def _picture(result: Result) -> Picture:

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
+from gpusim.arrays.grey import grey_of
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.html import page_template
@@ -255,7 +256,9 @@ def _draw(
 
 
 def grey_picture(image: npt.NDArray[Any]) -> Backdrop:
-    """A small grey copy from 0 to 1, and its frame: pixel centres are integers."""
+    """A small grey copy from 0 to 1 of a picture (H, W) or (H, W, 3), and its frame: pixel centres
+    are integers."""
+    image = grey_of(image)
     height, width = image.shape
     scale = min(1.0, _PICTURE_PX / width)
     size = max(1, round(width * scale)), max(1, round(height * scale))
@@ -274,10 +277,11 @@ def draw_map(
     **style: Any,
 ) -> None:
     """Draw values at ``points`` (M, 2) px as a map with a colour bar, over a picture if there is
-    one; ``style`` goes to what draws them."""
+    one; ``style`` goes to what draws them. Limits of colours are those of the values."""
     if backdrop is not None:
         _draw_backdrop(axes, backdrop)
-    one = _readable(one)
+    limited = {"norm", "vmin", "vmax"} & style.keys()
+    one = one if limited else _readable(one)
     known = np.isfinite(one.values)
     if known.any():
         low, high = (float(v) for v in np.quantile(one.values[known], [SHOWN, 1 - SHOWN]))
@@ -288,14 +292,23 @@ def draw_map(
         if one.centred and low < 0 < high:
             most = max(-low, high)
             norm, colours = TwoSlopeNorm(0.0, -most, most), "RdBu_r"
+        if limited:
+            norm = style.pop("norm", None) or Normalize(
+                style.pop("vmin", low), style.pop("vmax", high)
+            )
         shown = _lattice(points, one.values)
         if shown is not None:
             grid, extent = shown
             drawn: Any = axes.imshow(
                 grid,
-                **{"cmap": colours, "norm": norm, "interpolation": "nearest", **style},
-                extent=extent,
-                alpha=0.85 if backdrop is not None else 1.0,
+                **{
+                    "cmap": colours,
+                    "norm": norm,
+                    "interpolation": "nearest",
+                    "extent": extent,
+                    "alpha": 0.85 if backdrop is not None else 1.0,
+                    **style,
+                },
             )
         else:
             drawn = axes.scatter(

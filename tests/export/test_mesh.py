@@ -183,3 +183,18 @@ def test_stl_far_from_zero_is_written_from_an_origin(tmp_path: Path) -> None:
     np.testing.assert_allclose(got, want, rtol=1e-7, atol=1e-6)
     with pytest.raises(InputError, match="origin"):
         write_stl(tmp_path / "c.stl", POINTS, quads, origin=(0.0, np.nan, 0.0))
+
+
+def test_names_of_arrays_are_escaped(tmp_path: Path) -> None:
+    names = ["a&b", "a<b", 'a"b', "a>b'c", "ε_xx", "two\tparts"]
+    values = {name: np.arange(9.0) + k for k, name in enumerate(names)}
+    path = tmp_path / "a.vtu"
+    write_vtu(path, POINTS, {"hex8": HEX}, point_data=values, cell_data={"1<2": np.array([7])})
+    found = meshio.read(path)
+    for name in names:
+        np.testing.assert_array_equal(found.point_data[name], values[name])
+    assert found.cell_data["1<2"][0].tolist() == [7]
+    path.unlink()
+    with pytest.raises(InputError, match=r"field name; got .*expected characters that XML has"):
+        write_vtu(path, POINTS, {"hex8": HEX}, point_data={"a\x01": values["a&b"]})
+    assert not path.exists()

@@ -97,7 +97,8 @@ def test_every_form_gives_every_face(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("a.obj", OBJ + "f 1 2 3 4 5\n", r"a\.obj:18: a face of 5 corners.*triangulate"),
+        ("a.obj", OBJ + "f 1 2\n", r"a\.obj:18: a face of 2 corners; expected at least 3"),
+        ("a.obj", OBJ + "f 1 2 9\n", r"a\.obj: a face names point 8; got 5 points, from 0"),
         ("a.obj", OBJ.replace("g second", "cstype bezier"), r"a\.obj:15: got 'cstype'"),
         ("a.obj", OBJ.replace("2 0 0 1.0", "2 0 0 0.5"), r"a\.obj:5: got v 2 0 0 0.5"),
         ("a.obj", OBJ.replace("3//1 4", "3//1 0"), "point 0"),

@@ -201,6 +201,21 @@ def test_a_camera_in_colour(tmp_path: Path) -> None:
     assert abs(np.corrcoef(one[..., 0].ravel(), one[..., 1].ravel())[0, 1]) <= 0.1
 
 
+def test_bits_in_the_upper_ones_of_a_file(tmp_path: Path) -> None:
+    """Twelve bits times 16, or as counted; what measures gets the same, viewers show it."""
+    text = CAMERA.format("one") + "[camera.sensor]\nbits = 12\n"
+    found = [scene(tmp_path, text + upper) for upper in ("", "upper_bits = true\n")]
+    keys = [make_plan(each)["render/one/0000"].key for each in found]
+    assert keys[0] != keys[1]
+    for number, each in enumerate(found):
+        gs.run(each, tmp_path / f"out{number}", backend="numpy")
+    plain, upper = (read_image(tmp_path / f"out{n}/images/one/0000.png") for n in (0, 1))
+    assert upper.dtype == np.uint16 and plain.max() < 4096
+    np.testing.assert_array_equal(upper, plain * 16)
+    eight = scene(tmp_path, CAMERA.format("one") + "[camera.sensor]\nupper_bits = true\n")
+    assert eight.sensor_of("one").shift == 0
+
+
 def test_white_balance_of_a_temperature(tmp_path: Path) -> None:
     """Gains are the inverse of what the channels see of it, the smallest 1."""
     text = COLOUR + "white_balance_K = 3000\n[camera.sensor]\n"

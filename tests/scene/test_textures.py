@@ -133,6 +133,21 @@ def test_materials_are_pictures_or_colours(tmp_path: Path) -> None:
     assert set(build_prop(one.props[0], one.input).regions) == {1}
 
 
+def test_colours_multiply_pictures_and_libraries_are_there(tmp_path: Path) -> None:
+    path = tent(tmp_path)
+    (tmp_path / "tent.mtl").write_text("newmtl photo\nKd 0.5 0.25 0.125\nmap_Kd photo.png\n")
+    paint = build_prop(scene(path).props[0], read_input).paints["look"]
+    assert isinstance(paint, Image)
+    np.testing.assert_allclose(paint.light, (0.5, 0.25, 0.125))
+    path.write_text(path.read_text().replace("tent.mtl", "away.mtl"))
+    with pytest.raises(InputError, match=r"'away\.mtl', of material 'photo', isn't there"):
+        build_prop(scene(path).props[0], read_input)
+    # pictures of its own need none
+    cv2.imwrite(str(tmp_path / "other.png"), np.full((4, 5), 128, np.uint8))
+    one = scene(path, file=str(tmp_path / "other.png"))
+    assert set(build_prop(one.props[0], one.input).regions) == {1}
+
+
 def test_files_that_are_named_belong_to_the_scene(tmp_path: Path) -> None:
     path = tent(tmp_path)
     given = scene(path)

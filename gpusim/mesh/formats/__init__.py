@@ -2,7 +2,7 @@
 
 In the order in which data passes:
 
-- `text`: The lines of a text file from anywhere, and of those that it includes.
+- `text`: The lines of a text file from anywhere, their numbers, and files that they include.
 - `coordinate_systems`: Coordinate systems in which files give nodes: rectangular, cylindrical,
   spherical.
 - `numbering`: How other programs number kinds of cells, their nodes and their sides.
@@ -17,6 +17,7 @@ In the order in which data passes:
 - `element_sizes`, `cad`: CAD files meshed by Gmsh, which is an optional dependency.
 - `reader`: Reading mesh files, by the ending of their name.
 - `gltf`: glTF files: their triangles and base colours.
+- `obj`: Wavefront's OBJ: faces, their texture coordinates and the names of their materials.
 - `surfaces`: Faces without solids in STL, PLY, OBJ, OFF and glTF files.
 - `textures`: What OBJ and glTF files say of how their faces look.
 """

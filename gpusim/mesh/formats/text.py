@@ -4,13 +4,15 @@ those that it includes."""
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import NoReturn
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["Includes", "text_lines"]
+__all__ = ["Includes", "fail", "numbers", "statements", "text_lines", "whole_numbers"]
 
 _MAX_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
 
@@ -29,6 +31,43 @@ def text_lines(file: InputFile, expected: str) -> list[str]:
     except UnicodeDecodeError:
         text = file.data.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def statements(file: InputFile, expected: str) -> Iterator[tuple[int, str, str]]:
+    """Number, first word and the rest of every line that has some. A backslash at its end continues
+    it. Comments begin with a # at its beginning or between blanks; others may be part of a name."""
+    before = ""
+    for number, line in enumerate(text_lines(file, expected), start=1):
+        text = before + re.sub(r"(?:^|\s)#(?:\s.*)?$|^\s*#.*", "", line).strip()
+        before = f"{text[:-1]} " if text.endswith("\\") else ""
+        if text and not before:
+            keyword, *rest = text.split(None, 1)
+            yield number, keyword, "".join(rest)
+
+
+def fail(file: InputFile, problem: str, line: int | None = None) -> NoReturn:
+    """Raises InputError with the file's name, and the line's number where there is one."""
+    where = f":{line}" if line else ""
+    raise InputError(f"{file.path}{where}: {problem}")
+
+
+def numbers(file: InputFile, words: Sequence[str], count: int, line: int) -> list[float]:
+    """``count`` numbers. Raises InputError for other words, and for more or fewer of them."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError as error:
+        fail(file, f"{error}; expected {count} numbers", line)
+    if len(values) != count:
+        fail(file, f"got {len(values)} numbers; expected {count}", line)
+    return values
+
+
+def whole_numbers(file: InputFile, words: Sequence[str], count: int, line: int) -> list[int]:
+    """The same, of whole numbers."""
+    values = numbers(file, words, count, line)
+    if not all(abs(value) < 2**53 and value == int(value) for value in values):
+        fail(file, f"got {' '.join(words)[:60]}; expected whole numbers", line)
+    return [int(value) for value in values]
 
 
 class Includes:

@@ -58,8 +58,10 @@ def _sources(scene: Scene, inputs: Inputs, place: Path) -> Sources:
     def image(camera: str, frame: int) -> npt.NDArray[Any]:
         stage, name = f"render/{camera}", image_name(scene, camera, frame)
         path = inputs.path(stage, name)
-        known = recall(path)
-        return known if known is not None else keep(path, read_image(inputs.read(stage, name)))
+        known, shift = recall(path), scene.sensor_of(camera).shift
+        if known is None:
+            known = keep(path, read_image(inputs.read(stage, name)))
+        return known >> shift if shift else known
 
     def corners(camera: str, pose: int) -> Sighting:
         name = corners_name(image_name(scene, camera, pose, "calib-"))

@@ -281,3 +281,54 @@ def test_documents() -> None:
     ):
         with pytest.raises(InputError):
             read_document(bad, "f")
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_what_says_that_it_is_no_fisheye(count: int, tmp_path: Path) -> None:
+    """OpenCV's own calibration sample writes ``fisheye_model: 0``."""
+    coefficients = [-0.1, 0.05, 0.001, -0.002, 0.01, 0.02, 0.03, 0.004, *[1e-4] * 6][:count]
+    path = tmp_path / "camera.yml"
+    path.write_text(f"""%YAML:1.0
+---
+calibration_time: "Fri Nov 27 10:00:00 2026"
+image_width: 1920
+image_height: 1200
+flags: 0
+fisheye_model: 0
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 1133., 0., 960.5, 0., 1128., 600.5, 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: {count}
+   cols: 1
+   dt: d
+   data: {coefficients}
+avg_reprojection_error: 0.2
+""")
+    (camera,) = gs.read_calibration(path)
+    assert camera.distortion is not None
+    np.testing.assert_array_equal(camera.distortion[:count], coefficients)
+    assert (camera.width, camera.height) == (1920, 1200)
+    path.write_text(path.read_text().replace("fisheye_model: 0", "fisheye_model: 1"))
+    with pytest.raises(InputError, match=r"camera\.yml: fisheye_model; got a fisheye"):
+        gs.read_calibration(path)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_fisheye_in_plain_json(inside: bool, tmp_path: Path) -> None:
+    plain = {"image_width": 640, "image_height": 480, "camera_matrix": ROS_K,
+             "distortion_coefficients": [0.1, 0.02, 0.001, 0.002]}  # fmt: skip
+    path = tmp_path / "camera.json"
+
+    def read(**more: object) -> list[gs.Camera]:
+        path.write_text(json.dumps({"cameras": [plain | more]} if inside else plain | more))
+        return gs.read_calibration(path)
+
+    for no in (False, 0, "no"):
+        assert len(read(fisheye=no)) == 1
+    for key, value in (("fisheye", True), ("is_fisheye", 1), ("xi", 1.2), ("K_fisheye", ROS_K),
+                       ("model", "fisheye"), ("lens_model", "Kannala-Brandt")):  # fmt: skip
+        with pytest.raises(InputError, match=f"{key}; got a fisheye"):
+            read(**{key: value})
