@@ -89,6 +89,15 @@ No = Annotated[
     typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
+StoreOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        parser=folder_name,
+        help="Results that runs into several folders share; by default OUT has its own.",
+    ),
+]
+Verify = Annotated[bool, typer.Option("--verify", help="Look at earlier results byte by byte.")]
 NoSkip = Annotated[bool, typer.Option("--no-skip", help="Switch every shortcut off.")]
 
 
@@ -139,6 +148,8 @@ def run(
     backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
+    store: StoreOption = None,
+    verify: Verify = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -156,6 +167,8 @@ def run(
                 backend=backend.value,
                 fresh=fresh,
                 skip=not no_skip,
+                store=store,
+                verify=verify,
                 progress=progress,
             )
         if as_json:
@@ -226,6 +239,8 @@ def plan(
     backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
+    store: StoreOption = None,
+    verify: Verify = False,
     as_json: Json = False,
 ) -> None:
     """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
@@ -241,7 +256,10 @@ def plan(
         strange = check_files(loaded) if loaded.reads_files else []
         beforehand = scene_warnings(loaded)
         speed = Speed.read(backend.value).measured()
-        made = make_plan(loaded, output, backend.value, fresh=fresh, skip=not no_skip, speed=speed)
+        made = make_plan(
+            loaded, output, backend.value, fresh=fresh, skip=not no_skip, store=store,
+            verify=verify, speed=speed,
+        )  # fmt: skip
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
             check_mesher(loaded)
         short = memory_fault(made)
