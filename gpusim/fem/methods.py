@@ -22,10 +22,10 @@ from gpusim.fem.direct_solvers.iterative_refinement import refine
 from gpusim.fem.incompressibility.mixed_formulation import mixed_solver
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm, RoundingError
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.solve_plan import Direct, Options, SolvePlan
 from gpusim.gpu import Device
 

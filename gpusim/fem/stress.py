@@ -13,12 +13,12 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.fem.elements.strain import point_stress
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shape_functions import reference_nodes, shape_functions

@@ -150,4 +150,5 @@ CELL_TYPES: dict[str, CellType] = {
 """By name. What else belongs to a type stands in tables beside what uses it: shape functions
 (`_POWERS` of `gpusim.mesh.shape_functions`), integration rules (`FULL_POINTS` of
 `gpusim.mesh.quadrature`; formulations and mass in `gpusim.fem.elements.element`), partners
-(`gpusim.mesh.builders.conversion`), orders of other programs (`gpusim.mesh.formats.numbering`)."""
+(`gpusim.mesh.builders.conversion`), orders of other programs
+(`gpusim.mesh.file_content.numbering`)."""

@@ -11,7 +11,6 @@ from scipy.sparse import bsr_matrix, csr_matrix, random_array
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import BlockRows, invert_blocks
 from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.device.block_texels import BlockTexels
 from gpusim.fem.device.interpolation import DeviceWeights, apply_weights
@@ -26,6 +25,7 @@ from gpusim.fem.krylov.cg import DeviceCG, NumpyCG, _BlockJacobi
 from gpusim.fem.model.material import Isotropic
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.multigrid.smoothers import Relaxation
+from gpusim.fem.sparse.block_rows import BlockRows, invert_blocks
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.mesh import Mesh, box, quadratic, split
 

@@ -9,9 +9,7 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import assemble, assemble_groups, group_matrix
-from gpusim.fem.assembly.block_rows import block_matrix, invert_blocks
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group, model_groups
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.node_graph import NodeGraph
 from gpusim.fem.assembly.stiffness_rounding import Deformation
 from gpusim.fem.elements.element_matrix import element_stiffness
@@ -20,6 +18,8 @@ from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.multigrid.transfer import NodeTransfer, in_single
+from gpusim.fem.sparse.block_rows import block_matrix, invert_blocks
+from gpusim.fem.sparse.matrix_product import Product, RowsProduct
 from gpusim.mesh import Mesh, box, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)

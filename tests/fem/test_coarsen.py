@@ -12,12 +12,12 @@ from gpusim.fem.assembly.assembly import (
     group_matrix,
     lattice_stencil,
 )
-from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.element_batches import lattice_group, masked, model_groups
-from gpusim.fem.assembly.matrix_product import RowsProduct
 from gpusim.fem.lattice.lattice import find_lattice
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides, drop_planes
 from gpusim.fem.multigrid.transfer import NodeTransfer
+from gpusim.fem.sparse.block_rows import block_matrix
+from gpusim.fem.sparse.matrix_product import RowsProduct
 from gpusim.mesh import CELL_TYPES, Mesh, box, crane, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)

@@ -11,16 +11,16 @@ import gpusim.fem.multigrid.column_blocks as columns
 import gpusim.fem.multigrid.hierarchy as hierarchy
 from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.element_batches import Elements
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.system import make_system
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.supports import rigid_modes
 from gpusim.fem.multigrid.column_blocks import Columns, columns_across, thin_axes
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
+from gpusim.fem.sparse.block_rows import block_matrix
+from gpusim.fem.sparse.matrix_product import Product, RowsProduct
 from gpusim.mesh import Mesh, box, plate_with_hole
 from gpusim.mesh.builders.conversion import split
 

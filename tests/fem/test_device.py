@@ -12,7 +12,6 @@ from scipy.sparse import bsr_matrix
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.system import make_system
 from gpusim.fem.device.block_texels import SLICE, BlockTexels, RowSlices, rows_of_matrix
 from gpusim.fem.device.node_texels import Arena, node_texels, pair, read_nodes, vector_texels
@@ -20,12 +19,13 @@ from gpusim.fem.device.relaxation import ColumnRelaxation, relaxation
 from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness
 from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.krylov.cg import DeviceCG
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.methods import _memory
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.multigrid.smoothers import Relaxation
+from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device
 from gpusim.mesh import CELL_TYPES, Mesh, box, quadratic, split
 

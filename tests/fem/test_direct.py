@@ -11,13 +11,13 @@ from benchmarks.solver.reference import reference_solution
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers import banded_cholesky
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.solve_plan import direct_solver, least_seconds
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import Mesh, box
 from gpusim.mesh.builders.conversion import split
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import gpusim.fem.lattice.lattice_cycle as lattice_cycle
+import gpusim.fem.multigrid.lattice_cycle as lattice_cycle
 from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.system import make_system
-from gpusim.fem.lattice.lattice_cycle import AggregateTransfer, cycle_dtype
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.lattice.stencil import stencil_of
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
+from gpusim.fem.multigrid.lattice_cycle import AggregateTransfer, cycle_dtype
 from gpusim.mesh import Mesh, box
 
 

@@ -13,13 +13,13 @@ from benchmarks.solver.cases import uneven_bricks
 from gpusim.arrays.ragged import along_paths
 from gpusim.fem import Isotropic, Model, solve
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.assembly.system import make_system
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.geometric_coarsening import coarse_lattice
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.transfer import NodeTransfer, PlaneWeights
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic
 

@@ -12,9 +12,9 @@ from scipy.linalg import eigh
 
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.incompressibility.pressure_preconditioners import PressureChebyshev, PressureScaling
 from gpusim.fem.incompressibility.volume_split import VolumeSplit, split_volume
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import Mesh, box
 from gpusim.parallel.blas_threads import one_blas_thread
 

@@ -10,10 +10,10 @@ from benchmarks.solver.cases import CASES
 from benchmarks.solver.operator import host_probe
 from gpusim import fem
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.transfer import MatrixTransfer, in_single
+from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
+from gpusim.fem.sparse.matrix_product import Product, RowsProduct
 from gpusim.mesh import Mesh, box
 
 
@@ -61,12 +61,12 @@ def test_shares_of_the_rows_give_the_same_to_the_last_bit(monkeypatch: pytest.Mo
     matrix = block_matrix(rows_of(uneven()))
     x = np.random.default_rng(1).normal(size=(2, matrix.shape[1]))
     whole = Product(matrix)(x)
-    monkeypatch.setattr("gpusim.fem.assembly.matrix_product._SMALL", 0)
-    monkeypatch.setattr("gpusim.fem.assembly.matrix_product._LEAST_PART", matrix.data.size // 3 + 1)
-    monkeypatch.setattr("gpusim.fem.assembly.matrix_product.processors", lambda: 2)
+    monkeypatch.setattr("gpusim.fem.sparse.matrix_product._SMALL", 0)
+    monkeypatch.setattr("gpusim.fem.sparse.matrix_product._LEAST_PART", matrix.data.size // 3 + 1)
+    monkeypatch.setattr("gpusim.fem.sparse.matrix_product.processors", lambda: 2)
     shared = Product(matrix)
     assert len(shared._parts) == 3 and (shared(x) == whole).all()
-    monkeypatch.setattr("gpusim.fem.assembly.matrix_product._LEAST_PART", 1)
+    monkeypatch.setattr("gpusim.fem.sparse.matrix_product._LEAST_PART", 1)
     assert len(Product(matrix)._parts) == 8 and (Product(matrix)(x) == whole).all()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import bsr_matrix
 
 import gpusim
-from gpusim.fem.assembly.matrix_product import (
+from gpusim.fem.sparse.matrix_product import (
     add_block_product,
     add_rows,
     counting_sort,
@@ -24,7 +24,7 @@ KERNELS = ("coo_tocsr", "csr_tocsc", "csc_matvecs", "bsr_matvec")
 def test_scipy_still_has_the_kernels() -> None:
     module = importlib.import_module("scipy.sparse._sparsetools")
     missing = [name for name in KERNELS if not callable(getattr(module, name, None))]
-    assert not missing, f"SciPy has moved {missing}: gpusim/fem/assembly/matrix_product.py"
+    assert not missing, f"SciPy has moved {missing}: gpusim/fem/sparse/matrix_product.py"
 
 
 def test_they_are_named_in_one_module() -> None:

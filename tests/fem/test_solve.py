@@ -12,10 +12,10 @@ from scipy.sparse.linalg import splu
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory, TwinMismatch
 from gpusim.fem import Isotropic, Model, Solution, face_force, solve
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import block_matrix
 from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
 from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.gpu import Device, compare
 from gpusim.mesh import Mesh, box, select_faces
 
@@ -261,7 +261,7 @@ def test_wrong_arguments(arguments: dict[str, Any]) -> None:
 
 def test_a_preconditioner_that_returns_nan_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "gpusim.fem.multigrid.preconditioner.Multigrid.down",
+        "gpusim.fem.krylov.multigrid_preconditioner.Multigrid.down",
         lambda self, r, cases: np.full(len(r), np.nan),
     )
     with pytest.raises(NotConverged, match="finite"):

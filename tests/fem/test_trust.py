@@ -13,11 +13,11 @@ from threadpoolctl import threadpool_info
 from benchmarks.stability.hard_bodies import cantilever
 from gpusim import InputError, Isotropic, Mesh, Model, NotConverged, solve
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import block_matrix
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.model import supports
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid import hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
+from gpusim.fem.sparse.block_rows import block_matrix
 from gpusim.mesh import box, quadratic, split
 from tests.support.element_meshes import mixed_mesh
 

@@ -11,7 +11,6 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import unique_rows
-from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import (
     Elements,
     Group,
@@ -24,6 +23,7 @@ from gpusim.fem.lattice.lattice import CORNERS, Lattice, find_lattice, node_offs
 from gpusim.fem.lattice.stencil import Stencil
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.geometric_coarsening import has_midsides
+from gpusim.fem.sparse.block_rows import BlockRows
 
 __all__ = [
     "Assembled",

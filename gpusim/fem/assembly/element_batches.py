@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import congruence_classes, mix, unique_rows
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
+from gpusim.fem.sparse.matrix_product import shared
 
 __all__ = [
     "DistinctGroup",

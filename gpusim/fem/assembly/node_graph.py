@@ -20,10 +20,10 @@ from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import mix, unique_hashes
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
-from gpusim.fem.assembly.matrix_product import add_rows, ahead, counting_sort, transpose_pattern
 from gpusim.fem.model.model import Model, Solution
+from gpusim.fem.sparse.block_rows import ranges
+from gpusim.fem.sparse.matrix_product import add_rows, ahead, counting_sort, transpose_pattern
 from gpusim.mesh import Mesh
 
 __all__ = ["NodeGraph", "Numbering", "row_sums"]

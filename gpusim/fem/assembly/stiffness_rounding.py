@@ -29,13 +29,13 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.error_free_sums import high_half, two_sum
 from gpusim.arrays.unique import mix
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import Elements, Group
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import add_to, determinant, inverse, times
 from gpusim.fem.model.model import Model
+from gpusim.fem.sparse.block_rows import BlockRows
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.mesh import mesh_quality
 
 __all__ = [

@@ -9,8 +9,6 @@ import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.stiffness_rounding import (
     Deformation,
     check_finite,
@@ -20,6 +18,8 @@ from gpusim.fem.assembly.stiffness_rounding import (
 from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct, stencil_of
 from gpusim.fem.model.model import Model
+from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
+from gpusim.fem.sparse.matrix_product import Product, RowsProduct
 
 __all__ = ["System", "finest_product", "make_system"]
 

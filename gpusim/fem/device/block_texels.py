@@ -25,9 +25,9 @@ from scipy.sparse import bsr_matrix
 from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.arrays.ragged import batches
 from gpusim.arrays.unique import mix
-from gpusim.fem.assembly.block_rows import BlockRows, ranges
-from gpusim.fem.assembly.matrix_product import ahead
 from gpusim.fem.device.node_texels import Allocator
+from gpusim.fem.sparse.block_rows import BlockRows, ranges
+from gpusim.fem.sparse.matrix_product import ahead
 from gpusim.gpu.texture_array import Texels, most_texels
 
 __all__ = [

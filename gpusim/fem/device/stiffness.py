@@ -17,10 +17,10 @@ import numpy as np
 from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.fem.assembly.block_rows import BlockRows, ranges
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.device.block_texels import BlockTexels, RowPart, block_texels_bytes
 from gpusim.fem.device.node_texels import Allocator, Pair, pair, row_threads
+from gpusim.fem.sparse.block_rows import BlockRows, ranges
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.gpu import Bindings, Kernel, Recording
 
 __all__ = [

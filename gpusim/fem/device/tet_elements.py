@@ -26,13 +26,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int, Single
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import DistinctGroup, Elements, Integrated
 from gpusim.fem.device.block_texels import WINDOW
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 from gpusim.fem.elements.straight_tetrahedra import StraightTets
+from gpusim.fem.sparse.block_rows import ranges
 from gpusim.gpu.texture_array import Texels, most_texels
 
 __all__ = ["TetElements", "TetTexels", "tet_elements", "tet_texels_bytes"]

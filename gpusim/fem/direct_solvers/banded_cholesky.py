@@ -19,8 +19,8 @@ from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.ragged import along_paths
-from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.stiffness_rounding import indefinite
+from gpusim.fem.sparse.block_rows import BlockRows, ranges
 
 __all__ = ["BandedFactor", "Ordering", "band_ordering"]
 

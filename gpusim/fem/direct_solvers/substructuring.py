@@ -25,9 +25,9 @@ from scipy.linalg.lapack import dpotrf
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.element_batches import Group
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
+from gpusim.fem.sparse.matrix_product import shared
 
 __all__ = ["Slabs", "SubstructuredFactor", "cut_slabs"]
 

@@ -30,9 +30,9 @@ from gpusim.fem.incompressibility.pressure_preconditioners import PressureChebys
 from gpusim.fem.incompressibility.volume_split import VolumeSplit, split_volume
 from gpusim.fem.krylov.cg import NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm, probe
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
 
 __all__ = ["MixedFormulation", "SaddleCG", "mixed_solver"]
 

@@ -23,8 +23,8 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.arrays.error_free_sums import two_sum
 from gpusim.arrays.unique import unique_rows
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.lattice.lattice import OFFSETS, Lattice
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.parallel.machine import processors
 
 __all__ = ["RowSums", "RunLayout", "RunPattern", "numbering_axes"]

@@ -15,8 +15,8 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.fem.assembly.block_rows import pattern
 from gpusim.fem.assembly.stiffness_rounding import indefinite
+from gpusim.fem.sparse.block_rows import pattern
 
 __all__ = ["CoarseSolver", "narrow_order"]
 

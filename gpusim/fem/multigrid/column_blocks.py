@@ -21,10 +21,10 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
+from gpusim.fem.sparse.block_rows import ranges
+from gpusim.fem.sparse.matrix_product import Product
 
 __all__ = ["EDGES", "Columns", "columns_across", "thin_axes"]
 
@@ -54,7 +54,7 @@ _FLAT = 1.15
 _LONGEST, _MOSTLY = 12, 0.5
 # cells across a thin body, whatever their shape: aggregates of higher columns are too large
 _FEW_CELLS = 6
-# eigenvalues of the smoother, as of `gpusim.fem.multigrid.preconditioner`
+# eigenvalues of the smoother, as of `gpusim.fem.krylov.multigrid_preconditioner`
 _RANGE, _DEGREE = 16.0, 2
 # columns that are inverted at a time
 _PORTION = 1024

@@ -13,11 +13,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, group_matrix, lattice_stencil
-from gpusim.fem.assembly.block_rows import (
-    invert_repeated,
-)
 from gpusim.fem.assembly.element_batches import Elements, Group, only_group
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.assembly.system import System, finest_product
 from gpusim.fem.lattice.lattice import Lattice, find_lattice
 from gpusim.fem.lattice.stencil import StencilProduct
@@ -34,6 +30,10 @@ from gpusim.fem.multigrid.geometric_coarsening import (
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
+from gpusim.fem.sparse.block_rows import (
+    invert_repeated,
+)
+from gpusim.fem.sparse.matrix_product import Product
 
 __all__ = ["Hierarchy", "Level", "build_hierarchy"]
 

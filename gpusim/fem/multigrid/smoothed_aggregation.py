@@ -13,11 +13,11 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import noise
-from gpusim.fem.assembly.block_rows import pattern, ranges
-from gpusim.fem.assembly.matrix_product import Product, ahead, row_shares, shared
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
+from gpusim.fem.sparse.block_rows import pattern, ranges
+from gpusim.fem.sparse.matrix_product import Product, ahead, row_shares, shared
 
 __all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
+from gpusim.fem.sparse.matrix_product import Product
 
 __all__ = [
     "MatrixTransfer",

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.formats.numbering import FLAT_CORNERS, REFUSED_SOLIDS, dimension_of
+from gpusim.mesh.file_content.numbering import FLAT_CORNERS, REFUSED_SOLIDS, dimension_of
 from gpusim.mesh.mesh import Mesh
 
 __all__ = [

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.sparse import _sparsetools, bsr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Real
-from gpusim.fem.assembly.block_rows import (
+from gpusim.fem.sparse.block_rows import (
     BlockRows,
     block_matrix,
     diagonal_blocks,

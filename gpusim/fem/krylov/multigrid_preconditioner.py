@@ -8,16 +8,16 @@ from functools import cached_property, partial
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
 from gpusim.fem.krylov.cg import Preconditioner
-from gpusim.fem.lattice.lattice_cycle import LatticeCycle
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
+from gpusim.fem.multigrid.lattice_cycle import LatticeCycle
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev, columns, relax
+from gpusim.fem.sparse.matrix_product import Product
 
 __all__ = ["Multigrid", "smoothing_steps"]
 
