@@ -54,6 +54,11 @@ class CellType:
     __repr__ = field_summary
 
     @property
+    def has_midsides(self) -> bool:
+        """Whether there are nodes between its corners."""
+        return self.linear != self.name
+
+    @property
     def serendipity(self) -> bool:
         """Whether all further nodes lie on edges, none within faces or the cell."""
         return all(len(group) == 2 for group in self.parents)

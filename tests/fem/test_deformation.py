@@ -19,9 +19,9 @@ from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.element_batches import DistinctGroup, Group
 from gpusim.fem.assembly.stiffness_rounding import Deformation, condition, deformation
 from gpusim.fem.assembly.system import System
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic
 

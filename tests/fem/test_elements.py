@@ -10,10 +10,10 @@ from gpusim.arrays.unique import congruence_classes
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, body_force, face_force, nodal_force, pressure, traction
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.supports import rigid_modes
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.mesh import Mesh, box, select_faces
 
 Float = npt.NDArray[np.float64]

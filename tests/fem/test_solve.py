@@ -12,10 +12,11 @@ from scipy.sparse.linalg import splu
 from gpusim.errors import InputError, NotConverged, OutOfDeviceMemory, TwinMismatch
 from gpusim.fem import Isotropic, Model, Solution, face_force, solve
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.device.stiffness import DeviceStiffness
 from gpusim.fem.krylov.cg import NumpyCG, Preconditioner
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.sparse.block_rows import block_matrix
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.gpu import Device, compare
 from gpusim.mesh import Mesh, box, select_faces
 

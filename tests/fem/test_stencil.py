@@ -9,11 +9,11 @@ import pytest
 
 from gpusim import fem
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.lattice.lattice_runs import RowSums
 from gpusim.fem.lattice.stencil import StencilProduct, stencil_of
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.sparse.block_rows import block_matrix
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.mesh import Mesh, box
 
 SOFT, HARD = fem.Isotropic(1.0, 0.3), fem.Isotropic(3.0, 0.2)

@@ -10,7 +10,7 @@ import pytest
 from gpusim.errors import NotConverged
 from gpusim.fem import Isotropic, Model, Orthotropic, solve
 from gpusim.fem.assembly.assembly import Assembled, assemble
-from gpusim.fem.device.stiffness import DeviceStiffness, apply_stiffness
+from gpusim.fem.device.stiffness import DeviceStiffness
 from gpusim.fem.device.tet_elements import TetTexels, tet_elements
 from gpusim.fem.device.tet_forces import (
     DeviceTets,
@@ -20,6 +20,7 @@ from gpusim.fem.device.tet_forces import (
     upload_operator,
 )
 from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh, box, quadratic, split
 

@@ -22,8 +22,8 @@ from gpusim.fem.assembly.node_graph import NodeGraph, row_sums
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.lattice.stencil import Stencil
 from gpusim.fem.model.model import Model
-from gpusim.fem.multigrid.geometric_coarsening import has_midsides
 from gpusim.fem.sparse.block_rows import BlockRows
+from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = [
     "Assembled",
@@ -75,7 +75,7 @@ def assemble(
         rows = assemble_groups(groups, mesh.node_count)
         for group in groups:
             # levels without midsides are made of them; nothing else is until rounding shows
-            if isinstance(group, Group) and not has_midsides([group]):
+            if isinstance(group, Group) and not CELL_TYPES[group.name].has_midsides:
                 group.forget()
         return Assembled(rows, groups, None)
     group = lattice_group(model, lattice, formulation)

@@ -30,12 +30,12 @@ from gpusim.arrays.error_free_sums import high_half, two_sum
 from gpusim.arrays.unique import mix
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.element_batches import Elements, Group
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import add_to, determinant, inverse, times
 from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.fem.sparse.matrix_product import shared
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.mesh import mesh_quality
 
 __all__ = [

@@ -15,11 +15,11 @@ from gpusim.fem.assembly.stiffness_rounding import (
     rounding_forces,
     signed,
 )
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct, stencil_of
 from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
 from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 
 __all__ = ["System", "finest_product", "make_system"]
 

@@ -28,7 +28,7 @@ from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.multigrid.transfer import PlaneWeights, plane_shares
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes", "has_midsides"]
+__all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes"]
 
 
 # planes are left out along an axis while its spacing is below this multiple of the finest one
@@ -49,11 +49,6 @@ class Coarser:
     kept: Int
     groups: list[Elements]
     lattice: Lattice | None
-
-
-def has_midsides(groups: Sequence[Elements]) -> bool:
-    """Whether any element has nodes between its corners."""
-    return any(CELL_TYPES[group.name].linear != group.name for group in groups)
 
 
 def drop_midsides(groups: Sequence[Elements], free: Bool) -> Coarser:

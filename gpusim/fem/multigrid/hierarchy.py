@@ -25,7 +25,6 @@ from gpusim.fem.multigrid.geometric_coarsening import (
     coarse_lattice,
     drop_midsides,
     drop_planes,
-    has_midsides,
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
@@ -34,6 +33,7 @@ from gpusim.fem.sparse.block_rows import (
     invert_repeated,
 )
 from gpusim.fem.sparse.matrix_product import Product
+from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["Hierarchy", "Level", "build_hierarchy"]
 
@@ -216,7 +216,7 @@ def _element_bound(matrices: Float) -> float:
 def _geometric(
     groups: Sequence[Elements], lattice: Lattice | None, free: Bool, points: Float
 ) -> Coarser | None:
-    if has_midsides(groups):
+    if any(CELL_TYPES[group.name].has_midsides for group in groups):
         coarser = drop_midsides(groups, free)
         return _on_lattice(coarser, points[coarser.kept])
     if lattice is not None and 3 * len(free) > _COARSEST:
