@@ -16,27 +16,10 @@ from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
 from gpusim.fem.multigrid.lattice_cycle import LatticeCycle
-from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev, columns, relax
+from gpusim.fem.multigrid.smoothers import Relaxation, columns, relax
 from gpusim.fem.sparse.matrix_product import Product
 
-__all__ = ["Multigrid", "smoothing_steps"]
-
-
-_DEGREE = 2
-# eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
-# cost an iteration
-_RANGE = 12.0
-# the same of a single step, which mustn't come near twice the inverse of the greatest
-_LIGHT_RANGE = 8.0
-
-
-def smoothing_steps(level: Level) -> tuple[Relaxation, ...]:
-    """Chebyshev steps before and after the coarser levels."""
-    if level.smoother is not None:
-        return level.smoother.steps(level.largest)
-    if level.single_step:
-        return chebyshev(level.largest / _LIGHT_RANGE, level.largest, 1)
-    return chebyshev(level.largest / _RANGE, level.largest, _DEGREE)
+__all__ = ["Multigrid"]
 
 
 def _from_zero(step: Relaxation) -> Relaxation:
@@ -75,7 +58,7 @@ class Multigrid(Preconditioner):
 
     @cached_property
     def _lattice(self) -> LatticeCycle | None:
-        return LatticeCycle.of(self.hierarchy, smoothing_steps)
+        return LatticeCycle.of(self.hierarchy)
 
     def apply(self, r: Float) -> Float:
         """z = M^-1 r for (L,3N) r."""
@@ -131,7 +114,7 @@ class Multigrid(Preconditioner):
             r = b - level.product(x)
             coarse = self._cycle(number + 1, level.transfer.restrict(r))
             return x, r, x + level.transfer.interpolate(coarse)
-        inverse, steps = self._inverse(number), smoothing_steps(level)
+        inverse, steps = self._inverse(number), level.smoothing_steps()
         r, d, x = relax(inverse, b, None, None, None, _from_zero(steps[0]))
         for step in steps[1:]:
             r, d, x = relax(inverse, r, level.product(d), d, x, step)
@@ -143,7 +126,7 @@ class Multigrid(Preconditioner):
         level = self.hierarchy.levels[number]
         if level.smoother is not None:
             return _smoothed(level, level.smoother, b, x)
-        inverse, steps = self._inverse(number), smoothing_steps(level)
+        inverse, steps = self._inverse(number), level.smoothing_steps()
         r, d, x = relax(inverse, b, level.product(x), None, x, steps[0])
         for step in steps[1:]:
             r, d, x = relax(inverse, r, level.product(d), d, x, step)
@@ -151,7 +134,7 @@ class Multigrid(Preconditioner):
 
     def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> DeviceMultigrid:
         """The same on a device; the matrix of ``stiffness`` is that of the finest level."""
-        steps = [smoothing_steps(level) for level in self.hierarchy.levels]
+        steps = [level.smoothing_steps() for level in self.hierarchy.levels]
         return DeviceMultigrid(device, self.hierarchy, steps, stiffness.texels, cases)
 
     def device_bytes(self, cases: int) -> int:
@@ -165,7 +148,7 @@ def _smoothed(level: Level, smoother: Columns, b: Float, x: Float | None) -> Flo
     r = b if x is None else b - level.product(x)
     x = np.zeros_like(b) if x is None else x
     d = np.zeros_like(b)
-    for number, step in enumerate(smoothing_steps(level)):
+    for number, step in enumerate(level.smoothing_steps()):
         if number:
             r = r - level.product(d)
         d = step.keep * d + step.gain * smoother.apply(r)

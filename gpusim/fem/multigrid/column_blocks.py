@@ -54,7 +54,7 @@ _FLAT = 1.15
 _LONGEST, _MOSTLY = 12, 0.5
 # cells across a thin body, whatever their shape: aggregates of higher columns are too large
 _FEW_CELLS = 6
-# eigenvalues of the smoother, as of `gpusim.fem.krylov.multigrid_preconditioner`
+# eigenvalues of the smoother, as of `gpusim.fem.multigrid.hierarchy`
 _RANGE, _DEGREE = 16.0, 2
 # columns that are inverted at a time
 _PORTION = 1024

@@ -28,6 +28,7 @@ from gpusim.fem.multigrid.geometric_coarsening import (
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
+from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
 from gpusim.fem.sparse.block_rows import (
     invert_repeated,
@@ -57,6 +58,12 @@ _TURNED = 1.5
 _STEPS, _FEW_STEPS = 10, 6
 # ratio of nodes' stiffnesses; a corner has an eighth of what others have, cells may differ
 _EVEN = 100.0
+_DEGREE = 2
+# eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
+# cost an iteration
+_RANGE = 12.0
+# the same of a single step, which mustn't come near twice the inverse of the greatest
+_LIGHT_RANGE = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +82,14 @@ class Level:
     smoother: Columns | None = None
     single_step: bool = False
     twice: bool = False
+
+    def smoothing_steps(self) -> tuple[Relaxation, ...]:
+        """Chebyshev steps before and after the coarser levels."""
+        if self.smoother is not None:
+            return self.smoother.steps(self.largest)
+        if self.single_step:
+            return chebyshev(self.largest / _LIGHT_RANGE, self.largest, 1)
+        return chebyshev(self.largest / _RANGE, self.largest, _DEGREE)
 
 
 @dataclass(frozen=True, eq=False)

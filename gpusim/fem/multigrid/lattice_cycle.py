@@ -21,7 +21,7 @@ from scipy.sparse import csr_matrix
 from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.fem.lattice.lattice_runs import RunLayout, RunPattern
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct
-from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
+from gpusim.fem.multigrid.hierarchy import Hierarchy
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.fem.multigrid.transfer import MatrixTransfer, PlaneWeights
 
@@ -215,9 +215,7 @@ class LatticeCycle:
     """The levels of a hierarchy from the finest on that are lattices of repeating rows."""
 
     @staticmethod
-    def of(
-        hierarchy: Hierarchy, smoothing: Callable[[Level], tuple[Relaxation, ...]]
-    ) -> LatticeCycle | None:
+    def of(hierarchy: Hierarchy) -> LatticeCycle | None:
         """None where the finest level isn't one."""
         first = hierarchy.levels[0].product
         if not isinstance(first, StencilProduct):
@@ -235,7 +233,7 @@ class LatticeCycle:
                 layout = RunLayout(product.stencil.lattice, first.layout.order)
             free = np.einsum("nii->ni", level.inverse) != 0.0
             one = LatticeLevel(
-                product.stencil, layout, free, level.inverse, smoothing(level), dtype
+                product.stencil, layout, free, level.inverse, level.smoothing_steps(), dtype
             )
             if not one.worthwhile:
                 break
