@@ -23,7 +23,7 @@ test: setup
 	HOSTILE_SHARE=0.05 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
 
 quick: setup
-	scripts/test.sh --without-device --ignore tests/mesh/test_cad.py $(QUICK)
+	scripts/test.sh --without-device --ignore tests/mesh/formats/test_cad.py $(QUICK)
 
 slow: setup
 	scripts/test.sh -m slow

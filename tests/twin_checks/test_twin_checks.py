@@ -12,7 +12,7 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
 from gpusim.gpu.wgsl import stages
 
-# compares ids pixel by pixel itself; tests/optics/test_twins.py corrupts it
+# compares ids pixel by pixel itself; tests/twin_checks/test_images.py corrupts it
 OWN_COMPARISON = {"optics/raster/id_buffer"}
 
 

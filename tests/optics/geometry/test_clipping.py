@@ -13,7 +13,7 @@ from gpusim.gpu import Device
 from gpusim.optics.geometry import clipping
 from gpusim.optics.geometry.clipping import ImagePlane
 from gpusim.optics.geometry.view import View, look
-from tests.optics.paint.test_coverage import cut, shoelace
+from tests.optics.geometry.test_polygon_clipping import cut, shoelace
 from tests.support.optics_edges import HEIGHT, WIDTH, half_plane
 
 Array = npt.NDArray[np.float64]

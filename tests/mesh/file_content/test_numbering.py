@@ -10,7 +10,8 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.export.meshes import _MESHIO_NAME
 from gpusim.mesh import CELL_TYPES, read_mesh
-from gpusim.mesh.formats import exodus, numbering
+from gpusim.mesh.file_content import numbering
+from gpusim.mesh.formats import exodus
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
 from gpusim.mesh.shape_functions import reference_nodes
 

@@ -15,7 +15,7 @@ from gpusim.pipeline.build.surfaces import build_prop
 from gpusim.scene import Scene, json_schema
 from gpusim.scene.cost import describe, estimate
 from gpusim.surface.color import color
-from tests.scene.test_paints import load, paint_of, plate
+from tests.scene.description.test_paint import load, paint_of, plate
 
 TAN = color("#c0a080")
 PLACES = "positions_mm = [[0.0, 0.0, 0.0]]"
