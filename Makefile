@@ -1,6 +1,6 @@
 # Each target is complete in itself, also as the first command on a bare machine.
 QUICK = $(addprefix tests/,api export files mesh report scene surface measure/structures \
-    optics/calibration optics/raster optics/sensor)
+    optics/calibration optics/geometry optics/sensor)
 
 .PHONY: help demo test quick slow hostile check bench setup clean
 
