@@ -75,18 +75,18 @@ class LightTiles:
         shape = (-(-camera.height // SQUARE), -(-camera.width // SQUARE))
         owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
         member = np.zeros(view.count, bool)
-        left = large[np.argsort(-area[large], kind="stable")]
+        remaining = large[np.argsort(-area[large], kind="stable")]
         for plane in range(MAX_PLANES):
-            if not len(left):
+            if not len(remaining):
                 break
-            same = _in_plane(setup, left[0], left)
-            own, left = left[same], left[~same]
-            number, square = _squares(low[own], high[own], shape[1])
+            same = _in_plane(setup, remaining[0], remaining)
+            in_plane, remaining = remaining[same], remaining[~same]
+            number, square = _squares(low[in_plane], high[in_plane], shape[1])
             taken = plane_of[square] >= 0
-            free = np.bincount(number[taken], minlength=len(own)) == 0
+            free = np.bincount(number[taken], minlength=len(in_plane)) == 0
             square = square[free[number]]
-            owner[square], plane_of[square] = own[0] + 1, plane
-            member[own[free]] = True
+            owner[square], plane_of[square] = in_plane[0] + 1, plane
+            member[in_plane[free]] = True
         if not area[member].sum() >= MIN_SHARE * camera.width * camera.height:
             return None
         return LightTiles(member, owner.reshape(shape))
@@ -201,13 +201,13 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
     shape = (-(-camera.height // TILE), -(-camera.width // TILE))
     row, column = np.mgrid[: shape[0], : shape[1]].reshape(2, -1)
     owner = tiles.owner[row // (SQUARE // TILE), column // (SQUARE // TILE)].astype(np.int64)
-    own = np.flatnonzero(owner)
+    owned = np.flatnonzero(owner)
     corners = []
     for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        x, y = (TILE * (column[own] + i) - 0.5, TILE * (row[own] + j) - 0.5)
-        one, none = np.ones((len(setup.bands), len(own))), np.zeros(len(own))
-        corners.append(radiance_of(setup, owner[own] - 1, x, y, one, none))
+        x, y = (TILE * (column[owned] + i) - 0.5, TILE * (row[owned] + j) - 0.5)
+        one, none = np.ones((len(setup.bands), len(owned))), np.zeros(len(owned))
+        corners.append(radiance_of(setup, owner[owned] - 1, x, y, one, none))
     a, b, c, d = corners
     result = np.zeros((shape[0] * shape[1], len(setup.bands), 4))
-    result[own] = np.stack([a.T, (b - a).T, (c - a).T, (a - b - c + d).T], axis=2)
+    result[owned] = np.stack([a.T, (b - a).T, (c - a).T, (a - b - c + d).T], axis=2)
     return result.reshape(*shape, len(setup.bands), 4)
