@@ -171,8 +171,8 @@ def _ask(device: Device, nbytes: int, system: System) -> None:
     try:
         device.require_memory(nbytes, "solve")
     except OutOfDeviceMemory as error:
-        left = (device.memory_limit or 0) - device.allocated
-        fitting = max(0, int(system.free.sum() * (left / nbytes)))
+        free_bytes = (device.memory_limit or 0) - device.allocated
+        fitting = max(0, int(system.free.sum() * (free_bytes / nbytes)))
         raise OutOfDeviceMemory(
             f"{error}; expected at most about {fitting} unknowns of this kind (the model has "
             f"{int(system.free.sum())}), fewer load cases at once, or backend 'numpy'"

@@ -152,9 +152,9 @@ def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
         axis=-1,
     )
     present = (around >= 0).any(axis=-1)
-    first, own = unique_rows(around[present])
+    first, classes = unique_rows(around[present])
     row_class = np.full(present.shape, -1, dtype=np.int64)
-    row_class[present] = own
+    row_class[present] = classes
     of_node = lattice.gathered(row_class[np.ix_(*number)])
     # numbered by their first nodes: where all rows differ, a row's class is its node
     node = np.empty(len(first), dtype=np.int64)
@@ -168,14 +168,14 @@ def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
 def assemble_lattice(group: Group, lattice: Lattice) -> BlockRows:
     """Block rows of hex8 elements on a lattice: no sorting, and one row per kind of node."""
     representative, row_class, blocks = _lattice_rows(group, lattice)
-    own = lattice.linked(representative)
-    table = blocks[own]
-    diagonal = -np.where(own[..., None, None], blocks, 0.0).sum(axis=1)
+    linked = lattice.linked(representative)
+    table = blocks[linked]
+    diagonal = -np.where(linked[..., None, None], blocks, 0.0).sum(axis=1)
     return BlockRows(
         partial(_lattice_links, lattice),
         row_class.astype(np.int32),
         table,
-        np.concatenate([[0], np.cumsum(own.sum(axis=1))]).astype(np.int64),
+        np.concatenate([[0], np.cumsum(linked.sum(axis=1))]).astype(np.int64),
         0.5 * (diagonal + diagonal.transpose(0, 2, 1)),
         len(group.matrices),
     )

@@ -165,10 +165,11 @@ class NodeGraph:
         table: Float,
         place: Int,
         wanted: Bool | None,
-        own: Int | None = None,
+        diagonal_rows: Int | None = None,
     ) -> None:
         """Add the elements' blocks, the lesser node's row, to the rows ``place`` (edges,) of
-        ``table`` (T,9), diagonal ones to ``own`` (N,); only elements of ``wanted`` nodes."""
+        ``table`` (T,9), diagonal ones to ``diagonal_rows`` (N,); only elements of ``wanted``
+        nodes."""
         for group, edge_of_pair in zip(self._groups, self._pair_numbers(), strict=True):
             a, b = np.triu_indices(group.cells.shape[1], 1)
             which = np.arange(len(group.cells))
@@ -177,7 +178,7 @@ class NodeGraph:
             portions = [which[k : k + _PORTION] for k in range(0, len(which), _PORTION)]
 
             def form(part: Long, group: Elements = group) -> tuple[Float, Float | None]:
-                return group.blocks(part, own is not None)
+                return group.blocks(part, diagonal_rows is not None)
 
             for part, (pairs, diagonal) in zip(portions, ahead(form, portions), strict=True):
                 cells = group.cells[part]
@@ -185,8 +186,8 @@ class NodeGraph:
                 swapped = np.flatnonzero((cells[:, a] > cells[:, b]).T)
                 flat[swapped] = flat[swapped][:, _TRANSPOSED]
                 add_rows(table, place[edge_of_pair[:, part]], flat)
-                if own is not None and diagonal is not None:
-                    add_rows(table, own[cells.T], diagonal)
+                if diagonal_rows is not None and diagonal is not None:
+                    add_rows(table, diagonal_rows[cells.T], diagonal)
 
     def _mirror(self, table: Float, above: Int, below: Int) -> None:
         """Fill the rows of the greater nodes."""

@@ -60,15 +60,15 @@ class System:
 
     def case(self, number: int) -> System:
         """One load case by itself."""
-        own = slice(number, number + 1)
+        rows = slice(number, number + 1)
         pull = self.pull
         return replace(
             self,
-            right=self.right[own],
-            load_scale=self.load_scale[own],
-            loads=self.loads[own],
-            prescribed=self.prescribed[own] if len(self.prescribed) > 1 else self.prescribed,
-            pull=pull[own] if pull is not None and len(pull) > 1 else pull,
+            right=self.right[rows],
+            load_scale=self.load_scale[rows],
+            loads=self.loads[rows],
+            prescribed=self.prescribed[rows] if len(self.prescribed) > 1 else self.prescribed,
+            pull=pull[rows] if pull is not None and len(pull) > 1 else pull,
             first_case=self.first_case + number,
         )
 
@@ -90,8 +90,8 @@ class System:
 
     def forces(self, image: Float) -> Float:
         """K u (L,N,3) in the model's units, of the free part's ``image`` K' u'."""
-        own = image * self.load_scale[:, None, None]
-        return own if self.pull is None else own + self.pull
+        scaled = image * self.load_scale[:, None, None]
+        return scaled if self.pull is None else scaled + self.pull
 
 
 def make_system(model: Model, assembled: Assembled) -> System:

@@ -105,10 +105,10 @@ def _split_rows(matrix: bsr_matrix) -> BlockRows:
     blocks, neighbour = matrix.data, matrix.indices.astype(np.int32)
     if high > 1 or wide > 1:
         # (block, row, column): a block's rows lie as far apart as their lengths
-        own = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
-        within = wide * (np.arange(len(own)) - matrix.indptr[own])
-        into = (start[high * own] + within)[:, None, None] + np.arange(wide)
-        into = into + (np.arange(high) * degree[high * own, None])[:, :, None]
+        owner = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr))
+        within = wide * (np.arange(len(owner)) - matrix.indptr[owner])
+        into = (start[high * owner] + within)[:, None, None] + np.arange(wide)
+        into = into + (np.arange(high) * degree[high * owner, None])[:, :, None]
         blocks = np.empty((int(start[-1]), 3, 3))
         split = matrix.data.reshape(-1, high, 3, wide, 3).transpose(0, 1, 3, 2, 4)
         blocks[into] = split

@@ -188,11 +188,11 @@ def _lists(
     elements: TetElements, nodes: int
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
     """``info`` and ``lists``."""
-    own = elements.cells.ravel()
-    order = np.argsort(own, kind="stable")
+    nodes_of_corners = elements.cells.ravel()
+    order = np.argsort(nodes_of_corners, kind="stable")
     element, k = np.divmod(order, 10)
     force = 2 * (_FORCES * element + 3 * (k // 2)) + 3 * (k % 2)
-    degree = np.bincount(own, minlength=nodes)
+    degree = np.bincount(nodes_of_corners, minlength=nodes)
     start = np.cumsum(degree) - degree
     # lists of equal length side by side, close together in memory
     fours = -(-degree // 4)

@@ -94,8 +94,8 @@ def _number(order: Long, owner: Int, neighbour: Int, free: Bool) -> Ordering:
     first = np.where(position >= 0, position, np.int64(2**62)).min(axis=1)
     coupled = (last[owner] >= 0) & (last[neighbour] >= 0)
     reach = np.where(coupled, last[owner] - first[neighbour], 0)
-    own = np.where(last >= 0, last - first, 0)
-    width = max(int(reach.max(initial=0)), int(own.max(initial=0)))
+    half_width = np.where(last >= 0, last - first, 0)
+    width = max(int(reach.max(initial=0)), int(half_width.max(initial=0)))
     return Ordering(position, width, int(ordered.sum()))
 
 

@@ -180,6 +180,6 @@ def _mean_dilatation(gradient: Float, volume: Float, moduli: Float) -> Float:
     elastic = moduli if moduli.ndim == 2 else moduli[:, None]
     stress = np.matmul(elastic, strain) * volume[..., None, None]
     count, points, rows, width = strain.shape
-    left = strain.reshape(count, points * rows, width)
-    matrix = np.matmul(left.transpose(0, 2, 1), stress.reshape(count, points * rows, width))
+    strains = strain.reshape(count, points * rows, width)
+    matrix = np.matmul(strains.transpose(0, 2, 1), stress.reshape(count, points * rows, width))
     return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))

@@ -177,23 +177,29 @@ def mixed_solver(
     if split is None:
         return None
     parts = assemble(split.model, formulation, assembled.lattice)
-    own = make_system(split.model, parts)
-    hierarchy = build_hierarchy(parts, own, model.mesh.points)
+    shear_system = make_system(split.model, parts)
+    hierarchy = build_hierarchy(parts, shear_system, model.mesh.points)
     multigrid = Multigrid(hierarchy)
-    found = probe(own.case(0), NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP)
-    if not found.settled.all():
+    spectrum = probe(
+        shear_system.case(0), NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP
+    )
+    if not spectrum.settled.all():
         return None
-    unit = own.scale / system.scale
-    split = replace(split, compliance=split.compliance * own.scale, shear=split.shear / own.scale)
-    diagonal = np.einsum("cii->ci", parts.rows.diagonal)[parts.rows.row_class] / own.scale
+    unit = shear_system.scale / system.scale
+    split = replace(
+        split,
+        compliance=split.compliance * shear_system.scale,
+        shear=split.shear / shear_system.scale,
+    )
+    diagonal = np.einsum("cii->ci", parts.rows.diagonal)[parts.rows.row_class] / shear_system.scale
     diagonal = np.where(system.free, diagonal, 0.0)
     pressures: PressureScaling | PressureChebyshev = (
         PressureChebyshev(split, diagonal)
         if split.lattice is None
         else PressureScaling(split, diagonal)
     )
-    lowest = unit * min(hierarchy.lowest, found.lowest) * (1.0 - _BELOW)
-    theta = _BELOW * float(found.mu.min())
+    lowest = unit * min(hierarchy.lowest, spectrum.lowest) * (1.0 - _BELOW)
+    theta = _BELOW * float(spectrum.mu.min())
     return MixedFormulation(
-        multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), found.iterations
+        multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), spectrum.iterations
     )

@@ -69,7 +69,7 @@ def split_volume(
         return None
     bulk, shear = np.array(known).T
     stiff = bulk > _STIFF * shear
-    left = 2.0 * (1.0 + _ORDINARY) / (3.0 - 6.0 * _ORDINARY) * shear
+    kept_bulk = 2.0 * (1.0 + _ORDINARY) / (3.0 - 6.0 * _ORDINARY) * shear
     ordinary: list[Material] = [
         Isotropic(2.0 * (1.0 + _ORDINARY) * g, _ORDINARY) if soften else material
         for material, g, soften in zip(model.materials, shear.tolist(), stiff, strict=True)
@@ -92,7 +92,7 @@ def split_volume(
         # faces' areas times mean displacements
         gradient = (2.0 * CORNERS - 1.0) * (0.25 * volume[:, None] / size)[:, None, :]
     split = stiff[material]
-    rest = np.where(stiff, bulk - left, 1.0)[material]
+    rest = np.where(stiff, bulk - kept_bulk, 1.0)[material]
     return VolumeSplit(
         replace(model, materials=ordinary),
         lattice,
@@ -100,7 +100,7 @@ def split_volume(
         nodes,
         volume,
         np.where(split, volume / rest, 1.0),
-        (2.0 * shear + left)[material],
+        (2.0 * shear + kept_bulk)[material],
         split,
         _divergence(nodes, gradient, split, free),
     )

@@ -81,10 +81,12 @@ class Multigrid(Preconditioner):
             return np.array(
                 [lattice.down(one, below, case) for one, case in zip(r, cases, strict=True)]
             )
-        smoothed, left, corrected = self._down(0, r)
+        smoothed, residual, corrected = self._down(0, r)
         for case, one, x in zip(cases, r, corrected, strict=True):
             self._begun[case] = one, x
-        energy: Float = np.einsum("ln,ln->l", r, smoothed) + np.einsum("ln,ln->l", left, corrected)
+        energy: Float = np.einsum("ln,ln->l", r, smoothed) + np.einsum(
+            "ln,ln->l", residual, corrected
+        )
         return energy
 
     def up(self, cases: Sequence[int]) -> Float:

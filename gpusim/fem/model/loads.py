@@ -275,12 +275,12 @@ def line_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
     edges = node_line(mesh, nodes)
     nodal = np.zeros(mesh.node_count)
     for width in (2, 3):
-        own = edges[(edges[:, 2] >= 0) == (width == 3)][:, :width]
-        points = mesh.points[own]
+        line_edges = edges[(edges[:, 2] >= 0) == (width == 3)][:, :width]
+        points = mesh.points[line_edges]
         points = points - points[:, :1]
         length = np.linalg.norm(np.einsum("eki,qk->eqi", points, _SLOPE[width]), axis=2) * _WEIGHT
         share = length @ _SHAPE[width]
-        nodal += np.bincount(own.ravel(), share.ravel(), minlength=mesh.node_count)
+        nodal += np.bincount(line_edges.ravel(), share.ravel(), minlength=mesh.node_count)
     return np.asarray(nodal[:, None] * (force / nodal.sum()))
 
 
@@ -320,7 +320,7 @@ def node_line(mesh: Mesh, nodes: npt.ArrayLike) -> Int:
 
 def _edges_between(mesh: Mesh, chosen: Bool) -> Int:
     """(E,3) cell edges with all of their nodes chosen, ends ascending, midside or -1."""
-    found = [np.zeros((0, 3), dtype=np.int32)]
+    chosen_edges = [np.zeros((0, 3), dtype=np.int32)]
     for kind, _, block in mesh.blocks():
         cell = CELL_TYPES[kind]
         middle = {frozenset(p): cell.corners + k for k, p in enumerate(cell.parents)}
@@ -332,5 +332,5 @@ def _edges_between(mesh: Mesh, chosen: Bool) -> Int:
             if between is not None:
                 last = block[:, between]
                 keep &= chosen[last]
-            found.append(np.column_stack([ends, last])[keep])
-    return np.concatenate(found)
+            chosen_edges.append(np.column_stack([ends, last])[keep])
+    return np.concatenate(chosen_edges)

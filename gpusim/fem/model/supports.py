@@ -104,13 +104,15 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     _, number = connected_components(graph.tocsr(), directed=False)
     body_of_part = number[count:]
     for body in np.unique(body_of_part):
-        own = np.flatnonzero(body_of_part == body)
-        inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
-        if len(own) > _MOST_PARTS:
+        body_parts = np.flatnonzero(body_of_part == body)
+        inside = (
+            np.isin(part, body_parts) if len(body_parts) < parts else np.ones(len(part), dtype=bool)
+        )
+        if len(body_parts) > _MOST_PARTS:
             _check_body(model, distinct(node[inside]))
         else:
-            local = np.searchsorted(own, part[inside])
-            _check_body(model, node[inside], local, len(own))
+            local = np.searchsorted(body_parts, part[inside])
+            _check_body(model, node[inside], local, len(body_parts))
 
 
 def _lattice_parts(lattice: Lattice) -> Long:

@@ -73,8 +73,8 @@ class CoarseSolver:
         place[self._kept] = np.arange(len(self._kept))
         whole = self._matrix.tocoo()
         row, column = place[whole.row], place[whole.col]
-        own = (row >= 0) & (column >= 0)
-        row, column, value = row[own], column[own], whole.data[own]
+        existing = (row >= 0) & (column >= 0)
+        row, column, value = row[existing], column[existing], whole.data[existing]
         value = 0.5 * value * self._scale[row] * self._scale[column]
         # both halves of the symmetric matrix, added
         shape = (len(self._kept),) * 2

@@ -106,7 +106,10 @@ def _linear(group: Elements, free: Bool, number: Int) -> Group:
 
         return Group(kind.linear, cells, of_cell, _galerkin(without_held, len(of_cell), spread))
     of_cell, extra = held_matrices(group, free)
-    parts = [_galerkin(own.__getitem__, len(own), spread) for own in (group.matrices, extra)]
+    parts = [
+        _galerkin(matrices.__getitem__, len(matrices), spread)
+        for matrices in (group.matrices, extra)
+    ]
     return Group(kind.linear, cells, of_cell, np.concatenate(parts))
 
 

@@ -218,12 +218,12 @@ def _element_bound(matrices: Float) -> float:
     greatest = 0.0
     for matrix in matrices:
         width = len(matrix)
-        own = np.kron(np.eye(width // 3, dtype=bool), np.ones((3, 3), dtype=bool))
+        of_node = np.kron(np.eye(width // 3, dtype=bool), np.ones((3, 3), dtype=bool))
         used = np.flatnonzero(matrix.diagonal() > 0.0)
         if not used.size:
             continue  # held altogether
         inside = np.ix_(used, used)
-        block = np.where(own, matrix, 0.0)[inside]
+        block = np.where(of_node, matrix, 0.0)[inside]
         greatest = max(greatest, float(eigh(matrix[inside], block, eigvals_only=True)[-1]))
     return greatest
 
@@ -273,18 +273,23 @@ def _aggregate(
     unknowns = free.size
     narrow = None
     while not levels or (unknowns > _COARSEST and not stalled):
-        own = product if isinstance(product, Product) else Product(product.matrix)
+        matrix_product = product if isinstance(product, Product) else Product(product.matrix)
         if levels and unknowns <= longest:
-            narrow = narrow_order(own.matrix, levels[0].product.unknowns)
+            narrow = narrow_order(matrix_product.matrix, levels[0].product.unknowns)
             if narrow is not None:
                 break
         inverse = product.block_inverse(mask)
-        smoother = None if column is None else Columns(own, mask, column)
+        smoother = None if column is None else Columns(matrix_product, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
         prolongation, near_null, mask = prolongator(
-            own, smoother or inverse, largest, near_null, mask, single=not uneven_stiffness
+            matrix_product,
+            smoother or inverse,
+            largest,
+            near_null,
+            mask,
+            single=not uneven_stiffness,
         )
-        coarser = galerkin(own, prolongation)
+        coarser = galerkin(matrix_product, prolongation)
         transfer = MatrixTransfer(prolongation)
         twice = inverse.shape[1] == 6 and not uneven_stiffness
         levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))

@@ -100,10 +100,10 @@ def block_matrix(rows: BlockRows, scale: float = 1.0) -> bsr_matrix:
     start = rows.start + np.arange(count + 1)
     data = np.empty((int(start[-1]), 3, 3))
     column = np.empty(int(start[-1]), dtype=np.int32)
-    own = np.zeros(int(start[-1]), dtype=bool)
-    own[start[:-1]] = True
-    column[own] = np.arange(count)
-    column[~own] = rows.neighbour
+    is_diagonal = np.zeros(int(start[-1]), dtype=bool)
+    is_diagonal[start[:-1]] = True
+    column[is_diagonal] = np.arange(count)
+    column[~is_diagonal] = rows.neighbour
     few = rows.class_count <= count // 8
     diagonal, table = rows.diagonal / scale, rows.table / scale
     if few:
@@ -112,21 +112,21 @@ def block_matrix(rows: BlockRows, scale: float = 1.0) -> bsr_matrix:
         classes = rows.row_class
         at = ranges(rows.table_start[classes], rows.degree) + len(diagonal)
         source = np.empty(int(start[-1]), dtype=np.int64)
-        source[own], source[~own] = classes, at
+        source[is_diagonal], source[~is_diagonal] = classes, at
         np.take(joined, source, axis=0, out=data, mode="clip")
     else:
-        data[own] = diagonal[rows.row_class]
+        data[is_diagonal] = diagonal[rows.row_class]
         same = bool((rows.row_class == np.arange(count)).all())
         order = ranges(rows.table_start[rows.row_class], rows.degree)
-        data[~own] = table if same else table[order]
+        data[~is_diagonal] = table if same else table[order]
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
 
 
 def pattern(matrix: bsr_matrix) -> csr_matrix:
     """Where a block matrix has blocks: true at their rows and columns."""
     rows, columns = (n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True))
-    there = np.ones(len(matrix.indices), dtype=bool)
-    return csr_matrix((there, matrix.indices, matrix.indptr), shape=(rows, columns))
+    present = np.ones(len(matrix.indices), dtype=bool)
+    return csr_matrix((present, matrix.indices, matrix.indptr), shape=(rows, columns))
 
 
 def diagonal_blocks(matrix: bsr_matrix) -> Float:
@@ -164,8 +164,10 @@ def invert_repeated(blocks: Float, kind: Int, free: Bool) -> Float:
     used = np.flatnonzero(np.bincount(key, minlength=len(blocks) << size))
     number = np.zeros(len(blocks) << size, dtype=np.int64)
     number[used] = np.arange(len(used))
-    own = (used[:, None] >> np.arange(size) & 1).astype(bool)
-    return np.asarray(np.take(invert_blocks(blocks[used >> size], own), number[key], axis=0))
+    free_unknowns = (used[:, None] >> np.arange(size) & 1).astype(bool)
+    return np.asarray(
+        np.take(invert_blocks(blocks[used >> size], free_unknowns), number[key], axis=0)
+    )
 
 
 def _regular(blocks: Float) -> Float:

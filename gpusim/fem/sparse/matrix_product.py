@@ -145,7 +145,9 @@ class Product:
         numbers = matrix.data.size
         most = _PIECES * processors() if numbers > _SMALL else 1
         parts = min(most, 1 + numbers // _LEAST_PART)
-        self._parts = [_Rows(matrix, own.start, own.stop) for own in row_shares(matrix, parts)]
+        self._parts = [
+            _Rows(matrix, share.start, share.stop) for share in row_shares(matrix, parts)
+        ]
 
     @property
     def matrix(self) -> bsr_matrix:
@@ -212,8 +214,8 @@ class RowsProduct(Product):
         super().__init__(bsr_matrix((rows.table, rows.neighbour, rows.start), shape=shape))
         self._rows, self.scale = rows, scale
         one = np.arange(count + 1, dtype=np.int32)
-        own = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
-        self._own = [_Rows(own, part.first, part.last) for part in self._parts]
+        diagonal = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
+        self._own = [_Rows(diagonal, part.first, part.last) for part in self._parts]
 
     @staticmethod
     def fits(rows: BlockRows) -> bool:

@@ -56,12 +56,12 @@ def _apply_class(
     difference = np.take(u, rows.neighbour[at], axis=0)
     difference -= u[nodes, None]
     # (3, neighbours x 3): the row of blocks as one matrix
-    left = blocks.transpose(1, 0, 2).reshape(3, -1)
+    row = blocks.transpose(1, 0, 2).reshape(3, -1)
     if absolute:
-        left = np.abs(left)
+        row = np.abs(row)
         np.abs(difference, out=difference)
     for case, into in enumerate(result):
-        into[nodes] = difference[:, :, case].reshape(len(nodes), -1) @ left.T
+        into[nodes] = difference[:, :, case].reshape(len(nodes), -1) @ row.T
 
 
 def _apply_range(
@@ -80,6 +80,8 @@ def _apply_range(
     if absolute:
         blocks, difference = np.abs(blocks), np.abs(difference)
     # each difference is the entry of a vector of its own
-    own = np.arange(high - low), rows.start[first : last + 1] - low
-    matrix = bsr_matrix((blocks, *own), shape=(3 * (last - first), 3 * int(high - low)))
+    columns_and_start = np.arange(high - low), rows.start[first : last + 1] - low
+    matrix = bsr_matrix(
+        (blocks, *columns_and_start), shape=(3 * (last - first), 3 * int(high - low))
+    )
     result[first:last] = (matrix @ difference.ravel()).reshape(-1, 3)

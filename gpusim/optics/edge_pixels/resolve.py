@@ -95,7 +95,7 @@ class EdgePixelPass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
-        found = device.empty(4 * self._words * count, "edges.found")
+        values = device.empty(4 * self._words * count, "edges.found")
         constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
         shared = {
             "params": {
@@ -104,7 +104,7 @@ class EdgePixelPass:
                 "background": setup.background,
             },
             "lists": device.buffer(lists, "edges.lists"),
-            "found": found,
+            "found": values,
             **self.buffers.shared(),
             **self.buffers.vertex_buffers.outlines(),
         }
@@ -117,7 +117,7 @@ class EdgePixelPass:
                 kernel = device.kernel(name, "main", constants)
                 bindings = kernel.bind_used(range=_range(0, count), **shared)
                 recording.dispatch(kernel, bindings, threads=(count,))
-        self._values = found.read(np.float32, (count, self._words))
+        self._values = values.read(np.float32, (count, self._words))
 
     def _find_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
@@ -205,15 +205,15 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     if setup.lighting.shadows is None:
         return result
     rows = np.flatnonzero(edges.depth > SEVERAL)
-    some = edges.select(rows)
+    chosen = edges.select(rows)
     # what a square lies in is twice as large at least; of fine meshes hardly any triangle is
-    a, b, c = np.moveaxis(setup.view.screen_of(some.triangle), 1, 0)
+    a, b, c = np.moveaxis(setup.view.screen_of(chosen.triangle), 1, 0)
     (x, y), (u, v) = (b - a).T, (c - a).T
     large = np.flatnonzero(np.abs(x * v - y * u) > 3.9 * setup.view.camera.pixel_side**2)
     corners, full = np.zeros((len(x), 3, 2)), np.zeros(len(x), bool)
-    corners[large] = corners_over(setup, some, large)[2]
+    corners[large] = corners_over(setup, chosen, large)[2]
     full[large] = fills(half_planes(corners[large]))
-    result[np.repeat(rows, some.depth)[backdrops(setup, some, full, corners)]] = True
+    result[np.repeat(rows, chosen.depth)[backdrops(setup, chosen, full, corners)]] = True
     return result
 
 
@@ -304,11 +304,11 @@ def _widest_part(setup: Setup, triangle: npt.NDArray[np.int64], st: Array) -> Ar
         at = setup.view.screen[triangle, corner]
         _, ex, ey, _ = footprint(setup, triangle, at[:, 0], at[:, 1])
         for axis in (0, 1):
-            own, other = np.stack([ex, ey])[:, :, [axis, 1 - axis]].transpose(2, 0, 1)
-            bounds = [np.abs(own).sum(axis=0)]
+            sides, across = np.stack([ex, ey])[:, :, [axis, 1 - axis]].transpose(2, 0, 1)
+            bounds = [np.abs(sides).sum(axis=0)]
             for k in (0, 1):
-                ratio = own[k] / np.where(other[k] != 0.0, other[k], 1e-300)
-                rest = np.abs(own[1 - k] - ratio * other[1 - k])
+                ratio = sides[k] / np.where(across[k] != 0.0, across[k], 1e-300)
+                rest = np.abs(sides[1 - k] - ratio * across[1 - k])
                 bounds.append(np.abs(ratio) * limit[:, 1 - axis] + rest)
             result[:, axis] = np.maximum(result[:, axis], np.min(bounds, axis=0))
     return result

@@ -332,10 +332,12 @@ def _seen_of(
         table.smooth(surface, shape, kept, turned)
     for number, paint in enumerate(surface.paints.values()):
         if number in surface.extents and (grain := grain_of(paint, surface.paint_frame(number))):
-            own = surface.regions[topology.source[kept]] == number
+            in_region = surface.regions[topology.source[kept]] == number
             plane = isinstance(surface.paint_frame(number), PaintFrame)
             st_of = partial(table.paint_at, turned)
-            shows[speckle_jumps(topology, kept, own, st_of, points, ideal, grain, plane)] = True
+            shows[speckle_jumps(topology, kept, in_region, st_of, points, ideal, grain, plane)] = (
+                True
+            )
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]

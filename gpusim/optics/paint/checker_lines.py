@@ -79,16 +79,16 @@ class BoardLines:
         if view.camera.lens is not None:
             return None
         member = np.zeros(view.count, bool)
-        found = []
+        boards = []
         for paint, reach, rows in _boards(view, printed):
             rows = rows[_spread(view.corners_of(rows, ST))]
             strips = _strips(view, rows, paint, reach)
             if strips is not None:
                 member[rows] = True
-                found.append(strips)
-        if not found:
+                boards.append(strips)
+        if not boards:
             return None
-        return BoardLines(member, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        return BoardLines(member, *(np.concatenate(parts) for parts in zip(*boards, strict=True)))
 
 
 def _boards(view: View, printed: npt.NDArray[np.bool_]) -> Iterator[tuple[Checker, float, Long]]:
@@ -240,10 +240,10 @@ def field_of(
     near, albedo = np.empty(len(corner), bool), np.empty(len(corner), np.float32)
     for start in range(0, len(corner), CHUNK):
         part = slice(start, start + CHUNK)
-        own = [corner[part, k] for k in range(3)]
-        a, b, c = (np.take(number, vertices, mode="clip") for vertices in own)
+        corners = [corner[part, k] for k in range(3)]
+        a, b, c = (np.take(number, vertices, mode="clip") for vertices in corners)
         near[part] = (a != b) | (a != c) | (a == CLOSE)
-        np.take(shade, own[0], out=albedo[part], mode="clip")
+        np.take(shade, corners[0], out=albedo[part], mode="clip")
     return near, albedo
 
 
@@ -268,10 +268,10 @@ def within_fields(
     region = view.paints[number]
     paint = region.paint
     assert isinstance(paint, Checker)
-    own = near & (view.paint == number)
-    whole = bool(own.all())
-    corner = view.corner if whole else view.corner[own]
+    of_board = near & (view.paint == number)
+    whole = bool(of_board.all())
+    corner = view.corner if whole else view.corner[of_board]
     close, plain = field_of(paint, albedos, region.reach, view.vertices[:, ST], corner)
-    rows = slice(None) if whole else np.flatnonzero(own)
+    rows = slice(None) if whole else np.flatnonzero(of_board)
     near[rows] = close
     albedo[rows] = np.where(close, albedo[rows], plain)

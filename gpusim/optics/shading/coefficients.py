@@ -58,7 +58,7 @@ def coefficients(
         part = slice(first, min(first + BLOCK, view.count))
         count = part.stop - first
         corners = view.corners_of(part)
-        own = barycentric_planes(corners, view.camera)
+        barycentric = barycentric_planes(corners, view.camera)
         planes, basis, term = all_planes[:, :, :count], all_basis[:, :, :count], spare[:count]
         inverse = [1.0 / corners[:, i, 2] for i in range(3)]
         mean_inverse = (inverse[0] + inverse[1] + inverse[2]) / 3.0
@@ -68,13 +68,13 @@ def coefficients(
         values: dict[int, list[Array]] = {}
         if patterned:
             paint = view.paint[part]
-            size, some = cell_of_paint[paint], featured[paint]
+            size, printed = cell_of_paint[paint], featured[paint]
             st = corners[:, :, ST]
             if bitmaps.images:
                 st = bitmaps.texel_positions(paint, st)
             for axis in range(2):
                 across = [st[:, i, axis] for i in range(3)]
-                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * some
+                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * printed
                 corner = cell[axis] * size
                 local = all_local[axis, :, :count]
                 for i in range(3):
@@ -86,7 +86,7 @@ def coefficients(
         scale = 1.0 / mean_inverse
         for i in range(3):
             for k in range(3):
-                np.multiply(own[:, i, k], scale, out=basis[i, k])
+                np.multiply(barycentric[:, i, k], scale, out=basis[i, k])
         for k in range(3):
             np.add(basis[0, k], basis[1, k], out=planes[2, k])
             planes[2, k] += basis[2, k]
@@ -149,10 +149,10 @@ class CoefficientCache:
 
     def _coefficients(self, view: View, count: int) -> PerTriangle:
         result = _none(count)
-        for own in coefficients(view, *self._setup[1:]):
-            result.planes[own.part] = np.moveaxis(own.planes, 2, 0)
-            result.anchor[own.part], result.cell[own.part] = own.anchor.T, own.cell.T
-            result.mean_inverse[own.part] = own.mean_inverse
+        for block in coefficients(view, *self._setup[1:]):
+            result.planes[block.part] = np.moveaxis(block.planes, 2, 0)
+            result.anchor[block.part], result.cell[block.part] = block.anchor.T, block.cell.T
+            result.mean_inverse[block.part] = block.mean_inverse
         return result
 
 

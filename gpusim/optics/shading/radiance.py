@@ -37,10 +37,10 @@ def radiance_of(
     if not setup.lit:
         return albedo
     ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
-    own = setup.of(triangle)
-    d, planes = ideal - own.anchor, own.planes
+    records = setup.of(triangle)
+    d, planes = ideal - records.anchor, records.planes
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
-    depth = 1.0 / (values[:, 0] * own.mean_inverse)
+    depth = 1.0 / (values[:, 0] * records.mean_inverse)
     rays = setup.rays()
     position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ rays.T)
     normal = values[:, 1:]

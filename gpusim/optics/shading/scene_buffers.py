@@ -156,14 +156,14 @@ def _triangles(device: Device, setup: Setup, lines: BoardLines | None) -> Texels
     """
     per, count = TRIANGLE.itemsize // 16, setup.view.count
     parent = np.zeros(0, np.int64) if lines is None else lines.parent
-    own = np.zeros((len(parent), 4 * per), np.float32)
+    records = np.zeros((len(parent), 4 * per), np.float32)
     texels = device.texels(per * max(count + len(parent), 1), "rgba32uint", "shade.triangles")
     for first, words in setup.record_blocks():
         texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
         rows = np.flatnonzero((parent >= first) & (parent < first + len(words)))
-        own[rows] = words[parent[rows] - first]
+        records[rows] = words[parent[rows] - first]
     if lines is not None:
-        texels.write(own.view(np.uint32).reshape(-1, 4), per * count)
+        texels.write(records.view(np.uint32).reshape(-1, 4), per * count)
     return texels
 
 
@@ -255,10 +255,10 @@ def vertex_blocks(
         if setup.lit:
             real[8:11] = vertices[part, NORMAL].T
         real[11] = sides[part]
-        own = words[: part.stop - first]
+        records = words[: part.stop - first]
         for k, column in enumerate(block):
-            own[:, k] = column
-        yield first, own, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
+            records[:, k] = column
+        yield first, records, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
 
 
 def _sides(setup: Setup) -> Array:
@@ -266,9 +266,9 @@ def _sides(setup: Setup) -> Array:
     view, paints = setup.view, setup.table.paints
     side = np.ones(len(view.place))
     for number in np.flatnonzero(paints["featured"] > 0):
-        own = view.paint == number
-        whole = bool(own.all())
-        rows = slice(None) if whole else view.corner[own].reshape(-1)
+        of_paint = view.paint == number
+        whole = bool(of_paint.all())
+        rows = slice(None) if whole else view.corner[of_paint].reshape(-1)
         side[rows] = paints["cell"][number]
     return side
 
@@ -295,7 +295,7 @@ def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels
 def planes_twin(view: View) -> tuple[Array, Array]:
     """(T, 3): n / d of the triangles of a view; (T,): how far normals for shading are from n."""
     planes = PixelReceivers.planes_of(view)
-    own = view.corners_of(slice(None), NORMAL)
-    cosine = np.abs(np.einsum("tka,ta->tk", own, planes)).min(axis=1)
+    normals = view.corners_of(slice(None), NORMAL)
+    cosine = np.abs(np.einsum("tka,ta->tk", normals, planes)).min(axis=1)
     cosine /= np.linalg.norm(planes, axis=1)
     return planes, np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))

@@ -102,14 +102,14 @@ def shader_programs(
     for group, board, glossy, bumpy, lit in product(groups, each, each, each, each):
         wanted = 16 * group + 8 * board + 4 * glossy + 2 * bumpy + lit
         numbers = np.flatnonzero(kind == wanted) if many[wanted] else order[:0]
-        own: npt.NDArray[np.uint32] = (order[numbers] if sort else numbers).astype(np.uint32)
-        if len(own) or not (group or board or glossy or bumpy or lit or result):
+        triangles: npt.NDArray[np.uint32] = (order[numbers] if sort else numbers).astype(np.uint32)
+        if len(triangles) or not (group or board or glossy or bumpy or lit or result):
             constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
             if board and lines is not None:
                 # in front of the others, which are then left out where they are
                 strip = setup.view.count + np.flatnonzero(strips == wanted)
                 result.insert(0, Program({**constants, "board": 2.0}, strip.astype(np.uint32)))
-            result.append(Program({**constants, "board": float(board)}, own))
+            result.append(Program({**constants, "board": float(board)}, triangles))
     return result
 
 
@@ -228,7 +228,7 @@ class ForwardPass:
     ) -> None:
         """Shade a band into ``colors``, whose first one is cleared to the background."""
         size = (int(params["width"]), int(params["rows"]))
-        clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
+        clear: Sequence[float] | None = [band.background for band in self.buffers.setup.bands]
         for raster, order, count in self._draws:
             values = {**shared, **self.buffers.vertex_buffers.bindings(), "order": order}
             recording.draw(
@@ -261,7 +261,7 @@ class DeferredPass:
         entries = (band, "fragment_seen" if plain else "fragment_seen_marked")
         self._raster_of_levels, *self._rasters = device.rasters([
             (name, (), programs[0].constants, (band, "fragment_levels"), "greater"),
-            *((name, formats, own.constants, entries, "equal") for own in programs),
+            *((name, formats, one.constants, entries, "equal") for one in programs),
         ])  # fmt: skip
         count = -(-view.count // PER_TEXEL)
         levels = np.zeros(PER_TEXEL * max(count, 1), np.uint8)
@@ -285,7 +285,7 @@ class DeferredPass:
         raster = self._raster_of_levels
         bindings = raster.bind(params=params, ids=ids, levels=self._levels)
         recording.draw(raster, bindings, colors=(), depth=self._depth, vertices=3, size=size)
-        clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
+        clear: Sequence[float] | None = [band.background for band in self.buffers.setup.bands]
         for k, raster in enumerate(self._rasters):
             level = {**params, "level": (k + 1) / LEVELS}
             recording.draw(
@@ -323,17 +323,17 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         if len(rows):
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
-            for own, band in zip(albedo, setup.bands, strict=True):
-                own[rows] = mean_albedo(
+            for band_albedo, band in zip(albedo, setup.bands, strict=True):
+                band_albedo[rows] = mean_albedo(
                     band.table, paint[rows], setup.of(triangle[rows]).cell, st, corners,
                     np.ones(corners.shape[:2]), (ex, ey, q), setup.groups[triangle[rows]] > BITMAP,
                 )  # fmt: skip
         for number in setup.bitmaps.images:
             rows = np.flatnonzero(paint == number)
             st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
-            for own, band in zip(albedo, setup.bands, strict=True):
+            for band_albedo, band in zip(albedo, setup.bands, strict=True):
                 image = band.bitmaps.images[number]
-                own[rows] = mean_over_pixels(
+                band_albedo[rows] = mean_over_pixels(
                     image, grey(image.ground), setup.of(triangle[rows]).cell, st, ex, ey, q
                 )
         printed = np.zeros(len(paint))
