@@ -16,8 +16,9 @@ from gpusim.gpu.buffer import Buffer
 from gpusim.optics.edge_pixels import resolve
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.sensor import digital_numbers, sensor
-from gpusim.optics.shading import setup
-from gpusim.optics.shading.setup import TRIANGLE
+from gpusim.optics.shading import scene_buffers
+from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.triangle_records import TRIANGLE, record_blocks
 from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.twin_checks.scenes import probe_setup
@@ -95,11 +96,10 @@ def _triangle(stage: str) -> int:
 def test_one_corrupted_input_of_a_kernel_is_seen(
     device: Device, monkeypatch: pytest.MonkeyPatch, stage: str, change: Callable[[Any], None]
 ) -> None:
-    blocks = setup.Setup.record_blocks
     number = _triangle(stage)
 
-    def corrupted(self: setup.Setup) -> Iterator[tuple[int, np.ndarray]]:
-        (found,) = blocks(self)
+    def corrupted(setup: Setup) -> Iterator[tuple[int, np.ndarray]]:
+        (found,) = record_blocks(setup)
         result = found[1].view(TRIANGLE)[:, 0]
         # the triangle with most pixels may have a plain rim: edges see all of them moved
         for record in (
@@ -108,7 +108,7 @@ def test_one_corrupted_input_of_a_kernel_is_seen(
             change(record)
         yield found
 
-    monkeypatch.setattr(setup.Setup, "record_blocks", corrupted)
+    monkeypatch.setattr(scene_buffers, "record_blocks", corrupted)
     with pytest.raises(TwinMismatch, match=stage):
         twin_checks()[stage](device)
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
 from gpusim.optics.edge_pixels.visible_polygons import (
@@ -35,6 +36,7 @@ from gpusim.optics.geometry.triangle_corners import corner_range
 from gpusim.optics.geometry.view import FIXED
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.paint.footprint_mean import mean_albedo
+from gpusim.optics.shading.coefficients import PerTriangle
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
@@ -85,7 +87,7 @@ def backdrops(
     pixel_of = pixel[row]
     suits = (row > edges.start[pixel_of]) & ~edges.pierced[pixel_of]
     triangle = edges.triangle[: len(full)]
-    suits &= (setup.groups[triangle[row]] == 0) & ~setup.bumpy[triangle[row]]
+    suits &= (setup.traits.groups[triangle[row]] == 0) & ~setup.traits.bumpy[triangle[row]]
     row, pixel_of = row[suits], pixel_of[suits]
     if setup.lighting.shadows is not None and len(row):
         several = row - edges.start[pixel_of] >= SEVERAL
@@ -98,7 +100,7 @@ def backdrops(
         np.minimum.at(farthest, pixel[front], inverse)
         a, b, c = depth_planes(corners[row], setup.view.inverse_depth(triangle[row])).T
         nearest = 1.0 / (c + 0.5 * (np.abs(a) + np.abs(b)))
-        side = float(np.linalg.norm(setup.rays()[:, 0]))
+        side = float(np.linalg.norm(setup.view.rays()[:, 0]))
         gap = nearest - 1.0 / farthest[pixel_of]
         row = row[gap > CONTACT * side * nearest]
     result[row] = True
@@ -221,56 +223,36 @@ def _mean_albedo(
     featured = setup.table.paints["featured"][paint]
     # all of a polygon through the cubic of its pixel
     within = side * np.concatenate([centroid[:, None], polygon], axis=1)
-    ideal = _undistorted(setup, at, at[:, None] + within)
+    ideal = _undistorted(setup.view.camera, at, at[:, None] + within)
+
+    def seen(rows: Long) -> tuple[Long, Array, Array, Array]:
+        """Cell, place, polygons and weights of some rows, on their paint."""
+        records = setup.coefficients.of(triangle[rows])
+        middle, w0 = _paint_positions(records, ideal[rows, :1])
+        corners, w = _paint_positions(records, ideal[rows, 1:])
+        return records.cell, middle[:, 0], corners - middle, w / w0
+
     rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
-        triangles = triangle[rows]
-        middle, w0 = _paint_positions(setup, triangles, ideal[rows, :1])
-        corners, w = _paint_positions(setup, triangles, ideal[rows, 1:])
+        footprints = seen(rows)
         for values, band in zip(albedo, setup.bands, strict=True):
-            values[rows] = mean_albedo(
-                band.table,
-                paint[rows],
-                setup.of(triangles).cell,
-                middle[:, 0],
-                corners - middle,
-                w / w0,
-            )
+            values[rows] = mean_albedo(band.table, paint[rows], *footprints)
     for number in setup.bitmaps.images:
         rows = np.flatnonzero(paint == number)
-        triangles = triangle[rows]
-        middle, w0 = _paint_positions(setup, triangles, ideal[rows, :1])
-        corners, w = _paint_positions(setup, triangles, ideal[rows, 1:])
+        footprints = seen(rows)
         for values, band in zip(albedo, setup.bands, strict=True):
             image = band.bitmaps.images[number]
-            values[rows] = mean_over_polygons(
-                image,
-                grey(image.ground),
-                setup.of(triangles).cell,
-                middle[:, 0],
-                corners - middle,
-                w / w0,
-            )
+            values[rows] = mean_over_polygons(image, grey(image.ground), *footprints)
     printed = np.zeros(len(paint))
-    rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
+    rows = np.flatnonzero((featured == 1) & setup.traits.shiny[triangle])
     if len(rows):
-        triangles = triangle[rows]
-        middle, w0 = _paint_positions(setup, triangles, ideal[rows, :1])
-        corners, w = _paint_positions(setup, triangles, ideal[rows, 1:])
-        printed[rows] = mean_albedo(
-            setup.table.mask(),
-            paint[rows],
-            setup.of(triangles).cell,
-            middle[:, 0],
-            corners - middle,
-            w / w0,
-        )
+        printed[rows] = mean_albedo(setup.table.mask(), paint[rows], *seen(rows))
     return albedo, printed
 
 
-def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
+def _undistorted(camera: Camera, pixel: Array, at: Array) -> Array:
     """Ideal positions of image positions (n, V, 2) in pixels (n, 2)."""
-    bends = distortion_map(setup.view.camera)
+    bends = distortion_map(camera)
     if bends is None:
         return at
     owner = np.repeat(pixel.astype(np.int64), at.shape[1], axis=0)
@@ -278,11 +260,8 @@ def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
     return (flat + bends.evaluate(owner, flat - owner)[0]).reshape(at.shape)
 
 
-def _paint_positions(
-    setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
-) -> tuple[Array, Array]:
+def _paint_positions(records: PerTriangle, pixels: Array) -> tuple[Array, Array]:
     """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
-    records = setup.of(triangle)
     d, planes = pixels - records.anchor[:, None], records.planes[:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]
     return values[..., :2] / values[..., 2:], values[..., 2]

@@ -37,7 +37,7 @@ from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns
 from gpusim.optics.paint.feature_grid import LOOP_TURNS, FeatureGrid
 from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import Setup, footprint
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 
@@ -68,12 +68,12 @@ class EdgePixelPass:
 
     def __init__(self, buffers: SceneBuffers, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = buffers.setup.table, buffers.setup.constants([1], False, False)["fine"]
+        table, fine = buffers.setup.table, buffers.setup.programs.fine
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
-        self._present = buffers.setup.groups_present()
+        self._present = buffers.setup.traits.groups_present()
         turns += 3000 if BITMAP in self._present else 0
         each = turns + grazing_turns(buffers.setup, edges)
-        groups = buffers.setup.groups[edges.triangle]
+        groups = buffers.setup.traits.groups[edges.triangle]
         deep = edges.pierced | (edges.depth > np.minimum(MAX_DEPTH, LOOP_TURNS // each))
         self.buffers = buffers
         order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
@@ -96,7 +96,7 @@ class EdgePixelPass:
         lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
         values = device.empty(4 * self._words * count, "edges.found")
-        constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
+        constants = setup.programs.constants(self._present, *setup.programs.looks)
         shared = {
             "params": {
                 "rays": self.buffers.rays(),
@@ -113,7 +113,7 @@ class EdgePixelPass:
         else:
             shared |= no_pieces(device)
             with device.recording("optics.edges") as recording:
-                name = setup.program("optics/edge_pixels/resolve")
+                name = setup.programs.name("optics/edge_pixels/resolve")
                 kernel = device.kernel(name, "main", constants)
                 bindings = kernel.bind_used(range=_range(0, count), **shared)
                 recording.dispatch(kernel, bindings, threads=(count,))
@@ -149,7 +149,7 @@ class EdgePixelPass:
         self, values: dict[str, Any], count: int, entry: str, constants: dict[str, float]
     ) -> None:
         device = self.buffers.device
-        name = self.buffers.setup.program("optics/edge_pixels/resolve")
+        name = self.buffers.setup.programs.name("optics/edge_pixels/resolve")
         kernel = device.kernel(name, entry, constants)
         with device.recording("optics.edges") as recording:
             recording.dispatch(kernel, kernel.bind_used(**values), threads=(count,))
@@ -302,7 +302,7 @@ def _widest_part(setup: Setup, triangle: npt.NDArray[np.int64], st: Array) -> Ar
     result = np.zeros((len(triangle), 2))
     for corner in range(3):
         at = setup.view.screen[triangle, corner]
-        _, ex, ey, _ = footprint(setup, triangle, at[:, 0], at[:, 1])
+        _, _, ex, ey, _ = setup.coefficients.footprint(triangle, at[:, 0], at[:, 1])
         for axis in (0, 1):
             sides, across = np.stack([ex, ey])[:, :, [axis, 1 - axis]].transpose(2, 0, 1)
             bounds = [np.abs(sides).sum(axis=0)]

@@ -235,6 +235,11 @@ class View:
         inverse = 1.0 / self.vertices[:, 2]
         return 0.999 / float(inverse.max()), inverse.astype(np.float32)
 
+    def rays(self) -> Array:
+        """(3, 3): columns x, y, 1 of the world-space ray of unit depth through a pixel."""
+        result: Array = self.camera.camera_from_world[:3, :3].T @ self.camera.ray_matrix()
+        return result
+
     def fixed(self) -> npt.NDArray[np.int32]:
         """Screen positions of the vertices in fixed point, (V, 2), one at least."""
         result = np.zeros((max(len(self.place), 1), 2), np.int32)

@@ -74,7 +74,7 @@ class BoardLines:
     def of(view: View, printed: npt.NDArray[np.bool_]) -> BoardLines | None:
         """Those of a view; None where there are none, and behind lenses that bend lines.
 
-        ``printed`` (T,): `gpusim.optics.shading.setup.Setup.printed`.
+        ``printed`` (T,): `gpusim.optics.shading.triangle_traits.TriangleTraits.printed`.
         """
         if view.camera.lens is not None:
             return None

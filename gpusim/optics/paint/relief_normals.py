@@ -47,7 +47,7 @@ class Bumps:
 
     @staticmethod
     def build(view: View, anchor: Array, mean_inverse: Array) -> Bumps:
-        """``anchor`` (T, 2) and ``mean_inverse`` (T,) as in `gpusim.optics.shading.setup.Setup`."""
+        """``anchor`` (T, 2) and ``mean_inverse`` (T,) as of `optics.shading.coefficients`."""
         member = np.zeros(view.count, bool)
         planes, amplitude = np.zeros((view.count, 3, 3)), np.zeros(view.count)
         for number, region in enumerate(view.paints):

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.unique import distinct
+from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.geometry.triangle_corners import (
     NORMAL,
     ST,
@@ -35,8 +36,7 @@ BLOCK = 4096
 @dataclass(frozen=True, eq=False)
 class Coefficients:
     """Of some triangles of a view: ``planes`` (6, 3, n), ``anchor`` (2, n), ``cell`` (2, n),
-    ``mean_inverse`` (n,), as in `gpusim.optics.shading.setup.Setup` but for the order of the
-    axes."""
+    ``mean_inverse`` (n,), as in `PerTriangle` but for the order of the axes."""
 
     part: slice
     planes: Array
@@ -105,7 +105,12 @@ def coefficients(
 
 
 class PerTriangle(NamedTuple):
-    """Coefficients triangle by triangle, as in `gpusim.optics.shading.setup.Setup`."""
+    """Coefficients triangle by triangle.
+
+    ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of (dx, dy,
+    1), the offset from ``anchor`` (T, 2), whole px of the ideal image; ``cell`` (T, 2): the pattern
+    cell that s and t are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
+    """
 
     planes: Array
     anchor: Array
@@ -138,6 +143,24 @@ class CoefficientCache:
             )
         row, (planes, anchor, cell, mean_inverse) = self._row[triangles] - 1, self._found
         return PerTriangle(planes[row], anchor[row], cell[row], mean_inverse[row])
+
+    def footprint(
+        self, triangle: npt.NDArray[np.int64], x: Array, y: Array
+    ) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
+        """At pixel positions, (n, 2) each: pattern cell, paint position in it, the change of this
+        along the sides of a pixel's sensitive square, and the relative change of 1 / z along these.
+        """
+        ideal, change = undistorted(self._setup[0].camera, np.stack([x, y], axis=1))
+        planes, anchor, cell, _ = self.of(triangle)
+        d = ideal - anchor
+        values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
+        w = values[:, 2:3]
+        st = values[:, :2] / w
+        ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
+        ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
+        turned = np.stack([ex, ey], axis=2) @ change
+        q = np.einsum("ni,nik->nk", planes[:, 2, :2] / w, change)
+        return cell, st, turned[:, :, 0], turned[:, :, 1], q
 
     @cached_property
     def all(self) -> PerTriangle:

@@ -1,9 +1,9 @@
 """What shaders read of a setup: its triangles, paints, lights and shadows, on the device.
 
-A triangle's record (`gpusim.optics.shading.setup.TRIANGLE`) holds what its pixels have in common.
+A triangle's record (`gpusim.optics.shading.triangle_records`) holds what its pixels have in common.
 Where triangles cover a few pixels each, finding all of them on the host takes as long as the
 picture, and they are ten times as large as what they follow from: there the device makes them from
-the vertices that triangles share. Their twin is `Setup.record_blocks`, which also serves large
+the vertices that triangles share. Their twin is `record_blocks`, which also serves large
 triangles, bitmaps and reliefs.
 
 The planes of triangles, from which their pixels ask for lamps, follow from the records, so that a
@@ -27,8 +27,9 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.shading.setup import TRIANGLE, Setup
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.spectrum import tints
+from gpusim.optics.shading.triangle_records import TRIANGLE, paint_traits, record_blocks
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.visibility_buffer import VertexBuffers
 
@@ -65,8 +66,8 @@ class SceneBuffers:
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
         self.gloss = gloss_texels(device, [band.lighting.gloss for band in setup.bands])
         self._color = _color_bindings(device, setup)
-        self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
-        self.bumps = bump_texels(device, setup.bumps)
+        self.relief = Uniform(device, bump_uniform(setup.traits.bumps), "shade.relief")
+        self.bumps = bump_texels(device, setup.traits.bumps)
         self.openness = sky_visibility_texels(device, setup.lighting.openness)
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
@@ -125,7 +126,7 @@ class SceneBuffers:
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
         """The ray matrix as uniform columns."""
         columns = np.zeros((3, 4))
-        columns[:, :3] = self.setup.rays().T
+        columns[:, :3] = self.setup.view.rays().T
         return {"x": columns[0], "y": columns[1], "one": columns[2]}
 
 
@@ -158,7 +159,7 @@ def _triangles(device: Device, setup: Setup, lines: BoardLines | None) -> Texels
     parent = np.zeros(0, np.int64) if lines is None else lines.parent
     records = np.zeros((len(parent), 4 * per), np.float32)
     texels = device.texels(per * max(count + len(parent), 1), "rgba32uint", "shade.triangles")
-    for first, words in setup.record_blocks():
+    for first, words in record_blocks(setup):
         texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
         rows = np.flatnonzero((parent >= first) & (parent < first + len(words)))
         records[rows] = words[parent[rows] - first]
@@ -180,7 +181,7 @@ class TriangleRecords:
         view, device = setup.view, vertex_buffers.device
         self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
         looks = device.buffer(_albedo_and_paint(setup), "records.looks")
-        traits = setup.traits().astype(np.float32)
+        traits = paint_traits(setup).astype(np.float32)
         traited = device.texels(len(traits), "rgba32float", "records.traits")
         traited.write(traits)
         per = TRIANGLE.itemsize // 16
@@ -194,7 +195,7 @@ class TriangleRecords:
     def of(device: Device, setup: Setup, vertex_buffers: VertexBuffers) -> TriangleRecords | None:
         """Those of a setup, not made yet; None where float32 or the shader can't."""
         view = setup.view
-        if not view.count or setup.bitmaps.images or setup.bumps is not None:
+        if not view.count or setup.bitmaps.images or setup.traits.bumps is not None:
             return None
         inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
         vertices = device.pool.texels(3 * len(view.place), "rgba32uint", "records.vertices")
@@ -215,9 +216,9 @@ class TriangleRecords:
 def _albedo_and_paint(setup: Setup) -> npt.NDArray[np.uint32]:
     """(T, 2): bits of the triangles' albedo, and their paint."""
     looks = np.empty((setup.view.count, 2), np.uint32)
-    looks[:, 0] = setup.albedo.view(np.uint32)
+    looks[:, 0] = setup.traits.albedo.view(np.uint32)
     looks[:, 1] = setup.view.paint
-    looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
+    looks[:, 1] |= setup.traits.near_feature.astype(np.uint32) << np.uint32(31)
     return looks
 
 

@@ -68,7 +68,7 @@ class LightTiles:
         low = np.maximum(low, -0.5)
         high = np.minimum(high, np.array([camera.width, camera.height]) - 0.5)
         wide, tall = np.maximum(high - low, 0.0).T
-        area = np.where(setup.shiny | setup.bumpy, 0.0, 0.5 * (wide * tall))
+        area = np.where(setup.traits.shiny | setup.traits.bumpy, 0.0, 0.5 * (wide * tall))
         large = np.flatnonzero(area >= MIN_PIXELS)
         large = large[_flat(setup, large)]
         large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]
@@ -130,7 +130,7 @@ def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[n
     side = TILE * (1.0 if bends is None else bends.stretch)
     squares = np.zeros(len(triangles))
     for axis in range(2):  # how far the plane's points move per column and per row, at most
-        change = setup.rays()[:, axis] - world * plane[:, None, axis, None]
+        change = setup.view.rays()[:, axis] - world * plane[:, None, axis, None]
         squares += (side * depth * np.linalg.norm(change, axis=2)).max(axis=1) ** 2
     middle, normal = world.mean(axis=1), corners[:, 0, NORMAL]
     radius = np.linalg.norm(world - middle[:, None], axis=2).max(axis=1)
@@ -176,8 +176,8 @@ class TileLightPass:
     def record(self, recording: Recording) -> None:
         """Find the light of all tiles."""
         setup, buffers = self.buffers.setup, self.buffers
-        constants = setup.light_constants(False, False)
-        name = setup.program("optics/shading/tile_light")
+        constants = setup.programs.light_constants(False, False)
+        name = setup.programs.name("optics/shading/tile_light")
         kernel = buffers.device.kernel(name, constants=constants)
         bindings = kernel.bind_used(
             params={

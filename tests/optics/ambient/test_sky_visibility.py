@@ -21,6 +21,7 @@ from gpusim.optics.ambient.silhouette_search import (
     silhouettes_near,
 )
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
+from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import Light
@@ -114,11 +115,12 @@ def from_pixels(setup: Setup, surfaces: list[gs.Surface]) -> tuple[Array, Array]
     ids = visibility_twin(view)
     y, x = np.nonzero(ids)
     triangle = ids[y, x].astype(np.int64) - 1
-    ideal, _ = setup.undistorted(np.stack([x, y], axis=1).astype(np.float64))
-    planes, d = setup.planes[triangle], ideal - setup.anchor[triangle]
+    ideal, _ = undistorted(setup.view.camera, np.stack([x, y], axis=1).astype(np.float64))
+    of = setup.coefficients.of(triangle)
+    planes, d = of.planes, ideal - of.anchor
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
-    depth = 1.0 / (values[:, 0] * setup.mean_inverse[triangle])
-    at = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ setup.rays().T)
+    depth = 1.0 / (values[:, 0] * of.mean_inverse)
+    at = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ setup.view.rays().T)
     normal = values[:, 1:] / np.linalg.norm(values[:, 1:], axis=1)[:, None]
     joined = JoinedFaces.of(view, surfaces)
     count = len(at)
@@ -250,15 +252,13 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     assert want.open_share.max() > 0.9
 
 
-def floor_errors(frame: gs.Frame, surfaces: list[gs.Surface]) -> tuple[Array, Array]:
+def floor_errors(frame: gs.Frame) -> tuple[Array, Array]:
     """Of a floor's pixels before an endless wall at x = 1 of height 1.5: shares less those of the
     closed form, and how far away the wall is."""
     view = frame.view
-    # for its rays, which are the same without what surfaces hide
-    setup = Setup.build(view, [gs.AmbientLight(1.0 / np.pi)], 0.0, surfaces)
     ids = visibility_twin(view)
     y, x = np.nonzero((ids > 0) & (view.face[ids.astype(np.int64) - 1] == 0))
-    ray = np.c_[x, y, np.ones(len(x))] @ setup.rays().T
+    ray = np.c_[x, y, np.ones(len(x))] @ view.rays().T
     eye = view.camera.eye
     place = eye - ray * (eye[2] / ray[:, 2])[:, None]
     away = 1.0 - place[:, 0]
@@ -272,7 +272,7 @@ def test_a_floor_before_a_wall_is_lit_by_the_closed_form() -> None:
     floor = plain(QUAD * 3.0)
     wall = plain(np.array([[1.0, -300, 0], [1, 300, 0], [1, 300, 1.5], [1, -300, 1.5]]))
     frame = gs.render([floor, wall], camera(), EVEN, backend="numpy")
-    error, away = floor_errors(frame, [floor, wall])
+    error, away = floor_errors(frame)
     error = error[away > 0.1]
     assert len(error) > 2000
     assert error.std() < 1e-3
@@ -288,7 +288,7 @@ def test_no_light_or_shadow_leaks_through_a_wall_in_a_floor(foot: float, device:
     walls = [plain(corners), plain(corners + np.array([0.12, 0.0, 0.0]))]
     surfaces = [plain(QUAD * 3.0), *walls]
     frame = gs.render(surfaces, camera(320, (-1.4, -1.6, 1.6)), EVEN, device=device)
-    error, away = floor_errors(frame, surfaces)
+    error, away = floor_errors(frame)
     near = away < 0.1
     print(f"{near.sum()} pixels near the wall: worst {np.abs(error[near]).max():.1e}")
     assert near.sum() > 1000

@@ -147,7 +147,7 @@ def test_bent_stages_agree_with_their_twins(device: Device) -> None:
 def test_an_undistorted_scene_does_not_pay(device: Device) -> None:
     camera, _, surface = board(None, gs.paint.Plain(0.5))
     setup = Setup.build(look([surface], camera, lit=False), None, 0.0)
-    assert setup.constants((), False, False)["distorted"] == 0.0 and setup.view.count == 2
+    assert setup.programs.constants((), False, False)["distorted"] == 0.0 and setup.view.count == 2
     assert SceneBuffers(device, setup).undistortion.count == 1
     assert ImagePlane(camera).straight == np.inf and distortion_map(camera) is None
 

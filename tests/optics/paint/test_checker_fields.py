@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.optics.geometry.view import look
 from gpusim.optics.paint.checker_lines import field_of
-from gpusim.optics.shading import setup as records
+from gpusim.optics.shading import triangle_traits
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.paint import Checker
 
@@ -61,10 +61,10 @@ def test_a_picture_is_the_same_without(
     lights = LIGHTS if lit else None
     setup = Setup.build(look([surface], CAMERA, lit=lit), lights, 0.0, [surface])
     if shape[0] > 9:
-        assert 0.05 < setup.near_feature.mean() < 0.5
-        assert {np.float32(0.1), np.float32(0.7)} <= set(setup.albedo)
+        assert 0.05 < setup.traits.near_feature.mean() < 0.5
+        assert {np.float32(0.1), np.float32(0.7)} <= set(setup.traits.albedo)
     got = gs.render([surface], CAMERA, lights, device=device).radiance
-    monkeypatch.setattr(records, "within_fields", lambda *given: None)
+    monkeypatch.setattr(triangle_traits, "within_fields", lambda *given: None)
     want = gs.render([surface], CAMERA, lights, device=device).radiance
     assert np.abs(got - want).max() <= 1e-5 * want.max()
     twin = gs.render([surface], CAMERA, lights, backend="numpy").radiance
@@ -75,5 +75,5 @@ def test_glossy_boards_keep_their_prints() -> None:
     paint = Checker(0.061, 7, 5, (0.05, 0.03), 0.1, 0.7, 0.4, roughness=0.3)
     view = look([wavy(paint, 90, 60)], CAMERA, lit=True)
     setup = Setup.build(view, LIGHTS, 0.0)
-    np.testing.assert_array_equal(setup.near_feature, setup.table.near_features(view))
-    assert set(setup.albedo) == {np.float32(0.4)}
+    np.testing.assert_array_equal(setup.traits.near_feature, setup.table.near_features(view))
+    assert set(setup.traits.albedo) == {np.float32(0.4)}

@@ -11,7 +11,7 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import AreaLight
 from gpusim.optics.paint import checker_lines
 from gpusim.optics.paint.checker_lines import BoardLines
-from gpusim.optics.shading.setup import Setup, footprint
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Checker, Plain
@@ -35,7 +35,7 @@ def board(columns: int | None, rows: int | None) -> list[Surface]:
 
 
 def lines_of(setup: Setup) -> BoardLines | None:
-    return BoardLines.of(setup.view, setup.printed)
+    return BoardLines.of(setup.view, setup.traits.printed)
 
 
 def camera(**changes: object) -> gs.Camera:
@@ -88,7 +88,7 @@ def test_strips_cover_what_reaches_over_a_line() -> None:
     surfaces = board(5, 4)
     view = look(surfaces, camera(), lit=False)
     setup = Setup.build(view, None, 0.0)
-    lines = BoardLines.of(setup.view, setup.printed)
+    lines = BoardLines.of(setup.view, setup.traits.printed)
     assert lines is not None
     np.testing.assert_array_equal(lines.member, view.paint == 0)
     # strips are a small part of the board
@@ -101,10 +101,10 @@ def test_strips_cover_what_reaches_over_a_line() -> None:
     y, x = np.mgrid[: view.camera.height, : view.camera.width]
     ids = visibility_twin(view)
     own = np.flatnonzero((ids > 0).ravel() & (view.paint[ids.ravel().astype(int) - 1] == 0))
-    st, ex, ey, q = footprint(
-        setup, ids.ravel()[own].astype(int) - 1, x.ravel()[own] * 1.0, y.ravel()[own] * 1.0
+    cell, st, ex, ey, q = setup.coefficients.footprint(
+        ids.ravel()[own].astype(int) - 1, x.ravel()[own] * 1.0, y.ravel()[own] * 1.0
     )
-    st += setup.cell[ids.ravel()[own].astype(int) - 1] * setup.table.paints["cell"][0]
+    st += cell * setup.table.paints["cell"][0]
     grid = (st - np.array([0.09, 0.07])) / 0.061
     line = np.clip(np.rint(grid), 0, [5, 4])
     away = (grid - line) * 0.061

@@ -136,11 +136,11 @@ def test_what_has_no_relief_pays_nothing(device: Device) -> None:
     )
     sun: list[Light] = [SunLight(tuple(SUN), 1.0)]
     one = Setup.build(look([plain], _camera(), lit=True), sun, 0.0)
-    assert one.bumps is None and not one.bumpy.any()
+    assert one.traits.bumps is None and not one.traits.bumpy.any()
     both = Setup.build(look([plain, bumpy], _camera(), lit=True), sun, 0.0)
-    assert isinstance(both.bumps, Bumps) and 0 < both.bumpy.sum() < both.view.count
+    assert isinstance(both.traits.bumps, Bumps) and 0 < both.traits.bumpy.sum() < both.view.count
     # without light there is nothing to see of it
-    assert Setup.build(look([bumpy], _camera(), lit=False), None, 0.0).bumps is None
+    assert Setup.build(look([bumpy], _camera(), lit=False), None, 0.0).traits.bumps is None
     hidden = render([plain, bumpy], _camera(), sun).radiance
     assert np.abs(hidden - render([plain], _camera(), sun).radiance).max() < 1e-7
 

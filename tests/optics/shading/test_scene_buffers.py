@@ -16,6 +16,7 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.scene_buffers import TriangleRecords
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import small_triangles
+from gpusim.optics.shading.triangle_records import triangle_records
 from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.twin_checks.images import evaluated
 
@@ -61,7 +62,7 @@ def test_records_are_those_of_the_host(
     view = look([surface], camera(distortion=lens), lit=True)
     assert small_triangles(view)
     setup = Setup.build(view, LIGHTS, 0.0, [surface])
-    got, want = records(device, setup), evaluated(setup, setup.records())
+    got, want = records(device, setup), evaluated(setup, triangle_records(setup))
     np.testing.assert_allclose(got[0], want[0], rtol=2e-7)
     np.testing.assert_allclose(got[1], want[1], rtol=2e-5, atol=2e-6)
 
@@ -80,7 +81,7 @@ def test_slivers_far_from_the_origins_of_image_and_paint(device: Device) -> None
     area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
     assert np.median(area / length) < 0.05 and np.median(length) > 20.0
     setup = Setup.build(view, LIGHTS, 0.0, [surface])
-    got, want = records(device, setup)[1], evaluated(setup, setup.records())[1]
+    got, want = records(device, setup)[1], evaluated(setup, triangle_records(setup))[1]
     pixel = 1000.0 / 3.1e5
     assert np.abs(got[..., 3:5] - want[..., 3:5]).max() < 3e-4 * pixel
     assert np.abs(got[..., 5:9] - want[..., 5:9]).max() < 1e-3 * pixel
