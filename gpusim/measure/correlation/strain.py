@@ -394,9 +394,7 @@ def _pairs(
     for first in range(0, len(points), chunk):
         part = points[first : first + chunk]
         near: Any = tree.query_ball_point(part, reach, p=np.inf)
-        lengths = np.fromiter(
-            (len(neighbours) for neighbours in near), dtype=np.int64, count=len(part)
-        )
+        lengths = np.fromiter((len(beside) for beside in near), dtype=np.int64, count=len(part))
         row = np.repeat(np.arange(len(part)), lengths)
-        other = np.concatenate([np.asarray(neighbours, dtype=np.int64) for neighbours in near])
+        other = np.concatenate([np.asarray(beside, dtype=np.int64) for beside in near])
         yield first, first + len(part), row, other

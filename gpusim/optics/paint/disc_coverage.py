@@ -68,13 +68,12 @@ def _cuts_under(
     reach = 0.5 * np.sqrt(np.maximum(((ex + ey) ** 2).sum(axis=1), ((ex - ey) ** 2).sum(axis=1)))
     cuts = np.ones(len(centre), np.int64)
     for k in range(int((stop - start).max(initial=0))):
-        footprints = np.flatnonzero(start + k < stop)
-        disc = table.disc[start[footprints] + k]
-        gap = np.hypot(*(centre[footprints] - disc[:, :2]).T) - disc[:, 2]
+        shown = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[shown] + k]
+        gap = np.hypot(*(centre[shown] - disc[:, :2]).T) - disc[:, 2]
         wanted = np.ceil(grid.cuts * grid.smallest / disc[:, 2] - 1e-4).astype(np.int64)
-        cuts[footprints] = np.where(
-            np.abs(gap) < reach[footprints], np.maximum(cuts[footprints], wanted), cuts[footprints]
-        )
+        finer = np.maximum(cuts[shown], wanted)
+        cuts[shown] = np.where(np.abs(gap) < reach[shown], finer, cuts[shown])
     return cuts
 
 
@@ -212,9 +211,9 @@ class _Rows:
         self.left, self.right = np.zeros(shape), np.ones(shape)
         self.low, self.high, self.total = np.ones(shape), np.zeros(shape), np.zeros(shape)
 
-    def add(self, segments: Long, disc: Array) -> None:
-        """Put a disc each (m, 4) over segments ``segments`` (m,)."""
-        m, d = self.first[segments] - disc[:, None, :2], self.along[segments]
+    def add(self, lines: Long, disc: Array) -> None:
+        """Put a disc each (m, 4) over segments ``lines`` (m,)."""
+        m, d = self.first[lines] - disc[:, None, :2], self.along[lines]
         a, b = (d * d).sum(axis=-1), (m * d).sum(axis=-1)
         c = (m * m).sum(axis=-1) - disc[:, 2:3] ** 2
         square = b * b - a * c
@@ -224,20 +223,16 @@ class _Rows:
         meets = (square > 0.0) & (high > 0.0) & (low < 1.0)
         starts, ends = meets & (low <= 0.0), meets & (high >= 1.0)
         between = meets & ~starts & ~ends
-        self.left[segments] = np.where(
-            starts, np.maximum(self.left[segments], np.minimum(high, 1.0)), self.left[segments]
+        self.left[lines] = np.where(
+            starts, np.maximum(self.left[lines], np.minimum(high, 1.0)), self.left[lines]
         )
-        self.right[segments] = np.where(
-            ends, np.minimum(self.right[segments], np.maximum(low, 0.0)), self.right[segments]
+        self.right[lines] = np.where(
+            ends, np.minimum(self.right[lines], np.maximum(low, 0.0)), self.right[lines]
         )
-        self.low[segments] = np.where(
-            between, np.minimum(self.low[segments], low), self.low[segments]
-        )
-        self.high[segments] = np.where(
-            between, np.maximum(self.high[segments], high), self.high[segments]
-        )
+        self.low[lines] = np.where(between, np.minimum(self.low[lines], low), self.low[lines])
+        self.high[lines] = np.where(between, np.maximum(self.high[lines], high), self.high[lines])
         span = np.minimum(high, 1.0) - np.maximum(low, 0.0)
-        self.total[segments] += np.where(meets, span, 0.0)
+        self.total[lines] += np.where(meets, span, 0.0)
 
     def union(self) -> Array:
         """Covered share (n, R) of the segments."""
@@ -295,17 +290,15 @@ def _grazing_polygon(
         rows = _rows_over(grid, longest)
         part = np.zeros(len(at))
         for j in range(int(rows[area != 0.0].max(initial=0))):
-            polygons = np.flatnonzero((j < rows) & (area != 0.0))
-            y, share = _row_step(grid, j, rows[polygons])
+            shapes = np.flatnonzero((j < rows) & (area != 0.0))
+            y, share = _row_step(grid, j, rows[shapes])
             # corners with their weights as a third component: straight in the image
             ends = [
-                (1.0 - y)[:, None] * _homogeneous(origin[polygons], first[polygons])
-                + y[:, None] * _homogeneous(corner[polygons, m], weight[polygons, m])
+                (1.0 - y)[:, None] * _homogeneous(origin[shapes], first[shapes])
+                + y[:, None] * _homogeneous(corner[shapes, m], weight[shapes, m])
                 for m in (k, k + 1)
             ]
-            part[polygons] += (
-                2.0 * y * share * _grazing_row(table, grid, at[polygons], ends[0], ends[1])
-            )
+            part[shapes] += 2.0 * y * share * _grazing_row(table, grid, at[shapes], *ends)
         cover += area * part
         whole += area
     result = np.full(len(at), grid.coverage)
