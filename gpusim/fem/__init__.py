@@ -36,7 +36,8 @@ from gpusim.fem.model.material import Isotropic, Material, Orthotropic
 from gpusim.fem.model.model import Model, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
-from gpusim.fem.statics import METHODS, solve
+from gpusim.fem.solve_plan import METHODS
+from gpusim.fem.statics import solve
 from gpusim.fem.stress import Stress, principal, stress, von_mises
 
 __all__ = [

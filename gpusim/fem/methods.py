@@ -29,9 +29,6 @@ from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.solve_plan import Direct, Options, SolvePlan
 from gpusim.gpu import Device
 
-__all__ = ["solve_system"]
-
-
 # of conjugate gradients with pressures; with more something is wrong
 _MOST_WITH_PRESSURES = 600
 _MOST_ITERATIONS = 1000

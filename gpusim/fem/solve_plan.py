@@ -25,19 +25,6 @@ from gpusim.fem.model.model import Model
 from gpusim.gpu import Device, default_device, software_adapter
 from gpusim.parallel.machine import host_memory
 
-__all__ = [
-    "METHODS",
-    "Clock",
-    "Direct",
-    "Options",
-    "SolvePlan",
-    "direct_solver",
-    "least_seconds",
-    "multigrid_seconds",
-    "plan_solve",
-]
-
-
 # operations per second
 _CHAIN_RATE = 1.2e10
 _BAND_RATE = 8.0e9

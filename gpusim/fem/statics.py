@@ -25,8 +25,6 @@ from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["METHODS", "solve"]
-
 
 @unmasked()
 def solve(

@@ -25,9 +25,6 @@ from gpusim.mesh.shape_functions import reference_nodes, shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Stress", "principal", "stress", "von_mises"]
-
-
 _CHUNK = 4096
 # up to here a table over all keys is faster than sorting them
 _MOST_KEYS = 1 << 27

@@ -19,8 +19,6 @@ from gpusim.gpu import Buffer, Device, Recording
 from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.checker_lines import BoardLines
 
-__all__ = ["NONE", "VertexBuffers", "VisibilityBuffer", "visibility_twin"]
-
 CHUNK = 4_000_000
 
 NONE = np.zeros(1, np.uint32)

@@ -25,17 +25,6 @@ from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = [
-    "Assembled",
-    "assemble",
-    "assemble_groups",
-    "assemble_lattice",
-    "group_matrix",
-    "lattice_stencil",
-    "model_lattice",
-]
-
-
 # elements per distinct matrix from which on rows are compared: each is a sum over several elements,
 # and where rows repeat less often than about eight times a table of them is only one thing more
 _ROWS_REPEAT = 16

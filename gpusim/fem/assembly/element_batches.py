@@ -21,21 +21,6 @@ from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.matrix_product import shared
 
-__all__ = [
-    "DistinctGroup",
-    "Elements",
-    "Group",
-    "Integrated",
-    "held_matrices",
-    "lattice_group",
-    "masked",
-    "model_groups",
-    "only_group",
-    "pair_blocks",
-    "repeating",
-]
-
-
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36
 # distinct elements that one processor takes at a time

@@ -26,9 +26,6 @@ from gpusim.fem.sparse.block_rows import ranges
 from gpusim.fem.sparse.matrix_product import add_rows, ahead, counting_sort, transpose_pattern
 from gpusim.mesh import Mesh
 
-__all__ = ["NodeGraph", "Numbering", "row_sums"]
-
-
 # elements whose blocks are formed and added at a time: they should stay in the cache
 _PORTION = 512
 # edges that are mirrored at a time

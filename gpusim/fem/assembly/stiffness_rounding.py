@@ -38,18 +38,6 @@ from gpusim.fem.sparse.matrix_product import shared
 from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.mesh import mesh_quality
 
-__all__ = [
-    "Deformation",
-    "check_finite",
-    "condition",
-    "deformation",
-    "extremes",
-    "indefinite",
-    "rounding_forces",
-    "signed",
-]
-
-
 # elements that are taken at a time, so that their numbers stay in the cache
 _PORTION = 1024
 # elements of a kind, on average, from which on each kind is taken by itself

@@ -21,9 +21,6 @@ from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
 from gpusim.fem.sparse.matrix_product import Product, RowsProduct
 from gpusim.fem.sparse.stiffness_product import apply_stiffness
 
-__all__ = ["System", "finest_product", "make_system"]
-
-
 # nodes per distinct row from which on a stencil isn't larger than the matrix
 _REPEATS = 8
 

@@ -30,17 +30,6 @@ from gpusim.fem.sparse.block_rows import BlockRows, ranges
 from gpusim.fem.sparse.matrix_product import ahead
 from gpusim.gpu.texture_array import Texels, most_texels
 
-__all__ = [
-    "SLICE",
-    "WINDOW",
-    "BlockTexels",
-    "RowPart",
-    "RowSlices",
-    "block_texels_bytes",
-    "rows_of_matrix",
-]
-
-
 SLICE = 8
 # nodes are sorted by the length of their rows within as many of them
 WINDOW = 2048

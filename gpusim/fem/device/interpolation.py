@@ -15,8 +15,6 @@ from gpusim.fem.sparse.block_rows import ranges
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["DeviceWeights", "apply_weights"]
-
 
 def apply_weights(weights: csr_matrix, free: Bool, v: Float) -> Float:
     """W v for (L,K,3) vectors, zero where not ``free`` (N,3): (L,N,3)."""

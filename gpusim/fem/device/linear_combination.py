@@ -9,9 +9,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.device.node_texels import Allocator, Pair
 from gpusim.gpu import Bindings, Recording
 
-__all__ = ["DeviceSum", "weighted_sum"]
-
-
 # the order in which the kernel takes and adds them
 _NAMES = ("x", "before", "right", "product")
 

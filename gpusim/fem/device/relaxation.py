@@ -22,8 +22,6 @@ from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
-
 
 def relax_nodes(
     apply: Callable[[Float], Float],

@@ -19,14 +19,6 @@ from gpusim.fem.device.node_texels import Allocator, Pair, pair, row_threads
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = [
-    "DeviceProduct",
-    "DeviceStiffness",
-    "RowsOnDevice",
-    "dense_blocks",
-    "product_bytes",
-]
-
 
 class RowsOnDevice:
     """Rows of blocks in ``texels`` that are multiplied by vectors of ``columns`` nodes."""

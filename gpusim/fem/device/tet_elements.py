@@ -35,9 +35,6 @@ from gpusim.fem.elements.straight_tetrahedra import StraightTets
 from gpusim.fem.sparse.block_rows import ranges
 from gpusim.gpu.texture_array import Texels, most_texels
 
-__all__ = ["TetElements", "TetTexels", "tet_elements", "tet_texels_bytes"]
-
-
 _RULE = ELEMENTS["tet10"].rule("full")
 _CELL, _ROOTS, _FORCES = 3, 5, 15
 _POINTS = 4

@@ -18,16 +18,6 @@ from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements,
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = [
-    "DeviceOperator",
-    "DeviceTets",
-    "apply_tets",
-    "device_tets",
-    "element_forces",
-    "operator_bytes",
-    "upload_operator",
-]
-
 
 def element_forces(elements: TetElements, u: Float) -> Float:
     """(M,10,3) forces of each element in NumPy float64, ``u`` (N,3), by quadrature."""

@@ -8,8 +8,6 @@ from gpusim.fem.device.tet_elements import TetTexels
 from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["SingleForces"]
-
 
 class SingleForces:
     """Forces of the elements of ``texels`` in float32, which ``relaxation.wgsl`` sums up."""

@@ -22,9 +22,6 @@ from gpusim.arrays.ragged import along_paths
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.sparse.block_rows import BlockRows, ranges
 
-__all__ = ["BandedFactor", "Ordering", "band_ordering"]
-
-
 # rows of a tile; a band is cut into equal ones, as half a tile too much costs half as much again
 _LARGEST_TILE = 128
 

@@ -29,8 +29,6 @@ from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.sparse.matrix_product import shared
 
-__all__ = ["Slabs", "SubstructuredFactor", "cut_slabs"]
-
 
 @dataclass(frozen=True, eq=False)
 class Slabs:

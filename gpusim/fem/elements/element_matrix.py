@@ -20,9 +20,6 @@ from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 
-__all__ = ["element_stiffness", "modulus_tensor", "strain_matrix", "volume_gradients"]
-
-
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
 _CHUNK_NUMBERS = 1 << 17
 # Strain component (xx yy zz xy yz zx) of the tensor's entry ij.

@@ -23,9 +23,6 @@ from gpusim.fem.elements.element_matrix import modulus_tensor
 from gpusim.fem.elements.isoparametric_map import determinant, inverse
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["StraightTets", "is_straight"]
-
-
 # midsides this far from the middle, relative to the cell's extent, bend nothing that float64 shows
 _STRAIGHT = 1e-13
 _MIDSIDES = np.array(CELL_TYPES["tet10"].parents)

@@ -19,9 +19,6 @@ from gpusim.fem.elements.isoparametric_map import (
     times,
 )
 
-__all__ = ["internal_force", "point_stress"]
-
-
 # the pairs of axes of a strain's components xx yy zz xy yz zx
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 

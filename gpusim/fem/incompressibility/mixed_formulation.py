@@ -34,9 +34,6 @@ from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 
-__all__ = ["MixedFormulation", "SaddleCG", "mixed_solver"]
-
-
 # <z,z> relative to when z was last formed from the residuals, below which it is formed anew:
 # multigrid in float32 isn't quite linear, and what z has collected of that mustn't matter
 _STALE = 1e-5

@@ -28,9 +28,6 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.incompressibility.volume_split import VolumeSplit
 from gpusim.fem.multigrid.smoothers import chebyshev
 
-__all__ = ["PressureChebyshev", "PressureScaling"]
-
-
 # axes along which a pressure alternates
 _FAMILIES = ((True, True, False), (False, True, True), (True, False, True), (True, True, True))
 # weight of all hat functions together: as many of them overlap

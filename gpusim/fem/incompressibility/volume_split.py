@@ -25,9 +25,6 @@ from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.model.material import Isotropic, Material
 from gpusim.fem.model.model import Model
 
-__all__ = ["VolumeSplit", "split_volume"]
-
-
 # Poisson's ratio that is left to A, and the ratio of bulk to shear modulus (10 at nu = 0.45) from
 # which on something is taken from it
 _ORDINARY, _STIFF = 0.3, 10.0

@@ -23,9 +23,6 @@ from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.buffer import RealBuffer
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["DeviceCG", "NumpyCG", "Preconditioner"]
-
-
 _GROUPS = 128
 _CAPACITY = 512
 

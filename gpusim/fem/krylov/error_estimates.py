@@ -38,21 +38,6 @@ from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.stiffness_rounding import check_finite, indefinite
 from gpusim.fem.assembly.system import System
 
-__all__ = [
-    "BELOW",
-    "VISIBLE",
-    "Estimates",
-    "Norm",
-    "Probed",
-    "RoundingError",
-    "energy_bound",
-    "extent",
-    "probe",
-    "rounded",
-    "smallest_ritz_value",
-]
-
-
 # share of the tolerance beyond which forces by deformation are worth their time
 VISIBLE = 0.1
 # root mean square of displacements in bending, of the greatest one (a cantilever: 0.29)

@@ -19,8 +19,6 @@ from gpusim.fem.multigrid.lattice_cycle import LatticeCycle
 from gpusim.fem.multigrid.smoothers import Relaxation, columns, relax
 from gpusim.fem.sparse.matrix_product import Product
 
-__all__ = ["Multigrid"]
-
 
 def _from_zero(step: Relaxation) -> Relaxation:
     return Relaxation(step.keep, step.gain, 0.0)

@@ -32,9 +32,6 @@ from gpusim.fem.krylov.error_estimates import (
 )
 from gpusim.parallel.processes import in_copies
 
-__all__ = ["UNEVEN_STIFFNESS", "Outcome", "Progress", "each_case", "iterate"]
-
-
 # share of the tolerance up to which rounding leaves conjugate gradients enough of it
 _LITTLE = 0.5
 _MOST_REFINEMENTS = 12

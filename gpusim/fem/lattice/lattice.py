@@ -16,16 +16,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 
-__all__ = [
-    "CORNERS",
-    "OFFSETS",
-    "Lattice",
-    "crowded",
-    "filled_grids",
-    "find_lattice",
-    "node_offsets",
-]
-
 T = TypeVar("T", bound=np.generic)
 
 # lattice position of the hex8 corners, VTK order

@@ -27,9 +27,6 @@ from gpusim.fem.lattice.lattice import OFFSETS, Lattice
 from gpusim.fem.sparse.matrix_product import shared
 from gpusim.parallel.machine import processors
 
-__all__ = ["RowSums", "RunLayout", "RunPattern", "numbering_axes"]
-
-
 _Task = TypeVar("_Task")
 # nodes in a run: more waste work on zeros, fewer are slow to multiply
 _RUN = 4

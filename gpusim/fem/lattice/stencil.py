@@ -19,9 +19,6 @@ from gpusim.fem.lattice.lattice_runs import RowSums, RunLayout, RunPattern, numb
 from gpusim.fem.sparse.block_rows import BlockRows, invert_repeated
 from gpusim.fem.sparse.matrix_product import Product
 
-__all__ = ["Stencil", "StencilProduct", "stencil_of"]
-
-
 # fewer nodes aren't worth the trouble
 _LEAST = 4000
 

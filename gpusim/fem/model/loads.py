@@ -19,18 +19,6 @@ from gpusim.mesh import CELL_TYPES, Faces, Mesh
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = [
-    "body_force",
-    "centrifugal",
-    "face_force",
-    "line_force",
-    "nodal_force",
-    "node_line",
-    "pressure",
-    "traction",
-]
-
-
 _CHUNK = 16384
 # Gauss points on [-1, 1]; the nodes of an edge are at -1, 1 and, if it has a midside node, 0
 _PLACE = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])

@@ -13,9 +13,6 @@ from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import volumes
 from gpusim.fem.model.model import Model
 
-__all__ = ["lumped_mass", "mass_matrix"]
-
-
 _CHUNK = 16384
 
 

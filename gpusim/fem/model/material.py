@@ -12,8 +12,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.validation import is_number, real_numbers
 
-__all__ = ["Isotropic", "Material", "Orthotropic"]
-
 Triple = tuple[float, float, float]
 
 # pairs of axes of the shear components, in the order xy yz zx

@@ -18,9 +18,6 @@ from gpusim.fem.model.model import Model
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["check_supports", "rigid_modes", "symmetry"]
-
-
 # models that have passed: they and their arrays can't change
 _HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes

@@ -19,9 +19,6 @@ from gpusim.mesh.shape_functions import shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["linear_temperature", "point_temperature", "thermal"]
-
-
 _CHUNK = 8192
 
 

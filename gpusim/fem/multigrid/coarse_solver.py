@@ -18,9 +18,6 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.sparse.block_rows import pattern
 
-__all__ = ["CoarseSolver", "narrow_order"]
-
-
 # A band of b in n unknowns is read twice to solve with it, and n b^2 operations make its factor:
 # these are a third of a cycle, and ten cycles, of a body with one unknown
 _READ, _FACTORISED = 16.0, 6000.0

@@ -26,9 +26,6 @@ from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 from gpusim.fem.sparse.block_rows import ranges
 from gpusim.fem.sparse.matrix_product import Product
 
-__all__ = ["EDGES", "Columns", "columns_across", "thin_axes"]
-
-
 EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
     "hex8": (
         ((0, 1), (3, 2), (7, 6), (4, 5)),

@@ -28,9 +28,6 @@ from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.multigrid.transfer import PlaneWeights, plane_shares
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes"]
-
-
 # planes are left out along an axis while its spacing is below this multiple of the finest one
 _STRETCHED = 1.9
 # the thinnest part must keep at least this many elements across: fewer can't bend

@@ -36,9 +36,6 @@ from gpusim.fem.sparse.block_rows import (
 from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["Hierarchy", "Level", "build_hierarchy"]
-
-
 _COARSEST = 800
 # of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
 _COARSEST_BAND, _COARSEST_INVERTED = 20_000, 2500

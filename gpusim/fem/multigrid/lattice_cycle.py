@@ -25,9 +25,6 @@ from gpusim.fem.multigrid.hierarchy import Hierarchy
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.fem.multigrid.transfer import MatrixTransfer, PlaneWeights
 
-__all__ = ["LatticeCycle", "LatticeLevel", "PlaneTransfer", "cycle_dtype"]
-
-
 # rounding in float32 over the least eigenvalue from which on float64 is used
 _FELT = 0.1
 # ratio of stiffnesses beyond which soft parts may be felt worse than the least eigenvalue tells

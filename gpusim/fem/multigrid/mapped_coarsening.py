@@ -15,9 +15,6 @@ from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.ragged import along_paths
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, crowded, filled_grids
 
-__all__ = ["mapped_lattice"]
-
-
 # corners of the sides that look along each axis, and of those that lie against them
 _AHEAD = ((1, 2, 6, 5), (3, 2, 6, 7), (4, 5, 6, 7))
 _BEHIND = ((0, 3, 7, 4), (0, 1, 5, 4), (0, 1, 2, 3))

@@ -19,9 +19,6 @@ from gpusim.fem.multigrid.transfer import in_single
 from gpusim.fem.sparse.block_rows import pattern, ranges
 from gpusim.fem.sparse.matrix_product import Product, ahead, row_shares, shared
 
-__all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
-
-
 _STRENGTH = 0.08
 # Coarse levels of slender bodies are chains. Aggregates several links long bend too stiffly there
 # (iterations double or worse), so only strong links count; weaker ones do where that stalls.

@@ -12,15 +12,6 @@ from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.sparse.matrix_product import Product
 
-__all__ = [
-    "MatrixTransfer",
-    "NodeTransfer",
-    "PlaneWeights",
-    "Transfer",
-    "in_single",
-    "plane_shares",
-]
-
 
 def plane_shares(planes: Float, keep: Long) -> tuple[Long, Float]:
     """For each plane: number of the kept plane at or below it, and the share of the next one."""

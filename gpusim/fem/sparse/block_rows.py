@@ -23,16 +23,6 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 
-__all__ = [
-    "BlockRows",
-    "block_matrix",
-    "diagonal_blocks",
-    "invert_blocks",
-    "invert_repeated",
-    "pattern",
-    "ranges",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class BlockRows:

@@ -26,19 +26,6 @@ from gpusim.fem.sparse.block_rows import (
 )
 from gpusim.parallel.machine import processors
 
-__all__ = [
-    "Product",
-    "RowsProduct",
-    "add_block_product",
-    "add_rows",
-    "ahead",
-    "counting_sort",
-    "row_shares",
-    "shared",
-    "transpose_pattern",
-]
-
-
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -15,8 +15,6 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.sparse.block_rows import BlockRows, ranges
 from gpusim.fem.sparse.matrix_product import shared
 
-__all__ = ["apply_stiffness"]
-
 # nodes of a task
 _CHUNK = 1024
 

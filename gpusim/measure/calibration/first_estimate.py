@@ -21,8 +21,6 @@ from gpusim.measure.calibration.bundle_adjustment import DISTORTION, Rig, compos
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.boards import Sighting
 
-__all__ = ["MIN_POINTS", "best_turns", "calibrated_single", "first_rig", "turned"]
-
 MIN_POINTS = 6  # per view
 MIN_RATIO = 3.0  # times as far apart as with the best readings: the others are wrong
 MIN_DISTANCE = 1e-9

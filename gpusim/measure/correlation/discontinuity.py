@@ -25,8 +25,6 @@ import numpy as np
 
 from gpusim.measure.images import FloatArray
 
-__all__ = ["COARSE", "FINE", "Discontinuities", "Search", "fit_discontinuities"]
-
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
 RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0

@@ -20,17 +20,6 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.measure.images import FloatArray, SplineImage
 
-__all__ = [
-    "Box",
-    "Limits",
-    "Pair",
-    "Sampled",
-    "Subsets",
-    "Tile",
-    "plan_tiles",
-    "subset_pixels",
-]
-
 Box = tuple[int, int, int, int]
 IntArray = npt.NDArray[np.int64]
 

@@ -24,8 +24,6 @@ from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import FloatArray, Image, SplineImage, point_spacing
 
-__all__ = ["Front", "seeds"]
-
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 

@@ -23,8 +23,6 @@ from gpusim.measure.images import FloatArray, check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Update", "dic_sequence"]
-
 Update = Literal["never", "auto", "always"]
 BoolArray = npt.NDArray[np.bool_]
 

@@ -17,16 +17,6 @@ import scipy
 
 from gpusim.measure.images import FloatArray, Image
 
-__all__ = [
-    "Motion",
-    "common_motions",
-    "feature_matches",
-    "feature_motions",
-    "global_shift",
-    "integer_search",
-    "search_template",
-]
-
 LOWEST = 0.7  # score over the best one that a peak as good may have between two pixels
 EQUAL_PEAK = 0.03  # less correlation than the best peak: as good
 MAX_SIFT_SIDE = 2_000_000  # px: larger images are looked at in a smaller copy

@@ -31,16 +31,6 @@ from gpusim.validation import unmasked
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "StrainKind",
-    "StrainResult",
-    "StrainStatus",
-    "check_kind",
-    "strain",
-    "strain_tensor",
-    "surface_strain",
-]
-
 IntArray = npt.NDArray[np.int64]
 
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]

@@ -19,8 +19,6 @@ from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
 from gpusim.measure.images import FloatArray, SplineImage
 
-__all__ = ["inconsistent_subsets", "one_sided_texture"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 PARTS = 3  # parts along each side of a subset

@@ -26,14 +26,6 @@ from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
 from gpusim.validation import unmasked
 
-__all__ = [
-    "Matches",
-    "epipolar_distance",
-    "match_epipolar",
-    "match_views",
-    "paired_epipolar_distance",
-]
-
 FEATURE_PX = 4.0  # from its epipolar line: further away a feature match is wrong
 MIN_EPIPOLAR_SHARE = 0.1  # share of the feature matches that at least satisfy a right calibration
 DEPTHS = 160  # places along an epipolar line, from half a baseline to 500 of them

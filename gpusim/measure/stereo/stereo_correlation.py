@@ -36,8 +36,6 @@ from gpusim.measure.stereo.triangulation import triangulate
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["StereoResult", "stereo_dic", "stereo_shape"]
-
 Cameras = tuple[CalibratedCamera, CalibratedCamera]
 
 

@@ -29,8 +29,6 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
-__all__ = ["SlopeChanges", "difference_curve", "slope_changes"]
-
 ROUNDS = 60
 SETTLED = 1e-9  # of the length
 MIN_POINTS = 3  # on a piece of the broken line

@@ -27,8 +27,6 @@ from gpusim.measure.stereo.plane_mapping import plane_mapping
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Dots", "circle_centres", "find_dots"]
-
 RIM = 3  # px around a dot that blur and pixels reach …
 RING = 3  # … and of its surroundings beyond
 MIN_CONTRAST = 0.08  # of the image's grey range

@@ -21,8 +21,6 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import search_template
 from gpusim.measure.images import BLUR_REACH, PAD, SLACK, FloatArray, Image, SplineImage
 
-__all__ = ["ImagePatches", "Matcher", "Matches"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 MARGIN = 20  # pixels around a part: what happens at its border has faded to 5e-8 there

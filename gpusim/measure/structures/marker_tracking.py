@@ -31,8 +31,6 @@ from gpusim.measure.structures.marker_matching import Matcher, Matches
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["TrackResult", "track"]
-
 MAX_SOURCES = 3  # tracked markers from which each one is predicted
 CHORD_MARKERS = 4  # markers back along a chain, whose chord tells how the member has turned
 SAME_START = 0.3  # px between starts, over the subset

@@ -28,19 +28,6 @@ import scipy
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.levenberg_marquardt import ManyFits, fit_many
 
-__all__ = [
-    "CENTRE",
-    "PARAMETERS",
-    "EdgeSamples",
-    "box_by_turn",
-    "fit_junctions",
-    "frames",
-    "near_border",
-    "profile_and_slopes",
-    "residual_and_slopes",
-    "slope_by_turn",
-]
-
 FLAT_SIGMAS = 7.0  # 1 - 1e-12 of the Gaussian step
 MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
 Rows = npt.NDArray[np.int64]

@@ -26,8 +26,6 @@ from gpusim.measure.targets.noise import allowed_residual, noise_level
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["MarkerStatus", "Markers", "find_markers", "locate_markers"]
-
 MIN_RESPONSE = 0.01  # lowest Harris response over the highest of the image
 MAX_RESIDUAL = 0.15  # RMS of what a fit leaves over the contrast, besides the picture's noise
 HARRIS_K = 0.04

@@ -29,15 +29,6 @@ from gpusim.measure.targets.plumb_lines import (
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = [
-    "Codes",
-    "SideSamples",
-    "Sides",
-    "find_aruco",
-    "fit_sides",
-    "side_samples",
-]
-
 SHARE = 0.8  # of a side that is fitted
 BAND = 0.6  # cells on either side of it, at most MAX_BAND px
 MAX_BAND = 4.0

@@ -15,8 +15,6 @@ import numpy.typing as npt
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.border_junction import CENTRE, fit_junctions, frames
 
-__all__ = ["fit_crosses"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 SAMPLES = 64  # on the ring that gives the first angle

@@ -20,8 +20,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["allowed_residual", "noise_level", "widening"]
-
 FloatArray = npt.NDArray[np.float64]
 
 WINDOW = 7  # px: noise that neighbours share keeps most of its variance in it

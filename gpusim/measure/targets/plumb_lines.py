@@ -17,15 +17,6 @@ import numpy.typing as npt
 
 from gpusim.measure.images import FloatArray
 
-__all__ = [
-    "PlumbField",
-    "Straighten",
-    "field_of_bends",
-    "field_slope",
-    "plumb_lines",
-    "straight_offsets",
-]
-
 Straighten = Callable[[FloatArray], FloatArray]
 """From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
 

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.topology import sorted_keys
 
-__all__ = ["QuadStrips", "links", "merge_flat", "neighbours", "rows_of"]
-
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 

@@ -26,15 +26,6 @@ import numpy.typing as npt
 from gpusim.optics.ambient.silhouette_bvh import AGAINST, TILT, EdgeAdjacency, SamplePoints, tangent
 from gpusim.optics.ambient.silhouette_search import GROUP, SilhouetteBuffers, SilhouetteLists
 
-__all__ = [
-    "COLUMNS",
-    "ROWS",
-    "HemisphereMasks",
-    "directions",
-    "hemisphere_masks",
-    "hemisphere_masks_twin",
-]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 ROWS, COLUMNS = 64, 32

@@ -21,23 +21,6 @@ import numpy.typing as npt
 from gpusim.arrays.ragged import expand
 from gpusim.surface.topology import sorted_keys
 
-__all__ = [
-    "AGAINST",
-    "LOW",
-    "MEMBERS",
-    "TILT",
-    "BoundingSpheres",
-    "EdgeAdjacency",
-    "NormalCones",
-    "SamplePoints",
-    "SilhouetteBVH",
-    "direction_cells",
-    "in_order",
-    "levels",
-    "tangent",
-    "traverse",
-]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 

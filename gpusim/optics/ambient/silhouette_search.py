@@ -35,15 +35,6 @@ from gpusim.optics.ambient.silhouette_bvh import (
     traverse,
 )
 
-__all__ = [
-    "GROUP",
-    "DeviceSilhouetteLists",
-    "SilhouetteBuffers",
-    "SilhouetteLists",
-    "in_groups",
-    "silhouettes_near",
-]
-
 Array = npt.NDArray[np.float64]
 
 Numbers = npt.NDArray[np.int64]

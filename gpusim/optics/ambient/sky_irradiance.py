@@ -18,8 +18,6 @@ from gpusim.optics.ambient.silhouette_bvh import tangent
 from gpusim.optics.light.environment import Environment
 from gpusim.optics.light.lights import AmbientLight, EnvironmentLight, Light
 
-__all__ = ["SkyIrradiance"]
-
 Array = npt.NDArray[np.float64]
 CHUNK = 512
 """Points at a time."""

@@ -17,8 +17,6 @@ from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["JoinedFaces", "joined_faces"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 

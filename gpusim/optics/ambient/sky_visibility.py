@@ -32,8 +32,6 @@ from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["SkyVisibility", "Value", "lattice", "sky_visibility_texels"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Value = Callable[[HemisphereMasks, Array], Array]

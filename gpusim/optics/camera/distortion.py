@@ -22,8 +22,6 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["LENGTHS", "Distortion"]
-
 Array = npt.NDArray[np.float64]
 
 LENGTHS = (4, 5, 8, 12, 14)

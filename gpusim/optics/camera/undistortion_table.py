@@ -17,8 +17,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = ["DistortionMap", "distortion_map", "undistorted"]
-
 Array = npt.NDArray[np.float64]
 
 SIZES = (128, 64, 32, 16, 8, 4, 2, 1)

@@ -23,8 +23,6 @@ from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
 from gpusim.optics.geometry.view import View
 
-__all__ = ["MARGIN", "EdgePixels", "Ranks", "find_edge_pixels", "segment_hits", "segment_pixels"]
-
 Numbers = npt.NDArray[np.int64]
 
 

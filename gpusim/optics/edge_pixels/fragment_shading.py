@@ -42,17 +42,6 @@ from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.color import grey
 
-__all__ = [
-    "CONTACT",
-    "SEVERAL",
-    "THIN",
-    "backdrops",
-    "corners_over",
-    "fills",
-    "left_open",
-    "resolve_on_host",
-]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 

@@ -41,8 +41,6 @@ from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["EdgePixelPass", "edges_twin", "grazing_turns", "speckle_turns"]
-
 Array = npt.NDArray[np.float64]
 MAX_DEPTH = 64
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense. As many

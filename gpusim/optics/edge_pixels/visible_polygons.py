@@ -26,8 +26,6 @@ from gpusim.optics.geometry.polygon_clipping import (
     pick,
 )
 
-__all__ = ["SLIVER", "TOUCH", "Cutting", "depth_planes", "order_overlapping", "visible_polygons"]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 

@@ -10,17 +10,6 @@ import numpy.typing as npt
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.topology import Topology
 
-__all__ = [
-    "area_normals",
-    "border_of",
-    "corner_normals",
-    "creases",
-    "feature_edges",
-    "sharp_normals",
-    "smooth_normals",
-    "unit",
-]
-
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]

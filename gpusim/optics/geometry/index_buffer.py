@@ -26,8 +26,6 @@ from gpusim.optics.geometry.clipping import (
 from gpusim.optics.geometry.triangle_corners import CHUNK, at_corners
 from gpusim.surface.frames import used_vertices
 
-__all__ = ["IndexedTriangles", "whole_triangles"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 

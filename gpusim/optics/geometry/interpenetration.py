@@ -24,8 +24,6 @@ from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["Discontinuities", "pierced", "piercings"]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 

@@ -21,8 +21,6 @@ from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.topology import Topology
 
-__all__ = ["grain_of", "speckle_jumps"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]

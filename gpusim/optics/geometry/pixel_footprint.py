@@ -28,19 +28,6 @@ from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = [
-    "MAX_PIECES",
-    "MAX_ROW_PIECES",
-    "MAX_SIDE_PIECES",
-    "Pieces",
-    "RegionPaint",
-    "grazing_reach",
-    "may_graze",
-    "pieces_of",
-    "regions_of",
-    "with_reach",
-]
-
 Array = npt.NDArray[np.float64]
 
 MAX_PIECES, MAX_SIDE_PIECES = 144, 12

@@ -30,8 +30,6 @@ from gpusim.optics.geometry.triangle_corners import (
 from gpusim.surface.frames import PaintFrame, used_vertices
 from gpusim.surface.surface import Surface
 
-__all__ = ["SurfaceNormals", "VertexTable", "surface_normals", "turned_corners"]
-
 Array = npt.NDArray[np.float64]
 
 

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import (
-    MAX_EDGE,
     SURELY_SHORT,
     ClippedTriangles,
     ImagePlane,
@@ -48,8 +47,6 @@ from gpusim.optics.geometry.vertex_attributes import (
 )
 from gpusim.surface.frames import PaintFrame
 from gpusim.surface.surface import Surface
-
-__all__ = ["FIXED", "MAX_EDGE", "RegionPaint", "View", "look"]
 
 Array = npt.NDArray[np.float64]
 

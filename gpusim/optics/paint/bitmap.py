@@ -17,17 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.geometry import polygon_clipping
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.surface.bitmap import MARGIN, Image, Level
-
-__all__ = [
-    "BITMAP",
-    "PIECES",
-    "BitmapTable",
-    "mean_over_pixels",
-    "mean_over_polygons",
-    "pieces_needed",
-]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]

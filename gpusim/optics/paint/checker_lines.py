@@ -15,13 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.polygon_clipping import MAX_CORNERS, clip, half_planes
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, ST, corner_range
-from gpusim.optics.geometry.view import FIXED, RegionPaint, View
+from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.light.microfacet_material import Gloss
 from gpusim.surface.paint import Checker
-
-__all__ = ["MARGIN", "BoardLines", "field_of", "lines_near", "matte_boards", "within_fields"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]

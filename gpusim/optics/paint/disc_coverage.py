@@ -17,8 +17,6 @@ from gpusim.optics.geometry.pixel_footprint import MAX_PIECES, MAX_ROW_PIECES, M
 from gpusim.optics.paint.disc_grid import DiscGrid, SpeckleGrid
 from gpusim.surface.speckle import edge_opacity
 
-__all__ = ["EDGE_ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 

@@ -13,8 +13,6 @@ from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.paint.disc_coverage import grazing_cover, polygon_cover, speckle_cover
 from gpusim.optics.paint.feature_grid import FINEST, FeatureGrid
 
-__all__ = ["mean_albedo"]
-
 Array = npt.NDArray[np.float64]
 Pixel = tuple[Array, Array, Array]
 

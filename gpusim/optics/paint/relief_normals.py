@@ -18,11 +18,10 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.triangle_corners import REFERENCE, corner_mean
-from gpusim.optics.geometry.view import RegionPaint, View
+from gpusim.optics.geometry.view import View
 from gpusim.surface.features import PERIOD, WAVES, Bump, bump_waves
-
-__all__ = ["Bumps", "bump_of", "bump_texels", "bump_uniform"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]

@@ -27,8 +27,6 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 
-__all__ = ["BLOCK", "CoefficientCache", "Coefficients", "PerTriangle", "coefficients"]
-
 Array = npt.NDArray[np.float64]
 BLOCK = 4096
 

@@ -12,8 +12,6 @@ from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.setup import Setup
 
-__all__ = ["radiance_of"]
-
 Array = npt.NDArray[np.float64]
 
 

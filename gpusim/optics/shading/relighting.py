@@ -29,8 +29,6 @@ from gpusim.optics.shadow.receivers import (
 )
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["ListedShares", "PieceShares", "RelightingPass", "no_pieces"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 NEEDED = "shadow.capacity"

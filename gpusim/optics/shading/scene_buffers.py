@@ -33,8 +33,6 @@ from gpusim.optics.shading.triangle_records import TRIANGLE, paint_traits, recor
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.visibility_buffer import VertexBuffers
 
-__all__ = ["SceneBuffers", "TriangleRecords", "planes_on_device", "planes_twin", "vertex_blocks"]
-
 Array = npt.NDArray[np.float64]
 
 STEPS = 65536

@@ -28,8 +28,6 @@ from gpusim.optics.shading.triangle_traits import TriangleTraits
 from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 
-__all__ = ["Setup"]
-
 
 @dataclass(frozen=True, eq=False)
 class Setup:

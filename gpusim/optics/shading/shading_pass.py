@@ -40,8 +40,6 @@ from gpusim.optics.shading.triangle_traits import GRAZING
 from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
 from gpusim.surface.color import grey
 
-__all__ = ["DeferredPass", "ForwardPass", "ShadingPass", "shade_twin", "small_triangles"]
-
 MAX_PIXELS = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
 

@@ -15,8 +15,6 @@ from gpusim.optics.shading.lighting import Lighting
 from gpusim.optics.shading.triangle_traits import GRAZING, TriangleTraits
 from gpusim.surface.color import in_band
 
-__all__ = ["Specialisation"]
-
 
 @dataclass(frozen=True, eq=False)
 class Specialisation:

@@ -15,22 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.lighting import MAX_EMITTERS, Lighting
 from gpusim.surface.color import BANDS, Color, in_band, is_colored
-
-__all__ = [
-    "SpectralBand",
-    "indexed",
-    "is_coloured_scene",
-    "regions_in_band",
-    "spectral_bands",
-    "tints",
-]
 
 Array = npt.NDArray[np.float64]
 

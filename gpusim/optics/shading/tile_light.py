@@ -23,8 +23,6 @@ from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 
-__all__ = ["LightTiles", "TileLightPass", "light_tiles_twin"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 TILE = 8

@@ -11,8 +11,6 @@ from gpusim.errors import InputError
 from gpusim.optics.shading.coefficients import BLOCK, coefficients
 from gpusim.optics.shading.setup import Setup
 
-__all__ = ["TRIANGLE", "paint_traits", "record_blocks", "triangle_records"]
-
 Array = npt.NDArray[np.float64]
 TRIANGLE = np.dtype(
     [("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4), ("w", "<f4", 2), ("anchor", "<i4", 2),

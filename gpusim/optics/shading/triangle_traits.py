@@ -15,8 +15,6 @@ from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
 from gpusim.optics.shading.coefficients import CoefficientCache
 
-__all__ = ["GRAZING", "TriangleTraits"]
-
 Flags = npt.NDArray[np.bool_]
 
 GRAZING = 4

@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.surface.fiducials import ring_codes
 from tests.support.optics_reference import Array, Plate, difference, reference
