@@ -14,6 +14,7 @@ In the order in which data passes:
 - `mesh`: The mesh: points, cells by type, and named sets.
 - `selection`: Named and geometric selections of nodes and faces.
 - `builders`: Meshes made by number, and meshes made from other meshes.
+- `file_content`: What mesh files of other programs have in common.
 - `formats`: Mesh files of other programs.
 """
 
