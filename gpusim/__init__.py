@@ -94,7 +94,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics.calibration.formats import read_calibration as read_calibration
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
     from gpusim.pipeline import run as run
-    from gpusim.pipeline.stages.mechanics import solve as solve
+    from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
     from gpusim.scene import load_scene as load_scene
@@ -122,7 +122,7 @@ _HOMES = {
     ),
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
     "gpusim.pipeline": "run",
-    "gpusim.pipeline.stages.mechanics": "solve",
+    "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",
     "gpusim.surface": "Atlas CylinderFrame PaintFrame Skin Surface paint",
