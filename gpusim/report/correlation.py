@@ -42,6 +42,7 @@ Backdrop = tuple[npt.NDArray[np.float32], Frame]
 
 _COLUMNS = {
     "image": "image",
+    "time_s": "taken at (s)",
     "measured": "measured",
     "points": "points",
     "u_mean": "mean u (px)",
