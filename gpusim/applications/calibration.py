@@ -31,6 +31,7 @@ from gpusim.report.measurement_figures import RigCamera, draw_calibration
 
 __all__ = ["CalibrationOutput", "calibrate_files", "stated"]
 
+Image = npt.NDArray[Any]
 Board = measure.Chessboard | measure.CharucoBoard
 
 ENDINGS = {
@@ -68,7 +69,7 @@ class CalibrationOutput:
 
 
 def calibrate_files(
-    pictures: Sequence[Frames | FrameSource],
+    pictures: str | os.PathLike[str] | Image | FrameSource | Sequence[Frames | FrameSource],
     board: Board,
     output: PathLike,
     *,
@@ -80,8 +81,8 @@ def calibrate_files(
 
     Parameters
     ----------
-    pictures : of each camera, as ``read_frames`` takes them: a folder, files, arrays. Pictures k of
-        all cameras show the same pose of the board.
+    pictures : a folder, a stack or a sequence of one camera; or a list with what ``read_frames``
+        takes for each camera. Pictures k of all cameras show the same pose of the board.
     board : a ``measure.Chessboard`` or ``measure.CharucoBoard``, lengths in mm.
     output : a folder, made if need be.
     lens, square_pixels : as in ``measure.calibrate``.
@@ -105,7 +106,9 @@ def calibrate_files(
         unknown = [name for name in formats if name not in ENDINGS]
         if unknown:
             raise InputError(f"`formats`: got {unknown[0]!r}; expected one of {', '.join(ENDINGS)}")
-        frames = {f"camera-{k}": _frames(source) for k, source in enumerate(pictures, start=1)}
+        single = isinstance(pictures, str | os.PathLike | np.ndarray | FrameSource)
+        sources: Any = [pictures] if single else pictures
+        frames = {f"camera-{k}": _frames(source) for k, source in enumerate(sources, start=1)}
         counts = {name: len(one) for name, one in frames.items()}
         if len(set(counts.values())) > 1:
             raise InputError(f"calibrate: got pictures {counts}; expected as many of every camera")

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ from gpusim.applications.correlation_output import (
 )
 from gpusim.arrays.array_types import Bool
 from gpusim.errors import InputError
-from gpusim.export.correlation import write_correlation, write_stereo
+from gpusim.export.correlation import FORMATS, write_correlation, write_stereo
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.files.output_folder import claim
@@ -41,6 +41,7 @@ from gpusim.measure import (
     strain,
     surface_strain,
 )
+from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.images import check_image
 from gpusim.optics.calibration.formats import read_calibration
 from gpusim.report.correlation import (
@@ -54,6 +55,7 @@ __all__ = ["correlate_files", "correlate_pairs"]
 
 Progress = Callable[[str, float, str], None]
 USUAL = CorrelationSettings()
+STRAINS = (*get_args(StrainKind), "none")
 SURFACE_STRAINS = ("green-lagrange", "hencky", "none")
 
 
@@ -96,7 +98,7 @@ def correlate_files(
     (35, ['0001_after.csv', '0001_after.png', 'report.json', 'report.html'])
     """
     with claim(output):
-        _check_settings(settings)
+        _check_settings(settings, STRAINS)
         _check_files(reference, deformed)
         frames = read_frames(deformed)
         if isinstance(reference, np.ndarray):
@@ -179,13 +181,9 @@ def correlate_pairs(
     U 1.00 mm
     """
     with claim(output):
-        _check_settings(settings)
         if settings.calibration is not None:
             raise InputError("`calibration`: the cameras are in `rig`; expected one of the two")
-        if settings.strain not in SURFACE_STRAINS:
-            raise InputError(
-                f"`strain`: got {settings.strain}; expected {', '.join(SURFACE_STRAINS)} with `rig`"
-            )
+        _check_settings(settings, SURFACE_STRAINS, " with `rig`")
         _check_files(lefts, rights)
         one, two = read_frames(lefts), read_frames(rights)
         if not 0 < len(one) == len(two):
@@ -304,7 +302,14 @@ def _check_files(*sources: object) -> None:
         )
 
 
-def _check_settings(settings: CorrelationSettings) -> None:
+def _check_settings(settings: CorrelationSettings, strains: Sequence[str], where: str = "") -> None:
+    """Refuse what would be found wrong only after a picture has been measured."""
+    for name, value, known, rest in (
+        ("strain", settings.strain, strains, where),
+        *(("formats", value, FORMATS, "") for value in settings.formats),
+    ):
+        if value not in known:
+            raise InputError(f"`{name}`: got {value}; expected {', '.join(known)}{rest}")
     if settings.strain_window < 3 or settings.strain_window % 2 == 0:
         raise InputError(
             f"`strain_window`: got {settings.strain_window}; expected an odd number >= 3"

@@ -23,6 +23,7 @@ from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.correlation.warp import Shape
 from gpusim.report.correlation import correlation_page
 from gpusim.report.model import Figure
+from gpusim.validation import checked
 
 __all__ = ["CorrelationOutput", "CorrelationSettings", "ResultWriter", "described"]
 
@@ -37,6 +38,7 @@ MISSING = {
 }
 
 
+@checked
 @dataclass(frozen=True)
 class CorrelationSettings:
     """How pictures are correlated; names, units and meanings as in ``dic`` and ``strain``.

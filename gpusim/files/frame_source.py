@@ -113,12 +113,17 @@ def read_frames(source: Frames | FrameSource, times: npt.ArrayLike | None = None
         frames = source
         names = [f"frame {number}" for number in range(len(source))]
     else:
-        parts = [source] if isinstance(source, str | os.PathLike) else list(source)
+        one = isinstance(source, str | os.PathLike) or not isinstance(source, Iterable)
+        parts: Any = [source] if one else source
         frames = []
         for part in parts:
+            if not isinstance(part, str | os.PathLike | np.ndarray):
+                raise InputError(f"frames: got {part!r}; expected a file, a folder or an array")
             frames += [part] if isinstance(part, np.ndarray) else picture_paths(part)
-        names = [str(one) if isinstance(one, Path) else f"frame {number}"
-                 for number, one in enumerate(frames)]  # fmt: skip
+        names = [str(frame) if isinstance(frame, Path) else f"frame {number}"
+                 for number, frame in enumerate(frames)]  # fmt: skip
+    if len(frames) == 0:
+        raise InputError("frames: got none; expected at least one picture")
     if times is None:
         known = source.times if isinstance(source, FrameSource) else np.full(len(frames), np.nan)
     else:

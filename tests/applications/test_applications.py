@@ -124,6 +124,24 @@ def test_errors_name_arguments_here_and_options_there(
     assert not Path("out").exists()
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"formats": ("xlsx",)}, "`formats`: got xlsx; expected csv, npz, h5"),
+        ({"strain": "large"}, "`strain`: got large; expected small, green-lagrange"),
+        ({"strain_window": "wide"}, "strain_window; got 'wide'; expected"),
+        ({"roi": "all"}, "roi; got 'all'; expected"),
+        ({"window": 3}, "window"),
+    ],
+)
+def test_wrong_settings_are_refused_before_any_work(
+    change: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=message):
+        correlate_files("nowhere.png", [], tmp_path / "out", CorrelationSettings(**change))
+    assert not (tmp_path / "out").exists()
+
+
 def test_unequal_numbers_of_pictures_are_no_pairs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="lefts, rights: got 3 and 2 pictures; expected pairs"):
         correlate_pairs(pictures(), pictures()[1:], rig(tmp_path), tmp_path / "out", SETTINGS)
@@ -153,5 +171,7 @@ def test_cameras_are_calibrated_from_arrays(tmp_path: Path) -> None:
     done = calibrate_files([list(frames)], board, tmp_path / "out", lens="pinhole")
     assert abs(done.calibration.cameras[0].K[0, 0] - 800) < 1
     assert set(done.files) == written(tmp_path / "out") and done.missed == []
+    again = calibrate_files(frames, board, tmp_path / "again", lens="pinhole")
+    assert again.calibration.rms == pytest.approx(done.calibration.rms, rel=1e-6)
     with pytest.raises(InputError, match="`formats`: got 'excel'"):
         calibrate_files([list(frames)], board, tmp_path / "out", formats=["excel"])
