@@ -29,8 +29,6 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.report import Link, Report, Table, write_report
 from gpusim.report.measurement_figures import RigCamera, draw_calibration
 
-__all__ = ["CalibrationOutput", "calibrate_files", "stated"]
-
 Image = npt.NDArray[Any]
 Board = measure.Chessboard | measure.CharucoBoard
 

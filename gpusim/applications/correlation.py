@@ -51,8 +51,6 @@ from gpusim.report.correlation import (
     summary,
 )
 
-__all__ = ["correlate_files", "correlate_pairs"]
-
 Progress = Callable[[str, float, str], None]
 USUAL = CorrelationSettings()
 STRAINS = (*get_args(StrainKind), "none")
@@ -70,6 +68,7 @@ def correlate_files(
     settings: CorrelationSettings = USUAL,
     *,
     progress: Progress = _silent,
+    keep_results: bool = True,
 ) -> CorrelationOutput:
     """Measure how pictures moved against the first one; write tables, maps and ``report.html``.
 
@@ -84,6 +83,7 @@ def correlate_files(
     output : a folder, made if need be.
     settings : how they are correlated.
     progress : called with ("dic", how much is done 0..1, a text).
+    keep_results : return them, too; False: a series of any length needs little memory.
 
     Raises
     ------
@@ -112,7 +112,9 @@ def correlate_files(
         device = working_device("correlate", settings.backend)
         kinds = write_correlation, draw_maps, summary
         notes = described(name, settings, device)
-        written = ResultWriter(Path(output), first, notes, settings.formats, kinds)
+        written = ResultWriter(
+            Path(output), first, notes, settings.formats, kinds, keep_results=keep_results
+        )
         clock = time.perf_counter()
         progress("dic", 0.0, f"{len(frames)} images")
 
@@ -136,6 +138,7 @@ def correlate_files(
             roi=settings.roi,
             mask=mask,
             progress=keep,
+            keep_results=False,
             **_motion_options(settings),
             **_subset_options(settings, device),
         )

@@ -25,8 +25,6 @@ from gpusim.report.correlation import correlation_page
 from gpusim.report.model import Figure
 from gpusim.validation import checked
 
-__all__ = ["CorrelationOutput", "CorrelationSettings", "ResultWriter", "described"]
-
 _SCHEMA = 1
 UNSAID = ("formats", "backend")
 """Settings that a report doesn't repeat; and words for those that aren't made."""
@@ -85,7 +83,7 @@ class CorrelationOutput:
 
     Attributes
     ----------
-    results : of each picture, or pair, in their order.
+    results : of each picture, or pair, in their order; none if they weren't to be kept.
     strains : of each; None where none was asked for.
     report : what report.json holds: settings, and a row of numbers for each picture.
     files : tables, maps, report.json and, last, report.html.
@@ -122,6 +120,7 @@ class ResultWriter:
     formats: tuple[str, ...]
     functions: tuple[Callable[..., Any], Callable[..., Figure], Callable[..., dict[str, Any]]]
     """What writes a table, what draws a map, what makes a row of the report."""
+    keep_results: bool = True
     files: list[Path] = field(default_factory=list)
     results: list[Any] = field(default_factory=list)
     strains: list[StrainResult | None] = field(default_factory=list)
@@ -152,8 +151,9 @@ class ResultWriter:
         self.rows.append(row if np.isnan(taken) else row | {"time_s": float(taken)})
         self.figures.append((", ".join(names), figure))
         self.files += [*tables, figure.path]
-        self.results.append(result)
-        self.strains.append(strains)
+        if self.keep_results:
+            self.results.append(result)
+            self.strains.append(strains)
         return f"{names[0]}: {row['measured']}"
 
     def finished(self, warnings: Sequence[str] = ()) -> CorrelationOutput:

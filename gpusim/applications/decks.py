@@ -21,8 +21,6 @@ from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, write_text
 from gpusim.files.output_folder import claim, delete, inside
 
-__all__ = ["DeckOutput", "solve_deck"]
-
 Float = npt.NDArray[np.float64]
 
 _SCHEMA = 1

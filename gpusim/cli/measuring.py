@@ -128,7 +128,9 @@ def dic(
             )
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             if stereo is None:
-                done = correlate_files(reference, deformed, output, settings, progress=progress)
+                done = correlate_files(
+                    reference, deformed, output, settings, progress=progress, keep_results=False
+                )
             else:
                 lefts, rights = files[::2], files[1::2]
                 done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)

@@ -11,8 +11,6 @@ from gpusim.cli.console import out
 if TYPE_CHECKING:
     from gpusim.report import Report
 
-__all__ = ["print_calibration", "print_correlation", "print_deck"]
-
 
 def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
     """A line for each picture: how much is measured, mean motions, uncertainty."""

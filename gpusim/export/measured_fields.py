@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MAPPED", "PICTURE", "SPACE", "STRAIN", "FieldMap", "MeasuredField", "field_maps"]
-
 Values = Callable[[Any], npt.NDArray[Any]]
 Fields = Mapping[str, "MeasuredField"]
 

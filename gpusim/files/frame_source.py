@@ -22,8 +22,6 @@ from gpusim.files.picture_file import pages_of, picture_file, read_grey
 from gpusim.files.picture_tags import TIFF_MAGIC
 from gpusim.validation import real_numbers, unmasked
 
-__all__ = ["FrameSource", "read_frames"]
-
 Image = npt.NDArray[Any]
 Frames = str | os.PathLike[str] | Image | Iterable[str | os.PathLike[str] | Image]
 """What `read_frames` takes."""

@@ -11,8 +11,6 @@ from gpusim.gpu import Device
 if TYPE_CHECKING:
     from gpusim.scene import Scene
 
-__all__ = ["solve"]
-
 
 def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
     """Solve K u = F for a `Model`, or for the one body of a `Scene` at load factor 1.

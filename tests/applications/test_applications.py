@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from gpusim.applications import (
     calibrate_files,
     correlate_files,
     correlate_pairs,
+    correlation,
     solve_deck,
 )
 from gpusim.cli import app
@@ -74,6 +76,24 @@ def test_arrays_are_correlated_with_their_times(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out" / "report.json").read_text()) == done.report
     assert "taken at (s)" in (tmp_path / "out" / "report.html").read_text()
     assert stages[-1][:2] == ("dic", 1.0)
+
+
+def test_a_long_series_keeps_no_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results: list[weakref.ref[Any]] = []
+    most = 0
+
+    def watched(path: Path, result: Any, *_: Any) -> Path:
+        nonlocal most
+        results.append(weakref.ref(result.displacement))
+        most = max(most, sum(one() is not None for one in results))
+        return path
+
+    monkeypatch.setattr(correlation, "write_correlation", watched)
+    frames = np.tile(pictures(), (3, 1, 1))
+    settings = CorrelationSettings(subset=21, step=30, strain="none", backend="numpy")
+    done = correlate_files(frames[0], frames, tmp_path / "out", settings, keep_results=False)
+    assert done.results == [] and done.strains == [] and len(done.report["images"]) == 9
+    assert most <= 3
 
 
 def test_pairs_come_from_stacks(tmp_path: Path) -> None:
