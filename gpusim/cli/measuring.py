@@ -34,21 +34,15 @@ Shape = Literal["translation", "rigid", "affine", "quadratic"]
 Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]
 Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
+Board = Literal["chessboard", "charuco"]
 
 
 class Format(StrEnum):
-    """How tables are written."""
+    """How tables are written; options that are given repeatedly take no Literal."""
 
     csv = "csv"
     npz = "npz"
     h5 = "h5"
-
-
-class Board(StrEnum):
-    """What a camera is calibrated from."""
-
-    chessboard = "chessboard"
-    charuco = "charuco"
 
 
 def dic(
@@ -149,7 +143,7 @@ def calibrate(
     output: Output,
     board: Annotated[str, typer.Option(metavar="COLSxROWS", help="Fields, not inner corners.")],
     square_mm: Annotated[float, typer.Option(help="Side of a field.")],
-    kind: Annotated[Board, typer.Option(help="What is on the board.")] = Board.chessboard,
+    kind: Annotated[Board, typer.Option(help="What is on the board.")] = "chessboard",
     marker_mm: Annotated[
         float | None, typer.Option(help="Side of a marker of a ChArUco board.")
     ] = None,
@@ -231,7 +225,7 @@ def _board(
     if not match:
         raise InputError(f"--board: got {fields!r}; expected fields, COLUMNSxROWS like 9x8")
     columns, rows = int(match[1]), int(match[2])
-    if kind is Board.chessboard:
+    if kind == "chessboard":
         if marker_mm is not None:
             raise InputError("--marker-mm: a chessboard has no markers; expected --kind charuco")
         return measure.Chessboard(columns, rows, square_mm)
