@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpusim.export.correlation import csv_names, result_columns, stereo_columns
+from gpusim.export.correlation import csv_names, result_columns
 from gpusim.export.layers import LAYERS
 from gpusim.measure import DicResult, StereoResult, StrainResult
 from gpusim.optics.calibration.formats import UNITS
@@ -43,7 +43,7 @@ def test_columns_of_correlation(rows: dict[str, list[str]]) -> None:
     space = empty(StereoResult, **arrays, displacement=np.zeros((0, 3)), sigma=np.zeros((0, 3)))
     for name, columns in (
         ("`gpusim dic`", result_columns(flat, strain)),
-        ("`gpusim dic --stereo`", stereo_columns(space, strain)),
+        ("`gpusim dic --stereo`", result_columns(space, strain)),
     ):
         assert ", ".join(csv_names(columns)) == rows[name][0]
 

@@ -46,14 +46,15 @@ ALLOWED: dict[str, set[str]] = {
 NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
+    "applications": NUMERICS - {"scene", "surface"},
     "plan": {"gpu", "scene"},
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
     "notebook": NUMERICS | {"pipeline", "view"},
     "view": NUMERICS | {"plan", "pipeline"},
-    "__init__": NUMERICS | {"plan", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "pipeline", "view", "__init__"},
+    "__init__": NUMERICS | {"applications", "plan", "pipeline"},
+    "cli": NUMERICS | {"applications", "bench", "plan", "pipeline", "view", "__init__"},
     "__main__": {"cli"},
 }
 

@@ -56,6 +56,7 @@ def dic_sequence(
     points: npt.ArrayLike | None = None,
     mask: BoolArray | None = None,
     progress: Callable[[int, DicResult], None] | None = None,
+    keep_results: bool = True,
     **options: Any,
 ) -> list[DicResult]:
     """Measure each of ``images`` against ``reference``; every image starts from the one before.
@@ -69,6 +70,8 @@ def dic_sequence(
         the median correlation falls below ``update_zncc`` or more than 3 % of the points get
         lost; "always": every image against the one before.
     progress : called with each image's number and result.
+    keep_results : return all results; False: the last one alone. A long series is then taken from
+        ``progress``, and needs no more memory than a short one.
     options : anything else that ``dic`` takes.
 
     Returns
@@ -125,6 +128,8 @@ def dic_sequence(
         last = image, matched
         if progress is not None:
             progress(number, total)
+        if not keep_results:
+            del results[:-1]
     return results
 
 

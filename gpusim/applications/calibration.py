@@ -1,12 +1,12 @@
-"""``gpusim calibrate``: cameras calibrated from pictures of a chessboard or a ChArUco board."""
+"""Cameras calibrated from pictures of a chessboard or a ChArUco board, and what is written."""
 
 from __future__ import annotations
 
 import json
 import math
-import re
+import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,106 +18,129 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim._version import __version__
-from gpusim.cli.console import Destination, out
 from gpusim.errors import InputError
-from gpusim.files.atomic_files import atomic_path, write_text
-from gpusim.files.output_folder import inside
-from gpusim.files.picture_file import pages_of, picture_file, read_grey
+from gpusim.field_summary import field_summary
+from gpusim.files.atomic_files import PathLike, atomic_path, write_text
+from gpusim.files.frame_source import Frames, FrameSource, picture_paths, read_frames
+from gpusim.files.output_folder import claim, inside
 from gpusim.measure.calibration.bundle_adjustment import LENSES
 from gpusim.optics.calibration.formats import write_calibration
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.report import Link, Report, Table, write_report
 from gpusim.report.measurement_figures import RigCamera, draw_calibration
 
-__all__ = ["Settings", "calibrate_files", "stated"]
-
+Image = npt.NDArray[Any]
 Board = measure.Chessboard | measure.CharucoBoard
 
-SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp")
-BOARD_FRAMES = "calib-"  # as runs name the pictures of a [calibration]
 ENDINGS = {
     "opencv": "yml", "kalibr": "yaml", "matchid": "caldat", "vic": "xml", "dice": "xml",
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Settings:
-    """What the command line says beside the pictures."""
+class CalibrationOutput:
+    """Cameras that have been calibrated, and the files that were written.
 
-    board: str
-    square_mm: float
-    kind: str
-    marker_mm: float | None
-    dictionary: str
-    lens: str
-    square_pixels: bool
-    formats: tuple[str, ...]
+    Attributes
+    ----------
+    calibration : the cameras with their uncertainties; lengths in mm.
+    content : what calibration.json holds.
+    report : what report.html shows.
+    files : calibration.json, a file for each other program, report.json, report.html, figures.
+    missed : pictures that weren't used, each with the reason.
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(7, 6, 30.0)
+    >>> pictures = [f"board-{number}.png" for number in range(4)]
+    >>> done = gs.applications.calibrate_files([pictures], board, "rig", lens="pinhole")
+    >>> done.missed, len(done.calibration.cameras)
+    ([], 1)
+    """
+
+    calibration: measure.Calibration
+    content: dict[str, Any]
+    report: Report
+    files: Sequence[Path]
+    missed: Sequence[str]
+    __repr__ = field_summary
 
 
 def calibrate_files(
-    first: Sequence[Path],
-    others: Sequence[Path],
-    settings: Settings,
-    destination: Destination,
-) -> None:
+    pictures: str | os.PathLike[str] | Image | FrameSource | Sequence[Frames | FrameSource],
+    board: Board,
+    output: PathLike,
+    *,
+    lens: str = "brown",
+    square_pixels: bool = False,
+    formats: Sequence[str] = ("opencv",),
+) -> CalibrationOutput:
     """Calibrate and write ``calibration.json``, files for other programs, and ``report.html``.
 
-    ``first`` are pictures, or a folder of them; every path of ``others`` is the folder of one more
-    camera, whose pictures in the order of their names belong to those of the first. Raises
-    InputError for what can't be read or calibrated.
+    Parameters
+    ----------
+    pictures : a folder, a stack or a sequence of one camera; or a list with what ``read_frames``
+        takes for each camera. Pictures k of all cameras show the same pose of the board.
+    board : a ``measure.Chessboard`` or ``measure.CharucoBoard``, lengths in mm.
+    output : a folder, made if need be.
+    lens, square_pixels : as in ``measure.calibrate``.
+    formats : of files for other programs: opencv, kalibr, matchid, vic, dice.
+
+    Raises
+    ------
+    InputError
+        What can't be read or calibrated, or has no place in one of the ``formats``.
+
+    Examples
+    --------
+    >>> board = gs.measure.Chessboard(7, 6, 30.0)
+    >>> pictures = [f"board-{number}.png" for number in range(4)]
+    >>> done = gs.applications.calibrate_files([pictures], board, "camera", lens="pinhole")
+    >>> [path.name for path in done.files[:2]], done.calibration.rms < 0.05
+    (['calibration.json', 'calibration-opencv.yml'], True)
     """
-    board, folder = _board(settings), destination.folder
-    unknown = [name for name in settings.formats if name not in ENDINGS]
-    if unknown:
-        raise InputError(f"--format: got {unknown[0]!r}; expected one of {', '.join(ENDINGS)}")
-    pictures = {"camera-1": _pictures(first)}
-    for number, path in enumerate(others, start=2):
-        pictures[f"camera-{number}"] = _pictures([path])
-    counts = {name: len(files) for name, files in pictures.items()}
-    if len(set(counts.values())) > 1:
-        raise InputError(f"calibrate: got pictures {counts}; expected as many of every camera")
-    _check_formats(settings, len(pictures))
-    seen = {name: _sightings(files, board) for name, files in pictures.items()}
-    missed = [
-        f"{file.name}: {sighting.problem}"
-        for name, files in pictures.items()
-        for file, sighting in zip(files, seen[name], strict=True)
-        if sighting.problem
-    ]
-    found = measure.calibrate(seen, lens=settings.lens, square_pixels=settings.square_pixels)
-    content = _content(found, seen, pictures, settings)
-    files = [write_text(inside(folder, "calibration.json"), json.dumps(content, indent=1) + "\n")]
-    for name in settings.formats:
-        path = inside(folder, f"calibration-{name}.{ENDINGS[name]}")
-        with atomic_path(path) as part:
-            write_calibration(part, _cameras(found), name, "mm" if name == "opencv" else None)
-        files.append(path)
-    report = _report(found, seen, missed, files, folder)
-    write_report(report, folder)
-    if destination.as_json:
-        out(json.dumps(content, indent=2))
-    elif not destination.quiet:
-        for label, (value, note) in report.highlights.items():
-            out(f"{label:<24}{value}  ({note})")
-        for table in report.tables:
-            for row in (table.columns, *table.rows):
-                out("".join(f"{cell:<26}" for cell in row).rstrip())
-        for label, value in report.facts.items():
-            out(f"{label:<24}{value}")
-        for text in missed:
-            out(f"not used: {text}")
-        out(f"\nReport: {folder / 'report.html'}")
+    with claim(output):
+        folder = Path(output)
+        unknown = [name for name in formats if name not in ENDINGS]
+        if unknown:
+            raise InputError(f"`formats`: got {unknown[0]!r}; expected one of {', '.join(ENDINGS)}")
+        single = isinstance(pictures, str | os.PathLike | np.ndarray | FrameSource)
+        sources: Any = [pictures] if single else pictures
+        frames = {f"camera-{k}": _frames(source) for k, source in enumerate(sources, start=1)}
+        counts = {name: len(one) for name, one in frames.items()}
+        if len(set(counts.values())) > 1:
+            raise InputError(f"calibrate: got pictures {counts}; expected as many of every camera")
+        _check_formats(formats, lens, len(frames))
+        seen = {name: _sightings(one, board) for name, one in frames.items()}
+        missed = [
+            f"{Path(picture).name}: {sighting.problem}"
+            for name, one in frames.items()
+            for picture, sighting in zip(one.names, seen[name], strict=True)
+            if sighting.problem
+        ]
+        found = measure.calibrate(seen, lens=lens, square_pixels=square_pixels)
+        content = _content(found, seen, frames, board)
+        text = json.dumps(content, indent=1)
+        files = [write_text(inside(folder, "calibration.json"), text + "\n")]
+        for name in formats:
+            path = inside(folder, f"calibration-{name}.{ENDINGS[name]}")
+            with atomic_path(path) as part:
+                write_calibration(part, _cameras(found), name, "mm" if name == "opencv" else None)
+            files.append(path)
+        report = _report(found, seen, missed, files, folder)
+        paths = write_report(report, folder)
+        files += [paths.json, paths.html, *paths.figures]
+        return CalibrationOutput(found, content, report, files, missed)
 
 
-def _check_formats(settings: Settings, cameras: int) -> None:
+def _check_formats(formats: Sequence[str], lens: str, cameras: int) -> None:
     """Refuse a format that has no place for the lens, before the work and not after it."""
-    for name in settings.formats:
-        able = [lens for lens in LENSES if _holds(name, lens, cameras)]
-        if settings.lens in LENSES and settings.lens not in able:
+    for name in formats:
+        able = [one for one in LENSES if _holds(name, one, cameras)]
+        if lens in LENSES and lens not in able:
             raise InputError(
-                f"--format {name}: can't hold {cameras} camera{'s'[: cameras > 1]} with --lens "
-                f"{settings.lens}; expected "
-                + (f"--lens {' or '.join(able)}" if able else "another format")
+                f"`formats` {name}: can't hold {cameras} camera{'s'[: cameras > 1]} with `lens` "
+                f"{lens}; expected " + (f"`lens` {' or '.join(able)}" if able else "another format")
             )
 
 
@@ -141,59 +164,38 @@ def _holds(name: str, lens: str, cameras: int) -> bool:
     return True
 
 
-def _board(settings: Settings) -> Board:
-    match = re.fullmatch(r"(\d+)[xX](\d+)", settings.board)
-    if not match:
-        raise InputError(f"--board: got {settings.board!r}; expected fields, COLUMNSxROWS like 9x8")
-    columns, rows = int(match[1]), int(match[2])
-    if settings.kind == "chessboard":
-        if settings.marker_mm is not None:
-            raise InputError("--marker-mm: a chessboard has no markers; expected --kind charuco")
-        return measure.Chessboard(columns, rows, settings.square_mm)
-    if settings.marker_mm is None:
-        raise InputError("--marker-mm: missing; a ChArUco board needs the side of its markers")
-    return measure.CharucoBoard(
-        columns, rows, settings.square_mm, settings.marker_mm, settings.dictionary
-    )
-
-
-def _pictures(paths: Sequence[Path]) -> list[Path]:
-    """Files as given, with all pages of a stack; folders as the pictures in them by name."""
-    files: list[Path] = []
-    for path in paths:
-        if path.is_dir():
-            own = sorted(p for p in path.iterdir() if p.suffix.lower() in SUFFIXES)
-            # a run's own folder of images: the frames of the scene show no board
-            own = [p for p in own if p.name.startswith(BOARD_FRAMES)] or own
-            if not own:
-                raise InputError(f"calibrate: {path}: no pictures ({', '.join(SUFFIXES)})")
-            files += own
-        elif picture_file(path)[0].exists():
-            files += pages_of(path)
+def _frames(source: Frames | FrameSource) -> FrameSource:
+    """Pictures of one camera; of a run's own folder of images those that show a board."""
+    if isinstance(source, FrameSource | np.ndarray):
+        return read_frames(source)
+    parts: list[Any] = []
+    for part in [source] if isinstance(source, str | os.PathLike) else source:
+        if isinstance(part, np.ndarray):
+            parts.append(part)
         else:
-            raise InputError(f"calibrate: {path}: not found")
-    return files
+            parts += picture_paths(part, "calibrate", boards=True)
+    return read_frames(parts)
 
 
-def _sightings(files: Sequence[Path], board: Board) -> list[measure.Sighting]:
+def _sightings(frames: FrameSource, board: Board) -> list[measure.Sighting]:
     """What each picture shows of the board. All are of one size, and the board isn't misread."""
-    image = read_grey(files[0])
+    image, name = frames[0], Path(frames.names[0]).name
     shape = image.shape
     first = _found(image, board)
     if first.problem:
-        _check_reading(files[0], image, board)
+        _check_reading(name, image, board)
 
-    def sighting(file: Path) -> measure.Sighting:
-        image = read_grey(file)
+    def sighting(number: int) -> measure.Sighting:
+        image = frames[number]
         if image.shape != shape:
             raise InputError(
-                f"calibrate: {file}: got {image.shape[1]}x{image.shape[0]} px; expected "
-                f"{shape[1]}x{shape[0]} as {files[0].name}: pictures of one camera have one size"
+                f"calibrate: {frames.names[number]}: got {image.shape[1]}x{image.shape[0]} px; "
+                f"expected {shape[1]}x{shape[0]} as {name}: pictures of one camera have one size"
             )
         return _found(image, board)
 
     with ThreadPoolExecutor(max_workers=2) as pool:
-        rest = [pool.submit(sighting, file) for file in files[1:]]
+        rest = [pool.submit(sighting, number) for number in range(1, len(frames))]
         try:
             return [first, *(one.result() for one in rest)]
         except InputError:
@@ -207,17 +209,17 @@ def _found(image: npt.NDArray[Any], board: Board) -> measure.Sighting:
     return measure.find_chessboard(image, board)
 
 
-def _check_reading(file: Path, image: npt.NDArray[Any], board: Board) -> None:
-    """Refuse a --board that counts inner corners, as OpenCV does, if the picture shows it so."""
+def _check_reading(name: str, image: npt.NDArray[Any], board: Board) -> None:
+    """Refuse a board that counts inner corners, as OpenCV does, if the picture shows it so."""
     try:
         other = replace(board, columns=board.columns + 1, rows=board.rows + 1)
     except InputError:  # more markers than the dictionary has
         return
     if not _found(image, other).problem:
         raise InputError(
-            f"--board: got {board.columns}x{board.rows}; {file.name} shows {other.columns}x"
-            f"{other.rows} fields, which have {board.columns}x{board.rows} inner corners; expected "
-            f"fields: --board {other.columns}x{other.rows}"
+            f"`board`: got {board.columns}x{board.rows}; {name} shows {other.columns}x{other.rows} "
+            f"fields, which have {board.columns}x{board.rows} inner corners; expected fields: "
+            f"`board` {other.columns}x{other.rows}"
         )
 
 
@@ -233,25 +235,26 @@ def _cameras(found: measure.Calibration) -> list[Camera]:
     return cameras
 
 
-def _board_notes(settings: Settings) -> dict[str, Any]:
-    notes = {"kind": settings.kind, "fields": settings.board, "square_mm": settings.square_mm}
-    if settings.kind == "charuco":
-        notes |= {"marker_mm": settings.marker_mm, "dictionary": settings.dictionary}
-    return notes
+def _board_notes(board: Board) -> dict[str, Any]:
+    fields = {"fields": f"{board.columns}x{board.rows}", "square_mm": board.square}
+    if isinstance(board, measure.Chessboard):
+        return {"kind": "chessboard"} | fields
+    markers = {"marker_mm": board.marker, "dictionary": board.dictionary}
+    return {"kind": "charuco"} | fields | markers
 
 
 def _content(
     found: measure.Calibration,
     seen: dict[str, list[measure.Sighting]],
-    pictures: dict[str, list[Path]],
-    settings: Settings,
+    frames: Mapping[str, FrameSource],
+    board: Board,
 ) -> dict[str, Any]:
     names = [f"{kind} {number} {name}" for kind, number, name in found.names]
     inner = [i for i, (kind, _, _) in enumerate(found.names) if kind != "view"]
     content: dict[str, Any] = {
         "schema": 1,
         "version": __version__,
-        "board": _board_notes(settings),
+        "board": _board_notes(board),
         "lens": found.lens,
         "rms_px": found.rms,
         "points": found.used,
@@ -261,7 +264,7 @@ def _content(
         "covariance": found.covariance[np.ix_(inner, inner)].tolist(),
     }
     for k, own in enumerate(found.cameras):
-        views = zip(pictures[own.name], found.view_rms[k], seen[own.name], strict=True)
+        views = zip(frames[own.name].names, found.view_rms[k], seen[own.name], strict=True)
         entry = {
             "name": own.name,
             "resolution_px": list(own.resolution),
@@ -271,7 +274,7 @@ def _content(
             "sigma": own.sigma,
             "rms_px": own.rms,
             "images": [
-                {"file": file.name, "rms_px": float(rms) if np.isfinite(rms) else None,
+                {"file": Path(file).name, "rms_px": float(rms) if np.isfinite(rms) else None,
                  "points": len(sighting), "problem": sighting.problem}
                 for file, rms, sighting in views
             ],
