@@ -27,8 +27,9 @@ class Task:
     """A record to be made, or found.
 
     ``needs``: keys of tasks by stage. ``places``: (folder, record) that show it, the first one
-    makes it. ``order``: scenes that share values in memory are worked off side by side: the first scene
-    that has them, then the stage's position, the record, the scene. ``seconds``: what it took.
+    makes it. ``order``: scenes that share values in memory are worked off side by side: the first
+    scene that has them, then the stage's position, the record, the scene. ``seconds``: what it
+    took.
     """
 
     stage: Stage
@@ -123,8 +124,10 @@ class Graph:
                 task.state, task.reason = "skipped", "not asked for"
             elif no_reuse or store is None:
                 task.state, task.reason = "run", no_reuse or "new run"
+                if store is not None:
+                    store.forget(task.key)
             else:
-                fault = store.fault(task.key, verify)
+                fault = store.fault(task.key, task.stage.name, verify)
                 task.state = "reused" if fault is None else "run"
                 task.reason = "unchanged" if fault is None else fault or self._why(task, folders)
             if task.runs:

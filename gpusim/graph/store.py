@@ -119,12 +119,12 @@ class Store:
         """What was made for a key, whether it is still whole or not."""
         return self._records.get(key)
 
-    def fault(self, key: str, verify: bool = False) -> str | None:
-        """None if the result of a key lies there unchanged, "" if there is none, else what is wrong
-        with it: it is forgotten then. Files are known by size and time of change; ``verify``: by
-        every byte."""
+    def fault(self, key: str, stage: str, verify: bool = False) -> str | None:
+        """None if a ``stage``'s result lies there unchanged, "" if there is none, else what is
+        wrong with it: it is forgotten then. Files are known by size and time of change; ``verify``:
+        by every byte."""
         record = self._records.get(key)
-        if record is None:
+        if record is None or record.stage != stage:
             return ""
         hashed = verify or key in self._doubted
         for name, facts in record.files.items():
@@ -134,6 +134,10 @@ class Store:
                 return f"{name} was changed" if path.is_file() else f"{name} is gone"
         self._doubted.discard(key)
         return None
+
+    def forget(self, key: str) -> None:
+        """Don't find what was made for a key by now."""
+        self._records.pop(key, None)
 
     def blob(self, sha256: str) -> Path:
         """Where a content lies, or would lie."""
@@ -152,13 +156,17 @@ class Store:
         try:
             files = {name: self._keep(name, output) for name, output in outputs.items()}
             record = Record(key, stage, files, notes)
-            inside(self.root, "log")
-            self._log.append(record.content())
+            self._append(record.content())
         except OSError as error:
             place = Path(error.filename or self.root)
             raise explained(error, place, place) from error
         self._records[key] = record
+        self._doubted.discard(key)
         return record
+
+    def _append(self, content: Mapping[str, Any]) -> None:
+        inside(self.root, "log")
+        self._log.append(content)
 
     def _keep(self, name: str, output: Output) -> FileFacts:
         suffix = Path(name).suffix
@@ -200,7 +208,7 @@ class Store:
         try:
             return read_input(self.blob(facts.sha256), f"the result {name}", facts.sha256)
         except InputError as error:
-            self._records.pop(record.key, None)
+            self.forget(record.key)
             raise InputError(f"{name}: {error}; run again to make it anew") from None
 
     def open(self, record: Record, name: str) -> BinaryIO:
@@ -208,7 +216,7 @@ class Store:
         facts = record.files[name]
         path = self.blob(facts.sha256)
         if not is_unchanged(path, facts, hashed=True):
-            self._records.pop(record.key, None)
+            self.forget(record.key)
             raise InputError(f"{name}: {path} was changed; run again to make it anew")
         return open_input(path)
 
@@ -258,15 +266,16 @@ class Store:
             self._claims = -1
         self._log.close()
         ended = [
-            path for path in _plain_files(self.root / "log")
+            path for path in _plain_files(inside(self.root, "log"))
             if path == self._log.path or _has_ended(path.name.split("-")[0])
         ]  # fmt: skip
         if [path.name[:2] for path in ended] in ([], ["0-"]):
             return
         self.refresh()  # after that: what others put together meanwhile stays
-        for key in list(self._doubted):
-            if self.fault(key) is None:
-                files = self._records[key].files.values()
+        for key in self._doubted & self._records.keys():
+            record = self._records[key]
+            if self.fault(key, record.stage) is None:
+                files = record.files.values()
                 self._unflushed.update(facts.sha256 for facts in files)
         with ThreadPoolExecutor(_FLUSHERS) as pool:
             list(pool.map(_flush, map(self.blob, self._unflushed)))
@@ -286,7 +295,7 @@ class Store:
         """
         kept = {key: self._records[key] for key in keys if key in self._records}
         if kept != self._records:
-            self._log.append({"forgotten": len(self._records) - len(kept)})
+            self._append({"forgotten": len(self._records) - len(kept)})
         self._records = kept
         needed = {facts.sha256 for one in kept.values() for facts in one.files.values()}
         for folder in _plain_folders(inside(self.root, "blobs")):
