@@ -12,6 +12,7 @@ import shutil
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from gpusim.errors import InputError
@@ -36,6 +37,7 @@ class Folder:
         self._names: dict[str, FileFacts] = {}
         self._parts: dict[str, dict[str, str]] = {}
         self._log: Log | None = None
+        self._lock = Lock()
         for line in read_log(path / INNER / _NAME)[0]:
             with suppress(*DAMAGED):
                 self._take(line)
@@ -53,7 +55,7 @@ class Folder:
         return self._parts.get(stage)
 
     def show(self, record: Record, store: Store) -> None:
-        """Give a result its names, if it hasn't got them.
+        """Give a result its names, if it hasn't got them; any thread may.
 
         Raises InputError where a name leads outside (`gpusim.files.output_folder.inside`) or
         nothing can be written, GpusimError where the disk is full.
@@ -67,8 +69,9 @@ class Folder:
             with _explained(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 _link(store.blob(facts.sha256), path)
-            self._names[name] = facts
-            self._append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
+            with self._lock:
+                self._names[name] = facts
+                self._append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
 
     def retire(self, current: Collection[str]) -> list[str]:
         """Delete results that aren't ``current`` any more; files that somebody has changed are
@@ -96,12 +99,14 @@ class Folder:
         """Flush."""
         if self._log is not None:
             self._log.close()
+            self._log = None
 
     def _append(self, content: Mapping[str, Any]) -> None:
         with _explained(self.path):
             if self._log is None:
                 self._log = self._begin()
-            self._log.append(content)
+            else:
+                self._log.append(content)
 
     def _begin(self) -> Log:
         """A new log with what holds: the file that lies there may be another's, too."""

@@ -205,6 +205,7 @@ class Runner:
         if self.store.fault(task.key, task.stage.name) is None:
             self._keep(task)
             return
+        inputs = None
         try:
             inputs = Inputs(task, self)
             known = self._early.pop(task.key, None)
@@ -212,6 +213,8 @@ class Runner:
                 known = self._made(task, inputs)
         except BaseException:
             self.store.release(task.key)
+            if inputs is not None:
+                inputs.forget()
             raise
         if task.stage.on_device:
             self._writing += 1

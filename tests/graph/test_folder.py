@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import json
 import os
+import sys
 import zlib
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -261,3 +263,18 @@ def test_a_log_of_somebody_else_is_not_appended_to(
     shown(out, store, kept(store, "new"))
     assert other.read_text() == "of somebody else\n"
     assert log.is_file() and not log.samefile(other) and len(read_log(log)[0]) == 2
+
+
+def test_threads_may_show_at_once(tmp_path: Path, store: Store) -> None:
+    records = [kept(store, str(number), f"a/{number}.txt") for number in range(200)]
+    folder, interval = Folder(tmp_path / "out"), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as threads:
+            list(threads.map(lambda record: folder.show(record, store), records))
+    finally:
+        sys.setswitchinterval(interval)
+    folder.close()
+    assert len(list((tmp_path / "out" / INNER).iterdir())) == 1
+    assert Folder(tmp_path / "out").retire([]) == []
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [INNER]  # all were known

@@ -238,7 +238,8 @@ def test_a_record_that_is_damaged_is_none(tmp_path: Path) -> None:
     ]
     bad += [{**good, "files": files} for files in (
         None, 3, [], "x", {"a": 1}, {"a": [1, 2, 3]}, {"a": ["../x", 1, 1]},
-        {"a": ["ab" * 31, 1, 1]}, {"a": [facts[0], 1e400, 1]}, {"a": [facts[0], "x", 1]}, {"a": facts[:2]},
+        {"a": ["ab" * 31, 1, 1]}, {"a": [facts[0], 1e400, 1]}, {"a": [facts[0], "x", 1]},
+        {"a": facts[:2]},
     )]  # fmt: skip
     bad += [{**good, "notes": notes} for notes in (None, 3, "x", [1])]
     for content in bad:

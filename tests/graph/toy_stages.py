@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -120,14 +120,18 @@ class ToyRun:
         if done == 0.0:
             self.made.append((task.stage.name, task.record))
 
-    def work(self, before: Callable[[], None] = lambda: None) -> ToyRun:
-        """Do it, ``before`` the end of the store too; what fails leaves all in order."""
+    def work(self) -> ToyRun:
+        """Do it; what fails leaves all in order."""
         try:
+            for place, folder in self.folders.items():
+                for key in self.graph.kept(place):
+                    record = self.store.find(key)
+                    if record is not None and not self.graph.tasks[key].runs:
+                        folder.show(record, self.store)
             self.runner.work(self.whole.append)
             for place, folder in self.folders.items():
                 folder.retire(self.graph.current(place, self.store))
                 folder.depends(self.graph.parts[place])
-            before()
         finally:
             self.session.values.clear()
             for folder in self.folders.values():
