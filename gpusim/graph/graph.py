@@ -128,8 +128,10 @@ class Graph:
                 task.state, task.reason = "skipped", "not asked for"
             elif no_reuse or store is None:
                 task.state, task.reason = "run", no_reuse or "new run"
+                if store is not None:
+                    store.forget(task.key)
             else:
-                fault = store.fault(task.key, verify)
+                fault = store.fault(task.key, task.stage.name, verify)
                 task.state = "reused" if fault is None else "run"
                 task.reason = "unchanged" if fault is None else fault or self._why(task, folders)
             if task.runs:

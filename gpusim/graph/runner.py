@@ -15,7 +15,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, BinaryIO
 
 from gpusim.files.input_file import InputFile
@@ -31,8 +31,6 @@ __all__ = ["Inputs", "Observer", "Runner", "StageFailed"]
 
 AHEAD = 2
 """Records whose files are still being written while the next one is made."""
-_PATIENCE_S = 0.02
-"""Between looks whether another process has made what it is at."""
 Observer = Callable[[Task, float, str], None]
 """Hears how far a task is, from 0 to 1, in words."""
 
@@ -213,9 +211,10 @@ class Runner:
             self._schedule.defer(task)
             return
         self.store.refresh()  # it may have been made while nobody looked
-        if self.store.find(task.key) is not None and self.store.fault(task.key) is None:
+        if self.store.fault(task.key, task.stage.name) is None:
             self._keep(task)
             return
+        inputs = None
         try:
             inputs = Inputs(task, self)
             known = self._early.pop(task.key, None)
@@ -223,6 +222,8 @@ class Runner:
                 known = self._made(task, inputs)
         except BaseException:
             self.store.release(task.key)
+            if inputs is not None:
+                inputs.forget()
             raise
         if task.stage.on_device:
             self._writing += 1
@@ -273,12 +274,12 @@ class Runner:
 
     def _collect(self, whole: Callable[[str], None], wait: bool) -> None:
         """Take in what threads have finished; ``wait`` for something to happen."""
-        if wait and not self._writing and not self._beside and self._finished.empty():
-            time.sleep(_PATIENCE_S)  # another process is at all that is left
-            self._schedule.resume()
-            return
         while wait or not self._finished.empty():
-            task, failure, pooled = self._finished.get()
+            try:
+                task, failure, pooled = self._finished.get(timeout=self._schedule.patience_s)
+            except Empty:  # another process is at what may be ready
+                self._schedule.resume()
+                return
             wait = False
             self._writing -= pooled and task.stage.on_device
             self._beside -= pooled and not task.stage.on_device
