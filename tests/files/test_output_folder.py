@@ -109,6 +109,7 @@ ALLOWED = {
     "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
     "pipeline/runner/stage_runner.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/marker_tracking.py": "np.savez into a stream of atomic_stream",
+    "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/sources.py": "np.savez into a stream of atomic_stream",
     "pipeline/stages/mechanics.py": "arrays into a stream of atomic_stream",
     "notebook/view.py": "a scene that isn't in a file, in a temporary folder",
@@ -118,6 +119,7 @@ ALLOWED = {
 HANDLES = {
     "pipeline/runner/stage_runner.py",
     "pipeline/measurements/marker_tracking.py",
+    "pipeline/measurements/results.py",
     "pipeline/measurements/sources.py",
     "cli/decks.py",
     "pipeline/stages/mechanics.py",
