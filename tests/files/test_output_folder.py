@@ -112,7 +112,6 @@ ALLOWED = {
     "graph/folder.py": "links and copies, under a temporary name",
     "graph/runner.py": "deletes the scratch of a stage",
     "pipeline/measurements/marker_tracking.py": "np.savez into a stream of atomic_stream",
-    "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/sources.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
     "pipeline/stages/images.py": "np.savez into a file that the store gives",

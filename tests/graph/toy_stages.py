@@ -64,7 +64,7 @@ def by_writer(argument: Any, inputs: Inputs, session: Session) -> Made:
 
 def by_scratch(argument: Any, inputs: Inputs, session: Session) -> Made:
     name, given = argument
-    path = inputs.scratch / "made"
+    path = inputs.new_file("made")
     path.write_text(_text(argument, inputs))
     if given == "fails":
         raise ValueError("after the file")
