@@ -128,7 +128,7 @@ def test_nothing_is_written_through_a_link(tmp_path: Path, store: Store, what: s
     assert {path: path.stat() for path in (outside, *outside.rglob("*"))} == before
 
 
-@pytest.mark.parametrize("name", ["../x", "/tmp/x", "a/../../x", "", "a//b", "x\0y", "a" * 5000])
+@pytest.mark.parametrize("name", ["../x", "/absent/x", "a/../../x", "", "a//b", "x\0y", "a" * 5000])
 def test_names_that_lead_outside(tmp_path: Path, store: Store, name: str) -> None:
     record = kept(store, "data", name)
     with pytest.raises(InputError, match="leads out of it"):

@@ -20,10 +20,10 @@ from gpusim.mesh import boundary_faces, box
 from gpusim.optics.sensor.emva1288 import emva_twin
 from gpusim.pipeline import run
 from gpusim.pipeline.checks.measurability import pixels_per_metre
-from gpusim.pipeline.checks.visibility import winding_numbers
 from gpusim.pipeline.checks.warnings import scene_warnings
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.deflection.projection_error import projection_error
+from gpusim.pipeline.pictures.visibility import winding_numbers
 from gpusim.pipeline.stages.images import level_warnings
 from gpusim.scene import Scene
 

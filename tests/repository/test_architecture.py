@@ -40,6 +40,7 @@ ALLOWED: dict[str, set[str]] = {
     "surface": {"gpu", "mesh", "fem"},
     "optics": {"gpu", "mesh", "fem", "surface"},
     "measure": {"gpu"},
+    "motion": set(),
     "export": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene"},
     "report": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene", "export"},
 }
@@ -47,10 +48,11 @@ NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
     "applications": NUMERICS - {"scene", "surface"},
-    "plan": {"gpu", "scene"},
+    "graph": {"gpu"},
+    "plan": {"gpu", "scene", "graph"},
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
-    "pipeline": NUMERICS | {"plan"},
+    "pipeline": NUMERICS | {"graph", "plan"},
     "notebook": NUMERICS | {"pipeline", "view"},
     "view": NUMERICS | {"plan", "pipeline"},
     "__init__": NUMERICS | {"applications", "plan", "pipeline"},

@@ -14,10 +14,10 @@ from gpusim import measure
 from gpusim.errors import GpusimError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.checks.marker_checks import axial_loads, marker_warnings
 from gpusim.pipeline.measurements.deflection.projection_error import projection_error
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
+from gpusim.pipeline.measurements.marker_checks import axial_loads, marker_warnings
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks

@@ -13,8 +13,8 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.checks.marker_checks import marker_warnings
 from gpusim.pipeline.measurements.kinds import Kind, register
+from gpusim.pipeline.measurements.marker_checks import marker_warnings
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
