@@ -82,8 +82,6 @@ OPTICS = (
 MOST_MODULES = 20
 """In one folder."""
 
-# being untangled; an entry whose circle is gone fails the test
-
 
 def python_files() -> list[Path]:
     return sorted(PACKAGE.rglob("*.py"))
