@@ -7,10 +7,8 @@ them, so that help and plan are quick.
 The other commands are below. Its modules:
 
 - `console`: Options, messages, progress, and errors as one message with an exit code.
-- `decks`: ``gpusim solve``.
-- `measuring`: The commands that measure pictures, as they are typed.
-- `correlation`: What ``gpusim dic`` does.
-- `calibrating`: What ``gpusim calibrate`` does.
+- `tables`: Tables that commands print of what applications have found.
+- `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -20,6 +18,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +32,6 @@ from gpusim.cli.console import (
     INTERRUPTED,
     Backend,
     BackendOption,
-    Destination,
     Json,
     Output,
     PrintableGroup,
@@ -48,9 +46,10 @@ from gpusim.cli.console import (
     time_text,
 )
 from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.tables import print_deck
 from gpusim.cli.view import view
-from gpusim.errors import Fault, SceneError
-from gpusim.files.output_folder import check_folder, claim
+from gpusim.errors import Fault, NotConverged, SceneError
+from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
     from gpusim.plan.plan import Plan, PlannedStage
@@ -88,6 +87,15 @@ No = Annotated[
     typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
+StoreOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        parser=folder_name,
+        help="Results that runs into several folders share; by default OUT has its own.",
+    ),
+]
+Verify = Annotated[bool, typer.Option("--verify", help="Look at earlier results byte by byte.")]
 NoSkip = Annotated[bool, typer.Option("--no-skip", help="Switch every shortcut off.")]
 
 
@@ -96,6 +104,8 @@ def main() -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names in a scene may not fit a narrow terminal
             stream.reconfigure(errors="replace")
+    if logging.lastResort is not None:  # what libraries tell their developers
+        logging.lastResort.setLevel(logging.ERROR)
     try:
         app()
     except KeyboardInterrupt:
@@ -136,6 +146,8 @@ def run(
     backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
+    store: StoreOption = None,
+    verify: Verify = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -153,6 +165,8 @@ def run(
                 backend=backend.value,
                 fresh=fresh,
                 skip=not no_skip,
+                store=store,
+                verify=verify,
                 progress=progress,
             )
         if as_json:
@@ -198,11 +212,18 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
-    with exit_codes(), claim(output):
-        from gpusim.cli.decks import solve_deck
+    with exit_codes():
+        from gpusim.applications import solve_deck
 
-        there = Destination(output, quiet, as_json)
-        solve_deck(deck, there, backend.value, tolerance, stress)
+        options: dict[str, Any] = {"backend": backend.value, "tolerance": tolerance}
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            done = solve_deck(deck, output, stress=stress, progress=progress, **options)
+        if as_json:
+            out(json.dumps(done.report, indent=2))
+        elif not quiet:
+            print_deck(done.report, output)
+        if done.failure:
+            raise NotConverged(done.failure)
 
 
 app.command()(dic)
@@ -223,6 +244,8 @@ def plan(
     backend: BackendOption = Backend.auto,
     fresh: Fresh = False,
     no_skip: NoSkip = False,
+    store: StoreOption = None,
+    verify: Verify = False,
     as_json: Json = False,
 ) -> None:
     """Validate a scene and tell what a run would do, why, and what it costs; run nothing."""
@@ -238,7 +261,10 @@ def plan(
         strange = check_files(loaded) if loaded.reads_files else []
         beforehand = scene_warnings(loaded)
         speed = Speed.read(backend.value).measured()
-        made = make_plan(loaded, output, backend.value, fresh=fresh, skip=not no_skip, speed=speed)
+        made = make_plan(
+            loaded, output, backend.value, fresh=fresh, skip=not no_skip, store=store,
+            verify=verify, speed=speed,
+        )  # fmt: skip
         if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
             check_mesher(loaded)
         short = memory_fault(made)

@@ -45,8 +45,9 @@ def view(
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
     unit: Annotated[
-        Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of a mesh file's coordinates.")
-    ] = "mm",
+        Literal["m", "cm", "mm", "um", "in"] | None,
+        typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
+    ] = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")
@@ -67,8 +68,9 @@ def view(
                 save_screenshot,
                 wait_for_solution,
             )
+            from gpusim.view.server import local_socket, serve_view
             from gpusim.view.viewer import Viewer
-            from gpusim.view.window import local_socket, open_window, serve_view
+            from gpusim.view.window import open_window
 
         if screenshot is not None:
             check_ending(screenshot)

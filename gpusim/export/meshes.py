@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import meshio
 import numpy as np
@@ -17,7 +18,8 @@ from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
 from gpusim.files.output_folder import inside
-from gpusim.mesh.formats.numbering import NODES
+from gpusim.mesh.file_content.numbering import NODES
+from gpusim.mesh.polygons import cut_at_dents
 
 __all__ = ["write_pvd", "write_region_stls", "write_stl", "write_vtu"]
 
@@ -171,6 +173,8 @@ def _triangles(
         raise InputError("points: got a value that is not finite; expected finite numbers, m")
     indices = faces.astype(np.int64)
     if faces.shape[1] == 4:
+        indices, _ = cut_at_dents(points, indices)
+        indices = np.where(indices < 0, indices[:, [2]], indices)
         indices = indices[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     a, b, c = indices.T
     proper: npt.NDArray[np.int64] = indices[(a != b) & (b != c) & (c != a)]
@@ -235,12 +239,22 @@ def write_vtu(
     mesh = meshio.Mesh(
         points,
         blocks,
-        point_data=dict(point_data or {}),
-        cell_data={name: np.split(values, borders) for name, values in (cell_data or {}).items()},
+        point_data={_attribute(name): values for name, values in (point_data or {}).items()},
+        cell_data={
+            _attribute(name): np.split(values, borders)
+            for name, values in (cell_data or {}).items()
+        },
     )
     with atomic_path(path) as part:
         meshio.write(part, mesh, file_format="vtu")
     return Path(path)
+
+
+def _attribute(name: str) -> str:
+    """A name as it stands between quotes in XML, which meshio leaves to others."""
+    if re.search("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", name):
+        raise InputError(f"field name; got {name!r}; expected characters that XML has")
+    return escape(name, {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"})
 
 
 def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:

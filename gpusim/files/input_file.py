@@ -16,12 +16,13 @@ import re
 import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
+from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from gpusim.errors import InputError
@@ -180,25 +181,27 @@ def _open(path: str, flags: int) -> int:
 _ABAQUS = re.compile(rb"^[ \t]*\*\s*INCLUDE\s*,\s*INPUT\s*=\s*([^,\r\n]+)", re.I | re.M)
 _NASTRAN = re.compile(rb"^[ \t]*INCLUDE\b[\s=]*('[^']*'|\"[^\"]*\"|[^\r\n$'\"]+)", re.I | re.M)
 _STATEMENTS = {".inp": _ABAQUS} | dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), _NASTRAN)
-_LOOKS = {
-    ".obj": re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n#]+)", re.M),
-    ".mtl": re.compile(rb"^[ \t]*map_Kd[ \t]+(?:-[^\r\n]*[ \t])?([^\r\n#]+)", re.M),
-}
+_REST = rb"[ \t]+((?:[^\r\n\\]|\\[ \t]*\r?\n|\\)+)"  # of a line, and of those that continue it
+_LIBRARY = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*mtllib" + _REST, re.M)
+_PICTURE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*map_Kd" + _REST, re.M | re.I)
 """Materials and pictures, which may be missing where nothing is painted with them."""
-_MOST = 1000
+_URI = re.compile(rb'"uri"\s*:\s*("(?!data:)(?:[^"\\]|\\.)*")')
+"""Of a glTF file's buffers and pictures."""
+_MOST, _MOST_WORDS = 1000, 32
 
 
 def included_files(file: InputFile) -> tuple[InputFile, ...]:
     """All files that a mesh file names with *INCLUDE or INCLUDE, and those that they name; an
-    OBJ's materials and their pictures, if they are there.
+    OBJ's materials and their pictures, and what a glTF names, if they are there.
 
     Raises InputError for one that can't be read; readers say in which line it is named. Files of
     other kinds include nothing.
     """
-    if file.suffix in _LOOKS:
-        beside = {file.path.parent / _text(name) for name in _LOOKS[file.suffix].findall(file.data)}
-        named = [read_input(path) for path in sorted(beside) if path.is_file()]
-        return tuple(named + [picture for mtl in named for picture in included_files(mtl)])
+    if file.suffix == ".obj":
+        libraries = _looks(file, _LIBRARY)
+        return (*libraries, *(one for mtl in libraries for one in _looks(mtl, _PICTURE)))
+    if file.suffix in (".glb", ".gltf"):
+        return tuple(read_input(path) for path in _gltf_files(file))
     statement = _STATEMENTS.get(file.suffix)
     if statement is None:
         return ()
@@ -216,6 +219,32 @@ def included_files(file: InputFile) -> tuple[InputFile, ...]:
                 found[str(child)] = read_input(child, "an included file")
                 waiting.append(found[str(child)])
     return tuple(found.values())[1:]
+
+
+def _gltf_files(file: InputFile) -> list[Path]:
+    """The files that a glTF names, if they are there."""
+    binary = file.data[:4] == b"glTF"
+    text = file.data[: 20 + int.from_bytes(file.data[12:16], "little")] if binary else file.data
+    names = set()
+    for quoted in _URI.findall(text):
+        with suppress(ValueError):  # which is said where it is read
+            names.add(file.path.parent / unquote(json.loads(quoted)))
+    return sorted(path for path in names if os.path.isfile(path))
+
+
+def _looks(file: InputFile, statement: re.Pattern[bytes]) -> list[InputFile]:
+    """What may be named by its statements, after options, with blanks or beside others, if it is
+    there."""
+    names = set()
+    for rest in statement.findall(file.data):
+        words = re.sub(rb"\\[ \t]*\r?\n", b" ", rest).strip()
+        for count in range(_MOST_WORDS):
+            names |= {words.split(None, count)[-1], *words.split()[count : count + 1]}
+    found = set()
+    for name in names:
+        plain = str(_text(name))
+        found |= {file.path.parent / one for one in (plain, plain.replace("\\", "/"))}
+    return [read_input(path) for path in sorted(found) if os.path.isfile(path)]
 
 
 def _text(name: bytes) -> Path:

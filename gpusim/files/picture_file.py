@@ -1,7 +1,7 @@
 """Pictures in files, decoded by one function: whatever is wrong with one is an error that names it.
 
 The size that a file claims is read from its header first, so that a few bytes can't ask for all
-of the memory. Nobody else calls a decoder.
+of the memory; kinds of files of which it isn't known are refused. Nobody else calls a decoder.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import logging
 import os
 import re
 import struct
+import tempfile
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -27,10 +28,19 @@ from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.files.picture_tags import TIFF_MAGIC, exif_orientation, plain_tiff, tiff_pages
+from gpusim.files.picture_tags import TIFF_MAGIC, Page, exif_orientation, plain_tiff, tiff_pages
+from gpusim.files.radiance_file import RadianceHeader, to_srgb
 from gpusim.parallel.machine import memory_limit
 
-__all__ = ["decode", "decoding", "pages_of", "picture_file", "read_grey", "read_picture"]
+__all__ = [
+    "claimed_pixels",
+    "decode",
+    "decoding",
+    "pages_of",
+    "picture_file",
+    "read_grey",
+    "read_picture",
+]
 
 LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
 BYTES = 32  # of memory for a pixel, with all that is made of a picture
@@ -40,6 +50,9 @@ logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 Source = str | os.PathLike[str] | InputFile
 Size = tuple[int, int]
+_DENSEST = {b"\x89PNG": 8300, b"\xff\xd8": 1000, b"BM": 130, b"#?": 16, b"P": 8}
+"""Pixels that a byte of a file may hold, by the file's beginning."""
+_OPENEXR = b"\x76\x2f\x31\x01"
 
 
 def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) -> npt.NDArray[Any]:
@@ -50,7 +63,7 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
 
     Parameters
     ----------
-    source : a PNG, TIFF, JPEG, BMP or any other file that OpenCV or tifffile read.
+    source : a PNG, TIFF, JPEG, BMP, PBM, PGM, PPM, PAM, Radiance or OpenEXR file.
     page : of a TIFF with several, from 0.
     flags : OpenCV's ``IMREAD_...``.
 
@@ -61,25 +74,27 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
         pixels or than the memory allows.
     """
     file = read_input(source, "a picture")
+    turned, image = 1, None
     with decoding(file):
-        tiff = tiff_pages(file)[page] if file.data[:4] in TIFF_MAGIC else None
-        size = _claimed(file.data) if tiff is None else tiff.size
-        if size is not None:
-            _check_size(file, size)
-        data = file.data if tiff is None else plain_tiff(file, tiff)
-        index = page if tiff is None else tiff.index
-        apart = tiff is not None and tiff.apart  # OpenCV mixes up such pixels of more than 8 bits
-        image = None if apart else _by_opencv(data, index, flags | cv2.IMREAD_IGNORE_ORIENTATION)
-        if image is None and tiff and flags == cv2.IMREAD_UNCHANGED:
-            image = _by_tifffile(data, index, apart)
-        if image is not None and tiff and tiff.white_is_zero:
-            image = ~image
-        turned = exif_orientation(data) if tiff is None else tiff.orientation
+        if file.data[:4] in TIFF_MAGIC:
+            tiff = tiff_pages(file)[page]
+            turned, image = tiff.orientation, _tiff(file, tiff, flags)
+        elif file.data[:4] == _OPENEXR:
+            image = _openexr(file)
+        elif size := _claimed(file.data):
+            densest = next(n for begin, n in _DENSEST.items() if file.data.startswith(begin))
+            _check_size(file, size, densest * len(file.data))
+            radiance = RadianceHeader.of(file.data)
+            data = _plain_pam(file.data) if radiance is None else radiance.plain()
+            image = _by_opencv(data, 0, flags)
+            if radiance is not None and image is not None and image.dtype.kind == "f":
+                image = radiance.radiances(image[..., ::-1])[..., ::-1]
+            turned = exif_orientation(file.data)
     if image is None or 0 in image.shape:
         raise InputError(
             f"image file: {file.path}: damaged, or no picture: it can't be read; got "
-            f"{_begins(file.data)}; expected a PNG, TIFF, JPEG or BMP image, or another kind that "
-            "OpenCV reads"
+            f"{_begins(file.data)}; expected a PNG, TIFF, JPEG, BMP, PBM, PGM, PPM, PAM, Radiance "
+            "or OpenEXR picture"
         )
     if turned != 1:
         warnings.warn(
@@ -126,8 +141,7 @@ def decoding(file: InputFile) -> Iterator[None]:
 
 def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
     buffer = np.frombuffer(data, np.uint8)
-    if buffer.size == 0:
-        return None
+    flags |= cv2.IMREAD_IGNORE_ORIENTATION
     level = messages.getLogLevel()
     messages.setLogLevel(messages.LOG_LEVEL_SILENT)  # what is wrong is said once, by the error
     try:
@@ -141,24 +155,79 @@ def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
     return None if image is None else np.asarray(image)
 
 
-def _by_tifffile(data: bytes, page: int, apart: bool) -> npt.NDArray[Any]:
-    """What OpenCV doesn't read: floats of 16 bits, channels ``apart``, more than four of them."""
-    import tifffile
+def _tiff(file: InputFile, page: Page, flags: int) -> npt.NDArray[Any] | None:
+    """A page, by tifffile where OpenCV reads other numbers than are stored, or none: grey beside
+    opacity, channels apart, more than four of them, floats of 16 bits."""
+    _check_size(file, page.size)
+    data = plain_tiff(file, page)
+    plain = not page.apart and page.channels <= (1 if page.grey else 4)
+    image = _by_opencv(data, page.index, flags) if plain else None
+    if image is None and flags == cv2.IMREAD_UNCHANGED:
+        import tifffile
 
-    image = np.asarray(tifffile.imread(io.BytesIO(data), key=page))
-    image = np.moveaxis(image, 0, -1) if apart else image
-    colors = image.ndim == 3 and image.shape[2] in (3, 4)
-    return image[..., [2, 1, 0, 3][: image.shape[2]]] if colors else image
+        image = np.asarray(tifffile.imread(io.BytesIO(data), key=page.index))
+        image = np.moveaxis(image, 0, -1) if page.apart else image
+        image = image[..., : page.colors] if page.channels > 1 else image
+        colors = image.ndim == 3 and image.shape[2] in (3, 4)
+        image = image[..., [2, 1, 0, 3][: image.shape[2]]] if colors else image
+    return ~image if image is not None and page.white_is_zero else image
 
 
-def _check_size(file: InputFile, size: Size) -> None:
+def _openexr(file: InputFile) -> npt.NDArray[Any]:
+    try:
+        import OpenEXR
+    except ImportError:
+        raise InputError(
+            f"image file: {file.path}: got no package OpenEXR; expected it for .exr files: "
+            "pip install 'gpusim[exr]'"
+        ) from None
+    with file.on_disk() as path, _silenced():
+        (part,) = OpenEXR.File(str(path), header_only=True).parts
+        low, high = part.header["dataWindow"]
+        _check_size(file, (int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1))
+        channels = OpenEXR.File(str(path)).channels()
+    names = [name for name in ("RGBA", "RGB", "Y") if name in channels]
+    if not names or {channels[names[0]].xSampling, channels[names[0]].ySampling} != {1}:
+        raise ValueError(f"channels {', '.join(channels)}: R, G and B or Y are due")
+    pixels = np.asarray(channels[names[0]].pixels)
+    if pixels.ndim == 2:
+        return pixels
+    if "chromaticities" in part.header:
+        matrix = to_srgb(part.header["chromaticities"])
+        pixels = np.maximum(pixels[..., :3] @ matrix.T, 0.0).astype(pixels.dtype)
+    return pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
+
+
+@contextmanager
+def _silenced() -> Iterator[None]:
+    """Without what OpenEXR prints of damaged files, by Python and past it: the error says it."""
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as unread, redirect_stdout(io.StringIO()):
+        os.dup2(unread.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
+def _check_size(file: InputFile, size: Size, most: int = LARGEST) -> None:
     width, height = size
-    most = min(LARGEST, memory_limit() // BYTES)
+    most = min(most, LARGEST, memory_limit() // BYTES)
     if width * height > most:
         raise InputError(
             f"image file: {file.path}: too large; got {width} x {height} pixels in "
-            f"{len(file.data)} bytes; expected at most {most / 1e6:.0f} million pixels"
+            f"{len(file.data)} bytes; expected at most {most / 1e6:.3g} million pixels"
         )
+
+
+def claimed_pixels(source: Source) -> int:
+    """How many pixels a picture's head says that it has; 0 for a kind whose head isn't known."""
+    file = read_input(source, "a picture")
+    with decoding(file):
+        tiff = file.data[:4] in TIFF_MAGIC
+        width, height = (tiff_pages(file)[0].size if tiff else _claimed(file.data)) or (0, 0)
+    return width * height
 
 
 def _claimed(data: bytes) -> Size | None:
@@ -170,18 +239,40 @@ def _claimed(data: bytes) -> Size | None:
         return abs(width), abs(height)
     if data[:2] == b"\xff\xd8":
         return _jpeg_size(data)
-    if data[:4] == b"\x76\x2f\x31\x01":  # OpenEXR: a box of first and last columns and rows
-        at = data.find(b"dataWindow\0box2i\0")
-        if at >= 0 and len(data) >= at + 37:
-            x0, y0, x1, y1 = struct.unpack("<iiii", data[at + 21 : at + 37])
-            return abs(x1 - x0) + 1, abs(y1 - y0) + 1
-    for kind, width_first in ((rb"P[1-6]\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)", True),
-                              (rb"#\?[\s\S]*?\n[-+]Y\s+(\d+)\s+[-+]X\s+(\d+)", False)):  # fmt: skip
-        found = re.match(kind, data[:4096])
-        if found:
-            a, b = int(found[1][:12]), int(found[2][:12])
-            return (a, b) if width_first else (b, a)
+    if radiance := RadianceHeader.of(data):
+        return radiance.size
+    if found := re.match(rb"P[1-6]\s+(?:#.*\s+)*(\d+)\s+(?:#.*\s+)*(\d+)", data[:4096]):
+        return int(found[1][:12]), int(found[2][:12])
+    if data[:3] == b"P7\n":
+        pam = _pam_header(data)[0]
+        return pam["WIDTH"], pam["HEIGHT"]
     return None
+
+
+def _pam_header(data: bytes) -> tuple[dict[str, int], bytes]:
+    """WIDTH, HEIGHT, DEPTH and MAXVAL of a PAM, and what follows its header."""
+    head, _, pixels = data.partition(b"\nENDHDR\n")
+    entries = re.findall(
+        r"^(WIDTH|HEIGHT|DEPTH|MAXVAL)\s+(\d{1,9})\s*$", head.decode("latin-1"), re.M
+    )
+    values = {key: int(number) for key, number in entries}
+    if len(values) != 4 or not (0 < values["DEPTH"] <= 4 and 0 < values["MAXVAL"] < 65536):
+        raise ValueError(f"the header {values}")
+    return values, pixels
+
+
+def _plain_pam(data: bytes) -> bytes:
+    """A PAM as the PGM or PPM of its colours, which OpenCV doesn't mix up; others as they are."""
+    if data[:3] != b"P7\n":
+        return data
+    pam, pixels = _pam_header(data)
+    width, height, depth, most = (pam[key] for key in ("WIDTH", "HEIGHT", "DEPTH", "MAXVAL"))
+    kind, colors = np.dtype("u1" if most < 256 else ">u2"), 1 if depth < 3 else 3
+    raster = np.frombuffer(pixels, kind, width * height * depth).reshape(-1, depth)
+    return (
+        b"P%d %d %d %d\n" % (5 if colors == 1 else 6, width, height, most)
+        + raster[:, :colors].tobytes()
+    )
 
 
 def _jpeg_size(data: bytes) -> Size | None:

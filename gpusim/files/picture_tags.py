@@ -6,10 +6,12 @@ left to turn a picture or to invert it by rules of its own: see `plain_tiff`.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from gpusim.errors import InputError
@@ -19,6 +21,8 @@ __all__ = ["TIFF_MAGIC", "exif_orientation", "plain_tiff", "tiff_pages"]
 
 TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _ORIENTATION, _PHOTOMETRIC, _REDUCED, _PLANAR, _EXTRA = 274, 262, 254, 284, 338
+_PHOTOMETRICS = (0, 1, 2, 3, 6, 32803, 34892)
+"""White is zero, black is zero, RGB, a palette, YCbCr, a mosaic, linear RGB."""
 _LETTERS = {1: "B", 3: "H", 4: "I"}  # TIFF's BYTE, SHORT, LONG
 _EXIF = re.compile(rb"(?:Exif\0\0|eXIf|EXIF....)(?=II\*\0|MM\0\*)", re.DOTALL)
 
@@ -36,11 +40,16 @@ class Page:
     floats: bool
     apart: bool
     """Whether its channels lie one after the other, each a whole picture."""
+    channels: int
+    colors: int
+    """How many of the channels, the first ones, aren't said to be something else, as opacity is."""
+    grey: bool
     edits: Sequence[tuple[int, bytes]]
     """Where in the file it is said, and what would say: as stored, black is zero, colours are
     already multiplied by their opacity."""
 
 
+@lru_cache(maxsize=1)  # all pages are looked through to find one of them
 def tiff_pages(file: InputFile) -> list[Page]:
     """Every page of a TIFF but the smaller copies that some programs add."""
     import tifffile
@@ -54,9 +63,10 @@ def tiff_pages(file: InputFile) -> list[Page]:
             seen.add(page.offset)
             if _number(page, _REDUCED, 0) & 1:
                 continue
+            photometric = _number(page, _PHOTOMETRIC, 1)
             orientation = _number(page, _ORIENTATION, 1)
-            white = _number(page, _PHOTOMETRIC, 1) == 0
-            opacity = _number(page, _EXTRA, 0) == 2
+            white = photometric == 0
+            opacity = tuple(page.extrasamples) == (2,)
             wrong = [_ORIENTATION] * (orientation != 1) + [_PHOTOMETRIC] * white
             wrong += [_EXTRA] * opacity
             pages.append(
@@ -67,6 +77,9 @@ def tiff_pages(file: InputFile) -> list[Page]:
                     white,
                     page.dtype is not None and page.dtype.kind == "f",
                     page.samplesperpixel > 1 and _number(page, _PLANAR, 1) == 2,
+                    page.samplesperpixel,
+                    page.samplesperpixel - len(page.extrasamples),
+                    photometric < 2,
                     [_says_one(page.tags[tag], tiff.byteorder) for tag in wrong],
                 )
             )
@@ -76,8 +89,15 @@ def tiff_pages(file: InputFile) -> list[Page]:
 def plain_tiff(file: InputFile, page: Page) -> bytes:
     """The file's bytes, but that decoders give the page's numbers as they are stored.
 
-    Raises InputError for floats of which white is zero: there is no white to count from.
+    Raises InputError for floats of which white is zero, as there is no white to count from;
+    ValueError for a page of other kinds of colours, or that isn't there as a whole.
     """
+    import tifffile
+
+    with tifffile.TiffFile(file.stream()) as tiff:
+        whole = tiff.pages[page.index].aspage()
+        _check_kind(whole)
+        _check_whole(whole, len(file.data))
     if page.white_is_zero and page.floats:
         raise InputError(
             f"image file: {file.path}: got floats of which white is zero (photometric "
@@ -89,6 +109,33 @@ def plain_tiff(file: InputFile, page: Page) -> bytes:
     for at, value in page.edits:
         data[at : at + len(value)] = value
     return bytes(data)
+
+
+def _check_kind(page: Any) -> None:
+    """Raises ValueError for colours that OpenCV turns into others, and for what nobody unpacks."""
+    photometric = _number(page, _PHOTOMETRIC, 1)
+    if photometric not in _PHOTOMETRICS:
+        raise ValueError(
+            f"colours of photometric interpretation {photometric} (CMYK is 5, CIELAB 8): grey, "
+            "RGB, a palette or YCbCr is due"
+        )
+    if photometric != 3 and page.bitspersample in (2, 4):
+        raise ValueError(f"numbers of {page.bitspersample} bits: 1, or 8 and more are due")
+
+
+def _check_whole(page: Any, length: int) -> None:
+    """Raises ValueError unless the file, of ``length`` bytes, has all tiles or strips."""
+    count = math.prod(page.chunked)
+    if 2 * count > length:
+        raise ValueError(f"{count} tiles or strips in {length} bytes")
+    parts = list(zip(page.dataoffsets, page.databytecounts, strict=False))
+    there = sum(at > 0 and size > 0 and at + size <= length for at, size in parts)
+    if there < count:
+        raise ValueError(f"{there} of {count} tiles or strips: the file is cut off")
+    row = -(-page.imagewidth * page.bitspersample * page.samplesperpixel // 8)
+    stored = sum(size for _, size in parts)
+    if page.compression == 1 and page.photometric != 6 and stored < page.imagelength * row:
+        raise ValueError(f"{stored} bytes for {page.imagelength} rows of {row}: it is cut off")
 
 
 def exif_orientation(data: bytes) -> int:

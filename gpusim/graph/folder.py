@@ -38,9 +38,12 @@ class Folder:
         self._parts: dict[str, dict[str, str]] = {}
         self._log: Log | None = None
         self._lock = Lock()
+        self._holders: dict[str, set[str]] = {}
         for line in read_log(path / INNER / _NAME)[0]:
             with suppress(*DAMAGED):
                 self._take(line)
+        for name, facts in self._names.items():
+            self._holders.setdefault(facts.sha256, set()).add(name)
 
     def _take(self, line: Mapping[str, Any]) -> None:
         for name, (sha256, size, changed) in line.get("names", {}).items():
@@ -61,15 +64,16 @@ class Folder:
         nothing can be written, GpusimError where the disk is full.
         """
         for name, facts in record.files.items():
-            if name.startswith("."):
-                continue
             path = inside(self.path, name)
             if self._names.get(name) == facts and is_unchanged(path, facts):
                 continue
-            with _explained(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-                _link(store.blob(facts.sha256), path)
             with self._lock:
+                # two names of one file here would change together in an editor that writes in place
+                others = self._holders.setdefault(facts.sha256, set())
+                with _explained(path):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    _show(store.blob(facts.sha256), path, linked=not others - {name})
+                others.add(name)
                 self._names[name] = facts
                 self._append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
 
@@ -130,17 +134,25 @@ def _explained(path: Path) -> Iterator[None]:
         raise explained(error, part, Path(error.filename2 or part)) from error
 
 
-def _link(blob: Path, path: Path) -> None:
-    """Let ``path`` be what the blob is: the same file, or a copy where that can't be."""
-    with suppress(OSError):
-        if path.samefile(blob):
-            return
+def _show(blob: Path, path: Path, linked: bool) -> None:
+    """Let ``path`` be what the blob is: the same file, or a copy where that can't be, or isn't to
+    be."""
+    if linked:
+        with suppress(OSError):
+            if path.samefile(blob):
+                return
     part = path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
-        try:
-            os.link(blob, part)
-        except OSError:  # no links here, another disk, or too many of them
+        if not (linked and _is_linked(blob, part)):
             shutil.copy2(blob, part)
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _is_linked(blob: Path, part: Path) -> bool:
+    try:
+        os.link(blob, part)
+    except OSError:  # no links here, another disk, or too many of them
+        return False
+    return True

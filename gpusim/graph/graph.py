@@ -43,6 +43,10 @@ class Task:
     reason: str = ""
     seconds: float = 0.0
 
+    def first_in(self, folder: str) -> tuple[str, int]:
+        """The first place in a folder that shows it."""
+        return next(place for place in self.places if place[0] == folder)
+
     @property
     def runs(self) -> bool:
         """Whether there is work to do."""

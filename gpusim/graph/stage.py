@@ -19,8 +19,8 @@ __all__ = ["Made", "Output", "Stage", "Which", "digest", "every", "first", "plai
 Which = Callable[[int], Sequence[int]]
 """The records of a need that a record needs."""
 Output = bytes | Path | Callable[[Path], object]
-"""A file's content, a file in `Inputs.scratch`, or what writes one at a path (whose ending is that
-of the result's name)."""
+"""A file's content, a file that `Inputs.new_file` has named, or what writes one at a path (whose
+ending is that of the result's name)."""
 
 
 def same(record: int) -> Sequence[int]:
@@ -73,9 +73,8 @@ class Stage:
 
 @dataclass(frozen=True)
 class Made:
-    """A record of a stage that keeps: its ``files`` by their names in the output folder (one that
-    begins with a dot stays in the store), ``notes`` as plain data, and a few words for who waits.
-    """
+    """A record of a stage that keeps: its ``files`` by their names in the output folder, ``notes``
+    as plain data, and a few words for who waits."""
 
     files: Mapping[str, Output] = field(default_factory=dict)
     notes: Mapping[str, Any] = field(default_factory=dict)

@@ -139,6 +139,10 @@ class Store:
         """Don't find what was made for a key by now."""
         self._records.pop(key, None)
 
+    def forget(self, key: str) -> None:
+        """Make as if nothing had been made for a key so far."""
+        self._records.pop(key, None)
+
     def blob(self, sha256: str) -> Path:
         """Where a content lies, or would lie."""
         return self.root / "blobs" / sha256[:2] / sha256

@@ -68,6 +68,8 @@ def plot(
     ax = flat_axes(ax)
     if reach is None:
         reach = float(np.linalg.norm(camera.eye)) or 1.0
+    if not 0.0 < reach < np.inf:
+        raise InputError(f"Camera.plot: reach; got {reach}; expected a finite length above 0")
     draw_camera(ax, camera, plane, reach, 1.0, **style)
     across, up = plane_axes(plane)
     ax.set(xlabel=f"{'xyz'[across]} ({unit})", ylabel=f"{'xyz'[up]} ({unit})", aspect="equal")

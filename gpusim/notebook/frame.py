@@ -52,7 +52,8 @@ def plot(frame: Frame, ax: Axes | None, **style: Any) -> Axes:
     if frame.coloured:
         ax.imshow(toned(frame.radiance), **style)
     else:
-        drawn = ax.imshow(frame.radiance, **{"cmap": "gray", "vmin": 0.0, **style})
+        dark = {} if "norm" in style else {"vmin": 0.0}
+        drawn = ax.imshow(frame.radiance, **{"cmap": "gray", **dark, **style})
         ax.figure.colorbar(drawn, ax=ax, shrink=0.8).set_label("radiance (W/(m² sr))")
     ax.set(xlabel="column (px)", ylabel="row (px)", title=named(frame.view.camera.name))
     return ax

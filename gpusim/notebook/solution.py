@@ -20,6 +20,7 @@ from gpusim.notebook.shading import Colouring, fitted_camera, shaded
 from gpusim.optics.truth import Truth
 from gpusim.report.figures import round_down
 from gpusim.surface import Skin, Surface
+from gpusim.validation import is_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,6 +136,8 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
         raise InputError(f"Solution.plot: field; got {field!r}; expected one of {list(FIELDS)}")
     if not -len(u) <= case < len(u):
         raise InputError(f"Solution.plot: case; got {case}; expected 0 to {len(u) - 1}")
+    if scale is not None and not (is_number(scale) and np.isfinite(scale)):
+        raise InputError(f"Solution.plot: scale; got {scale!r}; expected a finite number")
     skin = skin_of(model.mesh)
     rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
     if scale is None:

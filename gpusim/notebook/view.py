@@ -19,7 +19,7 @@ from gpusim.notebook.page import Picture, page, png_bytes
 from gpusim.notebook.scene import scene_surfaces
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
 from gpusim.optics import render
-from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.build.cameras import build_camera, grey_weights
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.scene import Scene, load_scene
 
@@ -104,6 +104,8 @@ def _still(scene: Scene, camera: str | None, size: tuple[int, int], reason: str)
     described = next(one for one in scene.cameras if one.name == camera)
     seen = resized_camera(build_camera(described, scene.input), *size)
     frame = render(built.all, seen, build_lights(scene))
-    pixels = toned(frame.radiance)
+    weights = grey_weights(scene.sensor_of(described.name), described)
+    grey = frame.coloured and weights is not None
+    pixels = toned(frame.radiance @ np.array(weights, np.float32) if grey else frame.radiance)
     frame.release()
     return StillView(f"{scene.name}, camera {camera}", pixels, reason)

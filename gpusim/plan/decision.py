@@ -51,7 +51,8 @@ class Decision:
             for record, key in enumerate(keys):
                 task = self.graph.tasks[key]
                 name = task.stage.shown(record)
-                if name:
+                # a value that several records share belongs to the first
+                if name and (place, record) == task.first_in(place):
                     tasks.setdefault(name, []).append(task)
         found = [_public(name, place, own) for name, own in tasks.items()]
         found += [

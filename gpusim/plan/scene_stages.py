@@ -44,24 +44,31 @@ def scene_stages(scene: Scene, options: RunOptions) -> SceneStages:
     """All stages of a scene without variants."""
     build = StageBuilder(scene, options)
     moving = list(kind_of(scene).make_stages(build))
-    stages = [*_things(build), *moving, *_linear_theory(build, moving)]
     motions: Needs = {one.name: first for one in moving if one.name.startswith("motion/")}
+    stages = list(moving)
     for camera in scene.cameras:
         stages += _pictures(build, camera.name, motions)
     for camera_name in scene.calibration.cameras if scene.calibration else ():
         stages += _targets(build, camera_name)
     stages += _results(build, motions, [one.name for one in moving])
+    if any(one.keeps for one in stages):  # there is something to report of
+        stages = [*_looks(build), *stages, *_linear_theory(build, moving)]
+    stages = [*_things(build), *stages]
     return SceneStages(tuple(stages), _skipped(build, stages), build.frames)
 
 
 def _things(build: StageBuilder) -> Iterator[Stage]:
-    """Bodies and props as they stand, and what is known of them before any work."""
+    """Bodies and props as they stand."""
     for name in build.bodies:
         yield build.stage(f"mesh/{name}", "bodies:mesh", [f"body.{name}.mesh"], shown="mesh")
         yield build.stage(f"surface/{name}", "bodies:surface", [f"body.{name}.paint"],
                           {f"mesh/{name}": first}, shown="surface")  # fmt: skip
     if build.scene.props:
         yield build.stage("props", "bodies:props", ["prop.still"], shown="surface")
+
+
+def _looks(build: StageBuilder) -> Iterator[Stage]:
+    """What is known of them before any work."""
     if build.bodies:
         yield build.stage("meshes", "bodies:mesh_notes", ["body.*.mesh"], build.of_bodies("mesh"),
                           keeps=True)  # fmt: skip
@@ -71,8 +78,8 @@ def _things(build: StageBuilder) -> Iterator[Stage]:
 
 def _linear_theory(build: StageBuilder, moving: Sequence[Stage]) -> Iterator[Stage]:
     if any(one.name == "solve" for one in moving):
-        needs = build.of_bodies("surface") | build.of_bodies("model") | build.of_bodies("motion")
-        yield build.stage("linear theory", "checks:linear_theory", ["body"], needs,
+        needs = build.of_bodies("mesh") | build.of_bodies("motion")
+        yield build.stage("linear theory", "checks:linear_theory", ["body.*.mechanics"], needs,
                           [list(build.frames)], keeps=True)  # fmt: skip
 
 
@@ -86,7 +93,8 @@ def _pictures(build: StageBuilder, camera: str, motions: Needs) -> Iterator[Stag
     for number in range(len(frames)):
         near = frames.near(number, wide=spec.shutter is not None and rate is not None)
         shown = [frames.shown(one) for one in near]
-        rows.append([shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board])
+        row = [shown, near.index(number), (near[-1] - near[0]) / (rate or 1.0), board]
+        rows.append(row if build.options.skip else [*row, number])  # else equal frames are one
         moved.append(not all(one.unloaded for one in shown))
     needs = {name: lambda k: (0,) if moved[k] else () for name in motions}
     sections = [f"camera.{camera}", "light", "render", "prop.still", "body.*.name"]
@@ -142,13 +150,14 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         yield from _measured(build, spec, whole, table)
     stresses = output.stress and "solve" in moving
     if stresses:
-        needs = build.of_bodies("surface") | build.of_bodies("model") | motions
-        yield build.stage("stress", "mechanics:stress", ["body"], needs, table, "stress",
-                          keeps=True)  # fmt: skip
+        needs = build.of_bodies("mesh") | build.of_bodies("model") | motions
+        yield build.stage("stress", "mechanics:stress", ["body.*.mechanics"], needs, table,
+                          "stress", keeps=True)  # fmt: skip
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
-        yield build.stage("export", "exports:meshes", ["output", "body.*.name", "analysis"], needs,
-                          table, "export", keeps=True)  # fmt: skip
+        sections = ["output.meshes", "body.*.name", "analysis"]
+        yield build.stage("export", "exports:meshes", sections, needs, table, "export",
+                          keeps=True)  # fmt: skip
 
 
 def _measured(

@@ -56,18 +56,16 @@ _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image'
 def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -> Figure:
     """Draw measured points on the true curve, and below it their difference in units and pixels;
     ``beside``: more of them in the same figure."""
-    together = (series, *beside)
     title = series.figure or series.name
-    residual = np.concatenate([one.y_measured - one.y_truth for one in together])
-    x = np.concatenate([one.x for one in together])
+    residual = np.concatenate([one.y_measured - one.y_truth for one in (series, *beside)])
 
     def draw(canvas: Canvas) -> None:
         upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.2, 1.0])
-        draw_measured(upper, series)
         for one in beside:
-            draw_points(upper, one)
+            draw_measured(upper, one, legend=False)
+        draw_measured(upper, series)
         axis_title(upper, title)
-        _draw_residual(lower, series, x, residual)
+        _draw_residual(lower, series, residual, 1 + len(beside))
 
     margins = Margins(right=1.1 if series.units_per_px else 0.15)
     draw_png(path, (_WIDTH, 5.2), draw, margins)
@@ -82,22 +80,15 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
     return Figure(Path(path), title, caption + ".")
 
 
-def draw_measured(axes: Axes, series: Series, **style: Any) -> None:
-    """Draw measured points on the true curve, with a legend; ``style`` is the points'."""
-    draw_points(
-        axes, series, "Finite elements (truth)", **{"label": "Measured from the images", **style}
-    )
-    axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
-    axes.legend(loc="best")
-
-
-def draw_points(axes: Axes, series: Series, truth: str | None = None, **style: Any) -> None:
-    """Draw measured points on the true curve, which is called ``truth`` in a legend."""
+def draw_measured(axes: Axes, series: Series, legend: bool = True, **style: Any) -> None:
+    """Draw measured points on the true curve; ``style`` is the points'."""
+    labels = "Finite elements (truth)", "Measured from the images"
+    true, measured = labels if legend else ("_", "_")
     order = np.argsort(series.x, kind="stable")
     line = series.x[order], series.y_truth[order]
     if series.truth_x.size:
         line = series.truth_x, series.truth_y
-    axes.plot(*line, color=TRUTH, linewidth=2.2, label=truth)
+    axes.plot(*line, color=TRUTH, linewidth=2.2, label=true)
     axes.plot(
         series.x,
         series.y_measured,
@@ -107,16 +98,20 @@ def draw_points(axes: Axes, series: Series, truth: str | None = None, **style: A
             "markerfacecolor": PAGE,
             "markeredgecolor": MEASURED,
             "markeredgewidth": 1.8,
+            "label": measured,
             **style,
         },
     )
+    if legend:
+        axes.set_ylabel(f"{series.y_label} ({series.y_unit})")
+        axes.legend(loc="best")
 
 
-def _draw_residual(
-    axes: Axes, series: Series, x: npt.NDArray[np.float64], residual: npt.NDArray[np.float64]
-) -> None:
+def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count: int) -> None:
+    """Of ``count`` series over the same x."""
     from matplotlib.ticker import MaxNLocator
 
+    x = np.tile(series.x, count)
     axes.axhline(0.0, color=TRUTH, linewidth=1.4)
     axes.vlines(x, 0.0, residual, color=MEASURED, linewidth=1.6)
     axes.plot(x, residual, "o", color=MEASURED, markersize=4.5)

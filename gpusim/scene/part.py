@@ -32,9 +32,10 @@ _OF_BODY = {
     "name": (),
     "formulation": ("formulation",),
     "solid": ("material", "parts", "formulation", "supports", "loads"),
+    "mechanics": ("material", "parts", "formulation", "supports", "loads"),
 }
 """Sections of a body, and its attributes; the name always goes with them. "solid": without the
-factors by which loads and supports vary from frame to frame."""
+factors by which loads and supports vary from frame to frame, "mechanics": with them."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,8 @@ class SceneParts:
             return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
         if section == "output.truth":
             return Output.model_construct(truth=whole.truth)
+        if section == "output.meshes":
+            return Output.model_construct(vtu=whole.vtu, stl=whole.stl, stress=whole.stress)
         if head == "camera":
             electric = next((one for one in sections if one.startswith("sensor")), "")
             return tuple(_equipped(camera, electric) for camera in _named(whole, rest))

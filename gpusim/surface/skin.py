@@ -14,6 +14,7 @@ import numpy.typing as npt
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
+from gpusim.mesh.polygons import cut_at_dents
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 from gpusim.surface.frames import Frame, face_normals
 from gpusim.surface.paint import Paint
@@ -167,7 +168,9 @@ class Skin:
         if subdivisions is None:
             curved = int(faces.is_quadratic.sum())
             subdivisions = next((n for n, most in _SUBDIVISIONS if curved <= most), 2)
-        self.pieces, self.face_of_piece, self._vertices = cut(faces, subdivisions)
+        pieces, face, self._vertices = cut(faces, subdivisions)
+        whole, piece = cut_at_dents(self.at_vertices(mesh.points), pieces)
+        self.pieces, self.face_of_piece = whole.astype(np.int32), face[piece]
         self.cell_of_piece = faces.cell[self.face_of_piece]
         self._keys = faces.cell.astype(np.int64) * 8 + faces.local
         self._order = np.argsort(self._keys, kind="stable")

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
+from gpusim.mesh.polygons import cut_at_dents
 from gpusim.surface.color import in_band
 from gpusim.surface.frames import Frame, PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.paint import Paint, Plain
@@ -34,7 +35,7 @@ class Surface:
     ----------
     points : (P, 3) float64, where the vertices are now, in any unit of length.
     faces : (F, 3) or (F, 4) int, vertex numbers counter-clockwise seen from outside; a triangle
-        among quadrilaterals ends with -1.
+        among quadrilaterals ends with -1. A quadrilateral with a dent becomes two triangles.
     paint : one paint for all, or one per region name.
     region : (F,) int, index into the paints in the mapping's order; needed with several paints.
     reference : (P, 3) float64, undeformed positions, which the paint sticks to; default: points.
@@ -89,7 +90,6 @@ class Surface:
                 f"{where} face {face}; got vertices {faces[face].tolist()}; "
                 f"expected numbers from 0 to {len(points) - 1}"
             )
-        faces = faces.astype(np.int32)
         empty = ~(np.linalg.norm(face_normals(reference, faces), axis=1) > 0.0)
         if empty.any():
             face = int(np.argmax(empty))
@@ -116,6 +116,8 @@ class Surface:
                 f"{where} region; got shape {region.shape}, values {region.min(initial=0)} to "
                 f"{region.max(initial=0)}; expected ({len(faces)},) with 0 to {len(paints) - 1}"
             )
+        cut, whole = cut_at_dents(reference, faces)
+        region = region[whole]
         if not isinstance(self.frames, Mapping):
             raise InputError(f"{where} frames; got {self.frames!r}; expected a mapping by region")
         unknown = sorted(set(self.frames) - set(paints))
@@ -124,7 +126,7 @@ class Surface:
         for key, value in (
             ("points", points),
             ("reference", reference),
-            ("faces", faces),
+            ("faces", cut.astype(np.int32)),
             ("region", region.astype(np.int32)),
             ("paint", dict(paints)),
         ):

@@ -29,7 +29,7 @@ from gpusim.view.picture.display import (
     draw_frame,
     enlarged_twin,
 )
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 STEP = 1.0 / 255.0
 """Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""
@@ -88,12 +88,14 @@ def check_field_colors(device: Device) -> None:
 
 @twin_check("view/picture/display")
 def check_display(device: Device) -> None:
-    """A grey and a coloured picture in two bands, pixel for pixel."""
+    """A grey and a coloured picture in two bands, pixel for pixel, the latter in grey, too."""
     target = device.texture(61, 37, "rgba8unorm", "twin.display")
-    for frame, radiance in _grey_and_coloured(device):
+    grey, coloured = _grey_and_coloured(device)
+    weights = (0.2, 0.5, 0.3)
+    for (frame, radiance), mixed in ((grey, None), (coloured, None), (coloured, weights)):
         with device.recording("twin.display") as recording:
-            draw_frame(device, recording, target, 3, 2, frame, 1.2)
-        wanted = np.pad(display_twin(radiance, 1.2), ((2, 21), (3, 35), (0, 0)))
+            draw_frame(device, recording, target, 3, 2, frame, 1.2, weights=mixed)
+        wanted = np.pad(display_twin(radiance, 1.2, mixed), ((2, 21), (3, 35), (0, 0)))
         got = pixels_of(device, target)[..., :3] * STEP
         compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
 

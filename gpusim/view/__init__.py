@@ -1,9 +1,10 @@
 """The preview window: a scene, a run's folder or a mesh, looked at while one works on it.
 
 What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``) are imported by
-`window` alone. In the order in which modules need each other:
+`window` and `server` alone. In the order in which modules need each other:
 
-- `placement`: Where a picture lies in the window.
+- `picture`: Pictures of what is shown: coarse while it moves, exact when it is still.
+- `content`: What is shown, from files, and solved meanwhile.
 - `turntable`: A camera that goes round a pivot with z up.
 - `glyphs`: Letters as small grey pictures, drawn by Pillow from the DejaVu Sans that comes with
   matplotlib.
@@ -14,19 +15,16 @@ What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``)
   colours.
 - `picking`: What is under a pixel: the body or prop, its element, node and field, and the material
   point.
-- `mesh_edges`: Lines of a mesh on its surface: borders of elements, and edges where it is creased
-  or ends.
 - `symbols`: Symbols in space, drawn over a picture through its camera: supports, loads, axes,
   cameras, a grid.
 - `camera_marks`: What is drawn while one looks through a camera of the scene: its frame, its
   middle, its lens.
-- `content`: What is shown, from files, and solved meanwhile.
-- `picture`: Its picture: coarse while it moves, exact when it is still.
 - `keys`: What keys and the mouse do, in one table.
 - `panels`: What is written over the picture: title, selection, slider, progress, help, messages,
   faults.
 - `view_state`: What is looked at: content, view and choices; and how it is drawn.
 - `viewer`: How keys and the mouse change what is looked at.
 - `screenshot`: The window's picture without a window.
-- `window`: The window (rendercanvas and glfw), and the same picture in a browser.
+- `window`: The window (rendercanvas and glfw).
+- `server`: The same picture in a browser, from a server that pages of this machine alone reach.
 """

@@ -21,7 +21,7 @@ from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.surface.surface import Surface
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 __all__ = [
     "NONE", "FieldColors", "SurfaceField", "corner_values", "field_colors_twin",

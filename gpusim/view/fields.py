@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.mesh import Mesh
 from gpusim.surface import Skin
+from gpusim.view.content.body_state import BodyState
 from gpusim.view.field_colors import SurfaceField
-from gpusim.view.overlay import Overlay, Shade, display_color
-
-if TYPE_CHECKING:
-    from gpusim.fem import Model, Stress
+from gpusim.view.overlay import INK, PAPER, Overlay
 
 __all__ = [
-    "FIELDS", "BodyState", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
-    "format_value", "scale_of", "surface_field",
+    "FIELDS", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
+    "format_value", "legend_width", "scale_of", "surface_field",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -37,49 +34,6 @@ def _fem() -> Any:
     from gpusim import fem
 
     return fem
-
-
-@dataclass(frozen=True, eq=False)
-class BodyState:
-    """A body in one frame, from which its fields follow.
-
-    ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
-    displacements are given: it has no stress. ``formulation``, ``temperature``: as for
-    `gpusim.fem.stress`. ``reactions``: of the supports (N, 3), N. ``nodal_stress``: (N, 6), Pa,
-    where it is there already; strain and the elements' fields aren't then.
-    """
-
-    mesh: Mesh
-    u: Array
-    model: Model | None = None
-    formulation: str | None = None
-    temperature: float = 0.0
-    reactions: Array | None = None
-    nodal_stress: Array | None = None
-
-    @cached_property
-    def recovered(self) -> Stress:
-        """The stress of ``u``. Raises InputError for a body without a model."""
-        if self.model is None:
-            raise InputError("field: stress and strain; got a body without a material to solve")
-        change = self.temperature or None
-        found: Stress = _fem().stress(self.model, self.u, self.formulation, temperature=change)
-        return found
-
-    @property
-    def stress(self) -> Array:
-        """(N, 6), Pa."""
-        return self.recovered.nodal if self.nodal_stress is None else self.nodal_stress
-
-    @cached_property
-    def strain(self) -> Array:
-        """(N, 6) as tensor components; where materials meet that of the greatest stress."""
-        found = self.recovered
-        order = np.argsort(_fem().von_mises(found.values), kind="stable")
-        result = np.zeros((self.mesh.node_count, 6))
-        result[found.node_of[order]] = found.strains[order]
-        result[:, 3:] *= 0.5
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +55,6 @@ class FieldKind:
     def values(self, state: BodyState) -> Array:
         """(N,) or (M,) in ``unit``. Raises InputError where the body hasn't this field."""
         return self.factor * self.of(state)
-
-
-def _reactions(state: BodyState) -> Array:
-    if state.reactions is None:
-        raise InputError("field: reaction; got a body that was not solved here")
-    return np.asarray(np.linalg.norm(state.reactions, axis=1))
 
 
 Of = Callable[[BodyState], Array]
@@ -158,7 +106,6 @@ def _fields() -> dict[str, FieldKind]:
     found["error_share"] = FieldKind(
         "Share of the stress error", "%", 1e2, False, lambda s: s.recovered.error_share, True
     )
-    found["reaction"] = FieldKind("Reaction of nodes", "N", 1.0, False, _reactions)
     return found
 
 
@@ -219,35 +166,17 @@ class ColorScale:
 
 @cache
 def color_map(name: str) -> Array:
-    """(256, 3) colours of one of matplotlib's maps, 0 to 1 as sRGB has them.
-
-    Raises
-    ------
-    InputError
-        matplotlib hasn't it.
-    """
+    """(256, 3) colours of one of matplotlib's maps, 0 to 1 as sRGB has them."""
     from matplotlib import colormaps  # a second's work, which a window without fields needs not
 
-    if name not in colormaps:
-        raise InputError(f"colour map; got {name!r}; expected one of matplotlib's, as 'viridis'")
     return np.asarray(colormaps[name](np.linspace(0.0, 1.0, 256)), np.float64)[:, :3]
 
 
-def scale_of(
-    values: Sequence[Array],
-    signed: bool = False,
-    limits: tuple[float, float] | None = None,
-    colormap: str | None = None,
-) -> ColorScale:
+def scale_of(values: Sequence[Array], signed: bool = False) -> ColorScale:
     """Round limits and ticks for the values of several bodies.
 
-    ``limits``: taken as they are; None: those that all but a few values lie between, rounded
-    outwards, from 0 if that is not far, and symmetric if values are ``signed`` and of both signs.
-
-    Raises
-    ------
-    InputError
-        Limits that don't grow or aren't finite, or an unknown colour map.
+    All but a few values lie between the limits, which are rounded outwards, from 0 if that is not
+    far, and symmetric if values are ``signed`` and of both signs.
 
     Examples
     --------
@@ -255,43 +184,30 @@ def scale_of(
     >>> scale_of([np.linspace(0.3, 37.0, 50)]).ticks
     (0.0, 10.0, 20.0, 30.0, 40.0)
     """
+    from matplotlib.ticker import MaxNLocator
+
     every = np.concatenate([np.zeros(0), *(v[np.isfinite(v)] for v in values)])
     least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
     both = signed and least < 0.0 < most
-    if limits is None:
-        low, high = (
-            float(np.percentile(every, share)) if len(every) else 0.0
-            for share in (OUTSIDE, 100.0 - OUTSIDE)
-        )
-        if both:
-            high = max(abs(low), abs(high))
-            low = -high
-        elif 0.0 <= low < 0.5 * high or (high <= 0.0 and high > 0.5 * low):
-            low, high = min(low, 0.0), max(high, 0.0)
-            low = 0.0 if high > 0.0 else low
-        if not high - low > 1e-9 * max(abs(low), abs(high)):
-            low, high = min(low, 0.0), max(high, 0.0) if high else 1.0
-        ticks = _ticks(low, high)
-        limits = float(ticks[0]), float(ticks[-1])
-    else:
-        low, high = limits
-        if not (np.isfinite(limits).all() and high > low):
-            raise InputError(
-                f"limits of a field; got {low:g} to {high:g}; expected growing numbers"
-            )
-        ticks = _ticks(low, high)
-        ticks = ticks[(ticks >= low) & (ticks <= high)]
-    name = colormap or (DIVERGING if both else SEQUENTIAL)
-    color_map(name)
-    slack = 1e-9 * (limits[1] - limits[0])
+    low, high = (
+        float(np.percentile(every, share)) if len(every) else 0.0
+        for share in (OUTSIDE, 100.0 - OUTSIDE)
+    )
+    if both:
+        high = max(abs(low), abs(high))
+        low = -high
+    elif 0.0 <= low < 0.5 * high or (high <= 0.0 and high > 0.5 * low):
+        low, high = min(low, 0.0), max(high, 0.0)
+        low = 0.0 if high > 0.0 else low
+    if not high - low > 1e-9 * max(abs(low), abs(high)):
+        low, high = min(low, 0.0), max(high, 0.0) if high else 1.0
+    locator = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
+    ticks = np.asarray(locator.tick_values(low, high), np.float64)
+    low, high = float(ticks[0]), float(ticks[-1])
+    slack = 1e-9 * (high - low)
     marks = tuple(float(tick) + 0.0 for tick in ticks)
-    return ColorScale(*limits, marks, name, least < limits[0] - slack, most > limits[1] + slack)
-
-
-def _ticks(low: float, high: float) -> Array:
-    from matplotlib.ticker import MaxNLocator
-
-    return np.asarray(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high), np.float64)
+    name = DIVERGING if both else SEQUENTIAL
+    return ColorScale(low, high, marks, name, least < low - slack, most > high + slack)
 
 
 def format_value(value: float, step: float | None = None) -> str:
@@ -316,6 +232,22 @@ def format_value(value: float, step: float | None = None) -> str:
     return text.replace("-", "−")  # noqa: RUF001
 
 
+def _labels(scale: ColorScale) -> list[str]:
+    """What stands at the ticks."""
+    step = float(np.diff(scale.ticks).min()) if len(scale.ticks) > 1 else None
+    return [format_value(tick, step) for tick in scale.ticks]
+
+
+def legend_width(
+    overlay: Overlay, scale: ColorScale, title: str, unit: str, size: float = 13.0
+) -> float:
+    """Of what `draw_legend` draws, px."""
+    beside = max((overlay.text_width(label, size) for label in _labels(scale)), default=0.0)
+    bar = round(1.2 * size) + round(0.45 * size) + 6 + beside
+    text = f"{title} ({unit})" if unit else title
+    return float(round(2 * round(0.8 * size) + max(overlay.text_width(text, size), bar)))
+
+
 def draw_legend(
     overlay: Overlay,
     scale: ColorScale,
@@ -325,26 +257,20 @@ def draw_legend(
     y: float,
     height: float = 240.0,
     size: float = 13.0,
-    color: Shade = "#16202b",
-    panel: Shade | None = "#ffffffd8",
 ) -> tuple[float, float]:
     """The bar of colours with its ticks, name and unit; returns the width and height it takes, px.
 
-    (x, y): top left corner; ``height``: of the bar; ``size``: of the letters; ``panel``: what is
-    beneath. Values beyond an end are told by a tip there.
+    (x, y): top left corner; ``height``: of the bar; ``size``: of the letters. Values beyond an
+    end are told by a tip there.
     """
     x, y, height = round(x), round(y), round(height)
     text = f"{title} ({unit})" if unit else title
-    step = float(np.diff(scale.ticks).min()) if len(scale.ticks) > 1 else None
-    labels = [format_value(tick, step) for tick in scale.ticks]
     pad, bar, tip = round(0.8 * size), round(1.2 * size), round(0.7 * size)
     mark = round(0.45 * size)
-    beside = max((overlay.text_width(label, size) for label in labels), default=0.0)
-    wide = 2 * pad + max(overlay.text_width(text, size), bar + mark + 6 + beside)
+    wide = legend_width(overlay, scale, title, unit, size)
     tall = 2 * pad + round(1.8 * size) + height + 2 * tip
-    if panel is not None:
-        overlay.rectangle(x, y, round(wide), tall, panel)
-    overlay.text(x + pad, y + pad, text, size, color)
+    overlay.rectangle(x, y, wide, tall, PAPER)
+    overlay.text(x + pad, y + pad, text, size, INK)
     left, top = x + pad, y + pad + round(1.8 * size) + tip
     colors = scale.colors
     rows = (np.arange(height)[::-1] + 0.5) / height * (len(colors) - 1)
@@ -359,9 +285,9 @@ def draw_legend(
     if scale.below:
         end = top + height
         overlay.polygon([(left, end), (left + bar, end), (middle, end + tip)], tuple(colors[0]))
-    for tick, label in zip(scale.ticks, labels, strict=True):
+    for tick, label in zip(scale.ticks, _labels(scale), strict=True):
         share = (scale.high - tick) / (scale.high - scale.low)
         at = top + min(max(round(share * height - 0.5), 0), height - 1)
-        overlay.rectangle(left + bar, at, mark, 1, display_color(color))
-        overlay.text(left + bar + mark + 5, at + 0.5, label, size, color, anchor="lm")
-    return float(round(wide)), float(tall)
+        overlay.rectangle(left + bar, at, mark, 1, INK)
+        overlay.text(left + bar + mark + 5, at + 0.5, label, size, INK, anchor="lm")
+    return wide, float(tall)

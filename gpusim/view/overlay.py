@@ -31,6 +31,9 @@ QUAD = np.dtype([("corner", "<f4", (4, 2)), ("color", "<f4", 4), ("sprite", "<u4
 LINE_ENDS = 0b1010
 """Edges of a line's quad that are hard: pieces that go on with each other have no gap between."""
 
+INK, PAPER = "#16202b", "#ffffffd8"
+"""Of what is written, and what is beneath."""
+
 LINE_HEIGHT = 1.35
 """Of lines of text, over their size."""
 

@@ -13,26 +13,27 @@ from gpusim.view.camera_marks import (
     draw_image_frame,
     draw_principal_point,
 )
-from gpusim.view.fields import draw_legend, field_kind, format_value, scale_of
+from gpusim.view.content.mesh_edges import element_edges
+from gpusim.view.fields import draw_legend, field_kind, format_value, legend_width
 from gpusim.view.keys import help_lines
-from gpusim.view.mesh_edges import element_edges
-from gpusim.view.overlay import Overlay
+from gpusim.view.overlay import INK, PAPER, Overlay
 from gpusim.view.symbols import Symbols
 from gpusim.view.view_state import ViewState
 
-__all__ = ["draw_panels", "slider_frame"]
+__all__ = ["draw_panels", "panels_taken", "slider_frame"]
 
 Array = npt.NDArray[np.float64]
 
 SIZE = 14
 """px of letters."""
 
-INK, PAPER = "#16202b", "#ffffffd8"
 ACCENT, WARNING = "#1f6fb2", "#9c1c1c"
 EDGE = 14
 """px between panels and the window's border."""
 BAR = 8
 """px, height of the slider."""
+BELOW = 5 * SIZE
+"""px of the window's lower side for the slider and what it says."""
 
 
 def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
@@ -81,6 +82,9 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
         if viewer.sharp is not None:
             lines.append(viewer.sharp.describe())
             lines += ["orange is nearer, blue farther"] if viewer.shown["cameras"] else []
+    shot, base = viewer.picture.shot, viewer.picture.base
+    if shot is not None and shot.weights is not None and base is not None and base.coloured:
+        lines.append('grey, as pictures of channels = "mono"')
     if content is not None and content.moves and viewer.scale != 1.0:
         lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
     right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))
@@ -120,6 +124,17 @@ def _draw_message(
     if color != INK:
         overlay.rectangle(x - 4, y, 4, round(tall), color)
     return y
+
+
+def panels_taken(viewer: ViewState) -> tuple[float, float]:
+    """Px of the window's right and lower side that the legend and the slider take; half of it at
+    most, so that something is left to be seen."""
+    right, overlay, scale = 0.0, viewer.overlay, viewer.color_scale
+    if viewer.field_values and viewer.field is not None:
+        kind = field_kind(viewer.field)
+        right = 2.0 * EDGE + legend_width(overlay, scale, kind.title, kind.unit, SIZE)
+    below = BELOW if _has_slider(viewer) else 0.0
+    return min(right, 0.5 * viewer.size[0]), min(below, 0.5 * viewer.size[1])
 
 
 # -- slider
@@ -173,12 +188,10 @@ def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
     """The legend of a field, in the corner; returns how far down it goes."""
     if not viewer.field_values or viewer.field is None:
         return 0.0
-    kind = field_kind(viewer.field)
-    scale = scale_of(viewer.field_values, kind.signed)
-    tall = min(240.0, 0.5 * viewer.size[1])
-    wide, _ = draw_legend(Overlay(viewer.device), scale, kind.title, kind.unit, 0, 0, tall, SIZE)
-    right = viewer.size[0] - wide - EDGE
-    return EDGE + draw_legend(overlay, scale, kind.title, kind.unit, right, EDGE, tall, SIZE)[1]
+    kind, scale = field_kind(viewer.field), viewer.color_scale
+    left = viewer.size[0] - EDGE - legend_width(overlay, scale, kind.title, kind.unit, SIZE)
+    tall = min(max(viewer.size[1] - 20.0 * SIZE, 4.0 * SIZE), 240.0)
+    return EDGE + draw_legend(overlay, scale, kind.title, kind.unit, left, EDGE, tall, SIZE)[1]
 
 
 def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
@@ -219,8 +232,8 @@ def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
         if shown["cameras"]:
             draw_distortion(overlay, camera, place)
     else:
-        raised = 3.5 * SIZE if _has_slider(viewer) else 0.0
-        symbols.tripod(width - 60.0, height - 60.0 - raised)
+        below = 50.0 + panels_taken(viewer)[1]
+        symbols.tripod(width - 60.0, height - below, min(42.0, 0.1 * height))
 
 
 def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:

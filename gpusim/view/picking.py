@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.field_summary import field_summary
-from gpusim.optics.geometry.triangle_corners import POSITION, REFERENCE
+from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import View
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
@@ -21,20 +21,15 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Pick:
-    """What a pixel sees at ``column``, ``row`` (pixel coordinates, not rounded).
+    """What a pixel sees.
 
     ``surface``: its number among those of the view; ``name``, ``paint``: of the surface and of its
     region; ``face``: of the surface. ``vertices`` (3,), ``weights`` (3,): of the surface's
-    triangle, which follow the material point to wherever it moves. ``reference``, ``position``
-    (3,): the point before and after it moved, m, world; ``displacement`` (3,): between the two;
-    ``normal`` (3,): unit, of the triangle, towards the camera; ``depth``: along the optical axis,
-    m. Of bodies, else None: ``element`` (number of the cell), ``node`` (the nearest one of the
-    element's face seen), ``node_reference`` (3,) its place before it moved, ``sets``: names of
-    those that the element's face is in.
+    triangle, which follow the material point to wherever it moves. ``reference`` (3,): the point
+    before it moved, m, world. Of bodies, else None: ``element`` (number of the cell), ``node`` (the
+    nearest one of the element's face seen), ``sets``: names of those that the element's face is in.
     """
 
-    column: float
-    row: float
     surface: int
     name: str
     paint: str
@@ -42,19 +37,10 @@ class Pick:
     vertices: npt.NDArray[np.integer]
     weights: Array
     reference: Array
-    position: Array
-    normal: Array
-    depth: float
     element: int | None = None
     node: int | None = None
-    node_reference: Array | None = None
     sets: tuple[str, ...] = ()
     __repr__ = field_summary
-
-    @property
-    def displacement(self) -> Array:
-        """(3,) m."""
-        return self.position - self.reference
 
 
 def pick(
@@ -85,8 +71,8 @@ def pick(
     >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
     >>> frame = gs.render([wall], camera, backend="numpy")
     >>> found = pick(frame.view, frame.ids(), [wall], 29.5, 19.5)
-    >>> found.name, found.depth, (found.reference + 0.0).round(9).tolist()
-    ('surface', 2.0, [0.0, 0.0, 0.0])
+    >>> found.name, (found.reference + 0.0).round(9).tolist()
+    ('surface', [0.0, 0.0, 0.0])
     """
     i, j = int(np.floor(column + 0.5)), int(np.floor(row + 0.5))
     if not (0 <= i < view.camera.width and 0 <= j < view.camera.height):
@@ -94,40 +80,32 @@ def pick(
     triangle = int(ids[j, i]) - 1
     if triangle < 0:
         return None
-    shares, depth = _shares(view, triangle, column, row)
     corners = view.corners_of(np.array([triangle]))[0]
-    T = view.camera.camera_from_world
-    world = (corners[:, POSITION] - T[:3, 3]) @ T[:3, :3] + view.origin
     number = int(view.body[triangle])
     surface = surfaces[number]
     face = int(view.face[triangle]) - sum(len(one.faces) for one in surfaces[:number])
-    reference = shares @ corners[:, REFERENCE]
+    reference = _shares(view, triangle, column, row) @ corners[:, REFERENCE]
     first = sum(len(one.topology.triangles) for one in surfaces[:number])
     vertices = surface.topology.triangles[int(view.source[triangle]) - first]
     rest = surface.rest[vertices]
     second, third = np.linalg.lstsq((rest[1:] - rest[0]).T, reference - rest[0], rcond=None)[0]
-    normal = np.cross(world[1] - world[0], world[2] - world[0])
-    towards = view.camera.eye + view.origin - world[0]
-    normal *= np.sign(normal @ towards) / np.linalg.norm(normal)
-    element = node = place = None
+    element = node = None
     sets: tuple[str, ...] = ()
     if number < len(skins):
         sets = _face_sets(skins[number], face)
-        element, node, place = _element(skins[number], face, reference)
+        element, node = _element(skins[number], face, reference)
+    weights = np.array([1.0 - second - third, second, third])
+    paint = list(surface.paints)[surface.regions[face]]
     return Pick(
-        float(column), float(row), number, surface.name,
-        list(surface.paints)[surface.regions[face]], face, vertices,
-        np.array([1.0 - second - third, second, third]), reference, shares @ world, normal, depth,
-        element, node, place, sets,
-    )  # fmt: skip
+        number, surface.name, paint, face, vertices, weights, reference, element, node, sets
+    )
 
 
-def _shares(view: View, triangle: int, column: float, row: float) -> tuple[Array, float]:
-    """Weights (3,) of a triangle's corners at a pixel position, and the depth there."""
+def _shares(view: View, triangle: int, column: float, row: float) -> Array:
+    """Weights (3,) of a triangle's corners at a pixel position."""
     x, y = view.camera.undistort([column, row])
     over_depth = view.planes_of(np.array([triangle]))[0] @ [x, y, 1.0]
-    depth = 1.0 / float(over_depth.sum())
-    return over_depth * depth, depth
+    return np.asarray(over_depth / over_depth.sum())
 
 
 def _face_sets(skin: Skin, face: int) -> tuple[str, ...]:
@@ -138,10 +116,9 @@ def _face_sets(skin: Skin, face: int) -> tuple[str, ...]:
                  if (pairs == own).all(axis=1).any())  # fmt: skip
 
 
-def _element(skin: Skin, face: int, reference: Array) -> tuple[int, int, Array]:
+def _element(skin: Skin, face: int, reference: Array) -> tuple[int, int]:
     """The cell that a surface's face is of, and the nearest node of its boundary face."""
     nodes = skin.faces.nodes[skin.face_of_piece[face]]
     nodes = nodes[nodes >= 0]
-    places = skin.mesh.points[nodes]
-    nearest = int(np.argmin(((places - reference) ** 2).sum(axis=1)))
-    return int(skin.cell_of_piece[face]), int(nodes[nearest]), places[nearest]
+    nearest = np.argmin(((skin.mesh.points[nodes] - reference) ** 2).sum(axis=1))
+    return int(skin.cell_of_piece[face]), int(nodes[nearest])

@@ -7,6 +7,7 @@ Everything is projected in float64 by the camera itself, distortion included, an
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
 from gpusim.view.overlay import Overlay, Shade, display_color
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 __all__ = ["Symbols", "clusters", "frustum"]
 
@@ -118,16 +119,25 @@ class Symbols:
         """World points (…, 3) as places in the window (…, 2) px; NaN where not in front."""
         return self.place.window(self.camera.project(points))
 
-    def seen(self, points: Array) -> npt.NDArray[np.bool_]:
-        """(n,): whether no body hides points (n, 3); what is out of the image isn't hidden."""
+    def seen(self, points: Array, around: bool = False) -> npt.NDArray[np.bool_]:
+        """(n,): whether no body hides points (n, 3); what is out of the image isn't hidden.
+
+        ``around``: one of the four pixels round a point is enough, not its own alone, which sees
+        at a corner of a body another face than those that meet in the point.
+        """
         if self.frame is None or not len(points):
             return np.ones(len(points), bool)
-        view = self.frame.view
+        view, ids = self.frame.view, self.frame.ids()
         at = view.camera.project(points - view.origin)
         with np.errstate(invalid="ignore"):
             size = [view.camera.width - 0.5, view.camera.height - 0.5]
-            inside = np.all((at >= -0.5) & (at < size), axis=1)
-        return np.asarray(seen_in(view, self.frame.ids(), points) | ~inside)
+            seen = ~np.all((at >= -0.5) & (at < size), axis=1)
+            side = np.where(at > np.rint(at), 1, -1)
+        for step in product((0, 1, -1), repeat=2) if around else [(0, 0)]:
+            asked = ~seen & np.all((np.array(step) == 0) | (side == step), axis=1)
+            shifted = np.roll(ids, (-step[1], -step[0]), axis=(0, 1))
+            seen[asked] = seen_in(view, shifted, points[asked])
+        return np.asarray(seen)
 
     def size_at(self, points: Array, pixels: float) -> Array:
         """(n,) m: what is ``pixels`` px long in the window, across the view, at points (n, 3)."""
@@ -144,10 +154,7 @@ class Symbols:
         shades = np.tile(display_color(color), (len(pieces), 1))
         if self.frame is not None:
             middle, eye = pieces.mean(axis=1), self.camera.eye
-            seen = self.seen(eye + (1.0 - BEFORE) * (middle - eye))
-            # what is hidden between what is seen is a border that its own pixel lies behind
-            seen[1:-1] |= seen[:-2] & seen[2:]
-            shades[~seen, 3] *= pale
+            shades[~self.seen(eye + (1.0 - BEFORE) * (middle - eye), around=True), 3] *= pale
         own = shades[:, 3] > 0.0
         self.overlay.segments(self.window(pieces[own]), shades[own], width)
 

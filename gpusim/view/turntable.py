@@ -95,25 +95,31 @@ class Turntable:
         azimuth, elevation = SIDES[name]
         return replace(self, azimuth=azimuth, elevation=elevation)
 
-    def fit(self, points: npt.ArrayLike, width: float, height: float) -> Turntable:
-        """As near as all ``points`` (n, 3) are in the image, in this direction.
+    def fit(
+        self, points: npt.ArrayLike, width: float, height: float,
+        taken: tuple[float, float] = (0.0, 0.0),
+    ) -> Turntable:  # fmt: skip
+        """As near as all ``points`` (n, 3) are in the image, in this direction, but for what is
+        ``taken`` of it along its right and its lower side, px.
 
-        In closed form: each side of the image is a plane through the eye, and the eye lies where
+        In closed form: each side of what is free is a plane through the eye, and the eye lies where
         the outermost points touch them; the pivot comes to the middle of the points' depths.
         """
         right, down, forward = self.axes @ np.asarray(points, np.float64).reshape(-1, 3).T
-        tangent = (1.0 - MARGIN) * np.tan(0.5 * self.field_of_view)
         middle = 0.5 * (forward.min() + forward.max())
-        back, centre = 0.0, []
-        for across, slope in ((right, tangent * width / height), (down, tangent)):
-            high = float((across - slope * forward).max())
-            low = float((across + slope * forward).min())
-            back = max(back, 0.5 * (high - low) / slope + middle)
-            centre.append(0.5 * (high + low))
         size = float(np.ptp([right, down, forward], axis=1).max())
+        back, sides = 0.5 * size, []
+        for across, pixels, less in ((right, width, taken[0]), (down, height, taken[1])):
+            half = (1.0 - MARGIN) * 0.5 * (pixels - less)
+            slope, shift = self._unit(height) / self.distance * np.array([half, -0.5 * less])
+            high = float((across - (shift + slope) * forward).max())
+            low = float((across - (shift - slope) * forward).min())
+            back = max(back, 0.5 * (high - low) / slope + middle)
+            sides.append((0.5 * (high + low), shift))
+        centre = [between + shift * (middle - back) for between, shift in sides]
         moved = self._at(np.array([*centre, middle]) @ self.axes)
         # a point alone is brought to the middle
-        return replace(moved, distance=max(back, 0.5 * size)) if size > 0.0 else moved
+        return replace(moved, distance=back) if size > 0.0 else moved
 
     def of_camera(self, camera: Camera, middle: npt.ArrayLike) -> Turntable:
         """What a camera sees, without its roll and its lens's distortion; the pivot is as deep as

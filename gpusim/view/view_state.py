@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +16,19 @@ from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.scene.description.table import FileUnit
-from gpusim.view.camera_marks import DepthOfField
+from gpusim.view.camera_marks import defocus_tint
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content
+from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
 from gpusim.view.field_colors import FieldColors, corner_values
-from gpusim.view.fields import field_kind, scale_of, surface_field
+from gpusim.view.fields import ColorScale, field_kind, scale_of, surface_field
 from gpusim.view.overlay import Overlay
 from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
+from gpusim.view.picture.placement import Placement
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
-from gpusim.view.placement import Placement
 from gpusim.view.turntable import Turntable
 
 __all__ = ["ViewState"]
@@ -37,6 +39,9 @@ MESSAGE_SECONDS = 4.0
 """How long a message stands in the window."""
 
 UNSOLVED = "not solved"
+
+STRESS = ("von_mises", "stress_", "principal_stress_")
+"""How names of fields begin that are of the stress at nodes."""
 
 TINT = 0.4
 """Opacity of the tint on what isn't sharp."""
@@ -50,18 +55,19 @@ class ViewState:
 
     ``content``: None until there is something that can be shown. ``fault``: why the file as it is
     now can't be, or "". ``through``: number of the scene's camera that is looked through; None for
-    the ``view`` that the mouse moves. ``shown``: what can be switched on and off.
+    the ``view`` that the mouse moves. ``free_view``: where that was before. ``shown``: what can be
+    switched on and off.
     """
 
     def __init__(
         self, device: Device, path: Path, size: tuple[int, int], solve: bool = True,
-        unit: FileUnit = "mm",
+        unit: FileUnit | None = None,
     ) -> None:  # fmt: skip
         self.device, self.path, self.size, self.solves, self.unit = device, path, size, solve, unit
         self.content: Content | None = None
         self.solver: BackgroundSolver | None = None
         self.fault = self.message = ""
-        self.view = Turntable()
+        self.view = self.free_view = Turntable()
         self.through: int | None = None
         self.frame, self.scale, self.gain = 0, 1.0, 1.0
         self.field: str | None = None
@@ -75,6 +81,9 @@ class ViewState:
         self.copy: Callable[[str], None] | None = None
         self._white: float | None = None
         self.field_values: list[Array] = []
+        self.color_scale = ColorScale(0.0, 1.0, ())
+        self._framed: Turntable | None = None
+        self._layout: tuple[Any, ...] = ()
         self._until = 0.0
         self.load()
 
@@ -85,15 +94,26 @@ class ViewState:
         self.device.programs.stop()  # a process waits for what is being compiled in threads
         self.picture.release()
 
+    @contextmanager
+    def faults_shown(self) -> Iterator[None]:
+        """Whatever is raised within is shown in the window, and ends nothing: the next event, tick
+        or picture comes all the same."""
+        try:
+            yield
+        except (GpusimError, OSError) as error:
+            self.fault = str(error)
+        except Exception as error:
+            self.fault = f"{type(error).__name__}: {error}"
+
     # -- content ------------------------------------------------------------------------------
 
     def load(self) -> None:
         """Read the file again; what can't be read leaves the last good content, and a fault."""
-        try:
-            found = load_content(self.path, self.unit, self.content)
-        except (GpusimError, OSError) as error:
-            self.fault = str(error)
-            return
+        with self.faults_shown():
+            self._show(load_content(self.path, self.unit, self.content))
+
+    def _show(self, found: Content) -> None:
+        """Show what was read in place of what there was."""
         unsolved = self.fault if self.fault.startswith(UNSOLVED) else ""
         earlier, self.content, self.fault = self.content, found, ""
         self.watch.watch((self.path, *found.files))
@@ -108,7 +128,7 @@ class ViewState:
         self._white, self.selected = None, None
         self.frame = min(self.frame, found.frames - 1)
         if self.through is not None and self.through >= len(found.cameras):
-            self.through = None
+            self.look_through(None)
         if earlier is None:
             self.reset()
         self._field_again()
@@ -122,7 +142,8 @@ class ViewState:
         if self.solver is not None:
             news = True  # its progress
             if not self.solver.running:
-                self._solved()
+                with self.faults_shown():
+                    self._solved()
         if self.message and time.monotonic() > self._until:
             self.message, news = "", True
         return news
@@ -130,14 +151,12 @@ class ViewState:
     def _solved(self) -> None:
         solver, self.solver = self.solver, None
         assert solver is not None and self.content is not None
-        try:
+        with self.faults_shown():
             if solver.fault:
                 self.fault = f"{UNSOLVED}: {solver.fault}"
             else:
                 load_solution(self.content, solver.folder / "solution")
                 self.frame = self.content.frames - 1
-        except GpusimError as error:
-            self.fault = str(error)
         solver.stop()
         self._field_again()
 
@@ -147,10 +166,10 @@ class ViewState:
             self.field_values = []
             self.changed()
             return
-        try:
+        with self.faults_shown():
             self.show_field(self.field)
-        except GpusimError as error:
-            self.fault, self.field = str(error), None
+            return
+        self.field = None
 
     # -- what is seen -------------------------------------------------------------------------
 
@@ -159,7 +178,8 @@ class ViewState:
         width, height = self.size
         if self.through is None or self.content is None:
             return self.view.camera(width, height), 0, 0
-        return _within(self.content.cameras[self.through], width, height)
+        right, bottom = self.taken()
+        return _within(self.content.cameras[self.through], width - right, height - bottom)
 
     @property
     def place(self) -> Placement:
@@ -186,12 +206,14 @@ class ViewState:
         return self.content.surfaces(self.frame, self.scale, self.shown["paint"])
 
     def look_through(self, number: int | None) -> None:
-        """See what a camera of the scene sees; None: leave it."""
-        self.through = number
+        """See what a camera of the scene sees; None: what the mouse moved before."""
+        if self.through is None:
+            self.free_view = self.view
+        self.through, self.view = number, self.free_view
         if number is not None and self.content is not None:
             middle = self.content.outline(self.frame, self.scale).mean(axis=0)
             self.view = self.view.of_camera(self.content.cameras[number], middle)
-        self.changed()
+        self._frame_again()
 
     def show_frame(self, frame: int) -> None:
         """Show a frame, or the first or last one if there are none beyond."""
@@ -204,14 +226,12 @@ class ViewState:
             self.show_field(self.field)
 
     def has_field(self, name: str) -> bool:
-        """Whether a field is there without more work."""
+        """Whether a field can be shown of what is solved, its stress at most recovered."""
         content = self.content
         if content is None or not content.skins or not content.moves:
             return False
-        stress = ("von_mises", "principal_1", "principal_2", "principal_3")
-        return name.startswith("displacement") or (
-            content.stresses is not None and (name in stress or name.startswith("stress_"))
-        )
+        solved = content.is_solvable and not content.unloaded
+        return name.startswith(("displacement", *(STRESS if solved else ())))
 
     def show_field(self, name: str | None) -> None:
         """Colour the bodies by a field; None: as they are painted.
@@ -231,6 +251,7 @@ class ViewState:
                 kind.values(content.state(number, self.frame, solved))
                 for number in range(len(content.skins))
             ]
+            self.color_scale = scale_of(self.field_values, kind.signed)
         self.changed()
 
     def say(self, text: str) -> None:
@@ -247,9 +268,18 @@ class ViewState:
         self.frame_all()
 
     def frame_all(self) -> None:
-        """Everything that is loaded in view."""
+        """Everything that is loaded in view, beside what is written over it."""
         if self.content is not None:
-            self.look(self.view.fit(self.content.outline(self.frame, self.scale), *self.size))
+            outline = self.content.outline(self.frame, self.scale)
+            self.look(self.view.fit(outline, *self.size, self.taken()))
+            self._framed = self.view
+
+    def _frame_again(self) -> None:
+        """Everything in view where it was and nobody has moved since, in another window."""
+        if self.through is None and self.view is self._framed:
+            self.frame_all()
+        else:
+            self.changed()
 
     def look(self, view: Turntable) -> None:
         """See what another view sees."""
@@ -267,7 +297,8 @@ class ViewState:
             lights, background = self.content.lights, self.content.background
             if self.through is None:  # no black void around what is walked round
                 background = background or BACKDROP * (self._white or 0.0)
-        self.picture.begin(Shot(self.surfaces(), camera, lights, background))
+        weights = self.content.grey_weights(self.through)
+        self.picture.begin(Shot(self.surfaces(), camera, lights, background, weights))
 
     def _exposed(self) -> None:
         """Choose what is white from the first picture of a scene's lamps."""
@@ -275,8 +306,11 @@ class ViewState:
         lamps = self.content is not None and self.content.lights is not None
         if not (lamps and self.shown["light"]):
             self._white = HEADLIGHT_WHITE
-        elif self._white is None and base is not None:
-            high = float(np.quantile(base.radiance, EXPOSED))
+        elif self._white is None and base is not None and self.picture.shot is not None:
+            radiance, weights = base.radiance, self.picture.shot.weights
+            if base.coloured and weights is not None:
+                radiance = radiance @ np.array(weights, np.float32)
+            high = float(np.quantile(radiance, EXPOSED))
             self._white = high if high > 0.0 else 1.0
             self.changed()
 
@@ -287,17 +321,20 @@ class ViewState:
         """
         if self.size != (target.width, target.height):
             self.size = target.width, target.height
-            self.changed()
+            if self.through is not None or self.view is self._framed:  # else it is the user's
+                self._white = None
+        if self._layout != (self.size, self.taken()):
+            self._layout = self.size, self.taken()
+            self._frame_again()
         more = False
-        try:
+        with self.faults_shown():
             more = self.picture.step()
             self._exposed()
             if whole:
                 self.picture.finish()
             self._draw(target)
-        except GpusimError as error:  # what is seen now can't be shown
-            self.fault = str(error)
-            self._draw(target, with_picture=False)
+            return more
+        self._draw(target, with_picture=False)  # what is seen now can't be shown
         return more
 
     def _draw(self, target: Any, with_picture: bool = True) -> None:
@@ -310,12 +347,16 @@ class ViewState:
                 if self.field_values:
                     self._draw_field(target, recording)
                 elif self.sharp is not None and self.shown["cameras"]:
-                    colored = self.sharp.tint(base.view)
+                    colored = defocus_tint(self.sharp, base.view)
                     self._draw_colors(target, recording, *colored, shade=1.0, opacity=TINT)
             else:
                 overlay.rectangle(0, 0, target.width, target.height, "#23292f")
             self.draw_over(overlay)
             overlay.draw(target, recording)
+
+    def taken(self) -> tuple[float, float]:
+        """Px of the window's right and lower side where something stands over the picture."""
+        return 0.0, 0.0
 
     def draw_over(self, overlay: Overlay) -> None:
         """Collect what stands over the picture."""
@@ -329,8 +370,7 @@ class ViewState:
             surface_field(skin, kind, values)
             for skin, values in zip(skins, self.field_values, strict=True)
         ]
-        scale = scale_of(self.field_values, kind.signed)
-        values = corner_values(base.view, self.surfaces(), fields)
+        scale, values = self.color_scale, corner_values(base.view, self.surfaces(), fields)
         self._draw_colors(target, recording, values, scale.limits, scale.colors)
 
     def _draw_colors(self, target: Any, recording: Any, *colored: Any, **look: Any) -> None:
@@ -344,9 +384,9 @@ class ViewState:
         )  # fmt: skip
 
 
-def _within(camera: Camera, width: int, height: int) -> tuple[Camera, int, int]:
+def _within(camera: Camera, width: float, height: float) -> tuple[Camera, int, int]:
     """A camera with as many pixels as its image has in the middle of a window, and its corner."""
     scale = min(width / camera.width, height / camera.height)
     columns, rows = max(round(scale * camera.width), 1), max(round(scale * camera.height), 1)
     seen = camera.reframed(columns, rows, scale=(columns / camera.width, rows / camera.height))
-    return seen, (width - columns) // 2, (height - rows) // 2
+    return seen, int(width - columns) // 2, int(height - rows) // 2

@@ -6,19 +6,18 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.view.fields import FIELDS
-from gpusim.view.keys import KEYS, Key
+from gpusim.view.keys import KEYS
 from gpusim.view.overlay import Overlay
-from gpusim.view.panels import draw_panels, slider_frame
+from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.view.picking import pick
-from gpusim.view.placement import Placement
-from gpusim.view.turntable import camera_lines
+from gpusim.view.picture.placement import Placement
+from gpusim.view.turntable import SIDES, camera_lines
 from gpusim.view.view_state import ViewState
 
 __all__ = ["Viewer"]
@@ -49,6 +48,10 @@ class Viewer(ViewState):
 
     _drag: dict[str, Any] | None = None
 
+    def taken(self) -> tuple[float, float]:
+        """Of the window by the legend and the slider."""
+        return panels_taken(self)
+
     def draw_over(self, overlay: Overlay) -> None:
         """Title, slider, help and the like."""
         draw_panels(self, overlay)
@@ -60,15 +63,16 @@ class Viewer(ViewState):
         wanted = ALIASES.get(key, key)
         for known in KEYS:
             if known.key.lower() == wanted.lower():
-                action = getattr(self, f"do_{known.action}", None)
-                if action is None:
-                    self._switch(known)
+                if known.action in SIDES:
+                    self.look(self.view.side(known.action))
+                elif known.action in self.shown:
+                    self._switch(known.action)
                 else:
-                    action()
+                    getattr(self, f"do_{known.action}")()
 
-    def _switch(self, key: Key) -> None:
+    def _switch(self, what: str) -> None:
         """On or off, and say so: not all that is switched is in sight."""
-        what, content = key.action, self.content
+        content = self.content
         on = self.shown[what] = not self.shown[what]
         if what in ("paint", "light"):
             self._white = None
@@ -76,15 +80,6 @@ class Viewer(ViewState):
         if what != "help":
             there = content is None or content.has(what)
             self.say(f"{what}: {'on' if on else 'off'}{'' if there else ', but there is none'}")
-
-    def do_front(self) -> None:
-        self.look(self.view.side("front"))
-
-    def do_right(self) -> None:
-        self.look(self.view.side("right"))
-
-    def do_top(self) -> None:
-        self.look(self.view.side("top"))
 
     def do_next_camera(self) -> None:
         cameras = self.content.cameras if self.content is not None else ()
@@ -165,9 +160,9 @@ class Viewer(ViewState):
         self.gain *= 2.0**0.5
 
     def do_save(self) -> None:
-        number = 1
-        while (path := Path(f"{self.path.stem}-{number:03d}.png")).exists():
-            number += 1
+        folder = self.path if self.path.is_dir() else self.path.parent
+        paths = (folder / f"{self.path.stem}-{number:03d}.png" for number in count(1))
+        path = next(path for path in paths if not path.exists())
         if self.save is not None:
             self.message = ""
             self.save(path)

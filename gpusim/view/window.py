@@ -1,15 +1,9 @@
-"""The window (rendercanvas and glfw), and the same picture in a browser.
-
-Both draw with gpusim's own device: a window shows its textures directly, a browser gets them as
-pictures through a server that listens to this machine alone.
-"""
+"""The window (rendercanvas and glfw), which draws with gpusim's own device."""
 
 from __future__ import annotations
 
-import socket
 import time
 import warnings
-from html import escape
 from typing import Any
 
 from gpusim.errors import InputError
@@ -19,7 +13,7 @@ from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
 
-__all__ = ["WindowView", "local_socket", "open_window", "serve_view"]
+__all__ = ["FRAMES_PER_SECOND", "INSTALL", "TITLE", "WindowView", "open_window"]
 
 TITLE = "gpusim view"
 
@@ -30,18 +24,15 @@ PERIOD = 0.05
 
 INSTALL = 'install the extra: pip install "gpusim[view]"'
 
-LOCAL = "127.0.0.1"
-"""Nobody else than this machine is served: there is no password."""
-
-KEYPAD = {**{chr(320 + k): str(k) for k in range(10)},
-          chr(330): ".", chr(333): "-", chr(334): "+"}  # fmt: skip
-"""What rendercanvas calls the keys of a keypad under glfw: numbers of keys as characters."""
+COMMANDS = {"Control", "Meta"}
+"""Keys with which others are the browser's."""
 
 
 class WindowView:
     """Joins a viewer and a canvas of rendercanvas: events to the one, pictures to the other.
 
-    ``types``: whether the canvas says what was typed (glfw does), whatever the keyboard's layout.
+    ``types``: whether what is typed comes as characters alone (of glfw); in a browser it comes as
+    keys, too.
     ``signals``: once one has come, the canvas is closed.
     """
 
@@ -88,13 +79,19 @@ class WindowView:
         if self.canvas.get_closed():
             self.viewer.close()
             return
+        self.loop.call_later(PERIOD, self.tick)  # whatever comes of this one
         if self.viewer.tick():
             self.canvas.request_draw()
-        self.loop.call_later(PERIOD, self.tick)
 
     def event(self, event: dict[str, Any]) -> None:
         """Pass an event of rendercanvas on."""
-        kind, viewer = event["event_type"], self.viewer
+        with self.viewer.faults_shown():
+            self._pass_on(event["event_type"], event)
+        if event["event_type"] != "pointer_move" or event["buttons"]:
+            self.canvas.request_draw()
+
+    def _pass_on(self, kind: str, event: dict[str, Any]) -> None:
+        viewer = self.viewer
         ratio = self.canvas.get_pixel_ratio()
         x, y = ratio * event.get("x", 0.0), ratio * event.get("y", 0.0)
         if kind == "pointer_down":
@@ -105,14 +102,12 @@ class WindowView:
             viewer.release(x, y)
         elif kind == "wheel":
             viewer.wheel(event["dy"] / 100.0, x, y)
-        elif kind == "char":
+        elif kind == "char" and self.types:
             viewer.key(event["data"])
         elif kind == "key_down":
             key = event["key"]
-            if len(key) > 1 or not self.types:
+            if len(key) > 1 or not (self.types or COMMANDS.intersection(event["modifiers"])):
                 viewer.key(key)
-        if kind != "pointer_move" or event["buttons"]:
-            self.canvas.request_draw()
 
 
 def open_window(viewer: Viewer) -> None:
@@ -148,60 +143,4 @@ def open_window(viewer: Viewer) -> None:
     with DelayedSignals() as signals, one_blas_thread():  # once, and not for every picture
         WindowView(viewer, canvas, loop, types=True, signals=signals)
         loop.run()
-        viewer.close()
-
-
-def local_socket(port: int) -> socket.socket:
-    """Where a browser on this machine can ask.
-
-    Raises
-    ------
-    InputError
-        Another program listens at this port, or there is none of that number.
-    """
-    result = socket.socket()
-    try:
-        result.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        result.bind((LOCAL, port))
-        result.listen()
-    except (OSError, OverflowError) as error:
-        result.close()
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(
-            f"view --port; got {port}: {reason}; expected one that no other program has"
-        ) from None
-    return result
-
-
-def serve_view(viewer: Viewer, where: socket.socket) -> None:
-    """Show it to a browser on this machine (or at the other end of an SSH tunnel) until Ctrl-C.
-
-    ``where``: as of `local_socket`.
-
-    Raises
-    ------
-    InputError
-        The extra ``[view]`` isn't installed.
-    """
-    try:
-        import uvicorn
-        import websockets  # which uvicorn looks for when a browser asks
-        from rendercanvas.http import RenderCanvas, asgi, loop, resources
-    except ImportError as error:
-        raise InputError(f"view: {error.name} is missing; {INSTALL}") from None
-    del websockets
-    width, height = viewer.size
-    kind, page = resources["index.html"]
-    title = escape(f"{viewer.path.name}, {TITLE}").encode("ascii", "xmlcharrefreplace").decode()
-    page = page.replace("RenderCanvas over http", title)
-    page = page.replace("width:640px; height:480px", f"width:{width}px; height:{height}px")
-    resources["index.html"] = kind, page
-    canvas = RenderCanvas(size=viewer.size, title=TITLE, max_fps=FRAMES_PER_SECOND)
-    server = uvicorn.Server(uvicorn.Config(
-        asgi, log_level="warning", ws="websockets-sansio", timeout_graceful_shutdown=1
-    ))  # fmt: skip
-    canvas.add_event_handler(lambda _: setattr(server, "should_exit", True), "close")
-    with DelayedSignals() as signals, one_blas_thread():
-        WindowView(viewer, canvas, loop, types=False, signals=signals)
-        server.run(sockets=[where])
         viewer.close()

@@ -347,3 +347,14 @@ def test_words_for_sizes_and_times() -> None:
     assert [time_text(s) for s in (0, 0.42, 17, 600, 10_800, 864_000, float("nan"))] == [
         "", "0.4 s", "17 s", "10 min", "3 h", "10 days", "",
     ]  # fmt: skip
+
+
+def test_what_libraries_log_is_not_printed() -> None:
+    """Their warnings, that is: an error that nobody caught is still seen."""
+    code = (
+        "import logging, sys; from gpusim.cli import main; sys.argv = ['gpusim', '--version']; "
+        "main(); log = logging.getLogger('some.library'); log.warning('of no use'); "
+        "log.error('lost')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "lost\n"

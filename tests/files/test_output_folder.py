@@ -107,19 +107,26 @@ ALLOWED = {
     "export/radiance.py": "into the temporary name that atomic_path gives",
     "files/hdf5_file.py": "into the temporary name that atomic_path gives",
     "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
-    "pipeline/runner/stage_runner.py": "np.savez into a stream of atomic_stream",
+    "graph/log.py": "lines, appended to a log of its own",
+    "graph/store.py": "whole files, under a temporary name; deletes what nobody needs",
+    "graph/folder.py": "links and copies, under a temporary name",
+    "graph/runner.py": "deletes the scratch of a stage",
     "pipeline/measurements/marker_tracking.py": "np.savez into a stream of atomic_stream",
+    "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/sources.py": "np.savez into a stream of atomic_stream",
-    "pipeline/stages/mechanics.py": "arrays into a stream of atomic_stream",
+    "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
+    "pipeline/stages/images.py": "np.savez into a file that the store gives",
+    "pipeline/stages/measuring.py": "copies into the scratch of a stage",
+    "pipeline/stages/mechanics.py": "arrays into files that the store gives",
     "notebook/view.py": "a scene that isn't in a file, in a temporary folder",
-    "cli/decks.py": "np.savez_compressed into a stream of atomic_stream",
+    "applications/decks.py": "np.savez_compressed into a stream of atomic_stream",
     "view/content/background_solver.py": "np.savez into a stream of atomic_stream, and a pipe",
 }
 HANDLES = {
-    "pipeline/runner/stage_runner.py",
     "pipeline/measurements/marker_tracking.py",
+    "pipeline/measurements/results.py",
     "pipeline/measurements/sources.py",
-    "cli/decks.py",
+    "applications/decks.py",
     "pipeline/stages/mechanics.py",
     "export/correlation.py",
     "view/content/background_solver.py",
@@ -186,7 +193,9 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
     """`folder / "name"` stands nowhere where files of an OUT are written: `inside` does it."""
     found = []
     for name, tree in sources(r"""/ f?["']"""):
-        if not name.startswith(("pipeline/", "cli/", "report/", "export/", "plan/state.py")):
+        if not name.startswith(
+            ("applications/", "pipeline/", "cli/", "report/", "export/", "plan/", "graph/")
+        ):
             continue
         shown = {id(n) for node in ast.walk(tree) if isinstance(node, ast.FormattedValue)
                  for n in ast.walk(node)}  # fmt: skip
@@ -198,7 +207,8 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
                 if joined and id(node) not in shown:
                     found.append(f"{name}: {ast.unparse(node)}")
     assert sorted(found) == [
-        "cli/calibrating.py: Path(folder) / f'probe.{ENDINGS[name]}'",  # a temporary folder
+        # a temporary folder
+        "applications/calibration.py: Path(folder) / f'probe.{ENDINGS[name]}'",
         "plan/state.py: out / 'variants'",  # read
     ]
 
@@ -360,8 +370,8 @@ def test_folders_that_cannot_be_one(
 
 
 @pytest.mark.parametrize(
-    "place", ["images", "images/side", "stl/grey", "measure/tip.csv", "state.json", "truth.h5",
-              "figures", "scene.toml"],
+    "place", ["images", "images/side", "stl/grey", "measure/tip.csv", ".gpusim", ".gpusim/blobs",
+              "truth.h5", "figures", "scene.toml"],
 )  # fmt: skip
 @pytest.mark.parametrize("dangling", [False, True])
 def test_links_in_the_folder_are_told_before_any_work(

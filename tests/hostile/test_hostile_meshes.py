@@ -3,6 +3,8 @@ without taking memory that the file's size doesn't warrant."""
 
 from __future__ import annotations
 
+import base64
+import json
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -15,9 +17,10 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.export import write_pvd, write_stl
-from gpusim.mesh import box, mesh_cad, read_mesh, read_surface
+from gpusim.mesh import box, mesh_cad, read_mesh, read_surface, read_textured
 from tests.field import test_read as fields
 from tests.hostile.mutations import SEED, mutations, share
+from tests.support.gltf_files import pictured
 from tests.support.gmsh_meshes import Gmsh, write_two_boxes
 from tests.support.vtk_files import BRICK, Vtu, legacy
 
@@ -69,6 +72,14 @@ def stl(folder: Path, binary: bool) -> bytes:
     return ("solid a\n" + 2 * (triangle + "endloop\nendfacet\n") + "endsolid a\n").encode()
 
 
+def gltf_text() -> bytes:
+    file = pictured()
+    data = base64.b64encode(file.data).decode()
+    uri = f"data:application/octet-stream;base64,{data}"
+    buffers = [{"byteLength": len(file.data), "uri": uri}]
+    return json.dumps({**file.json, "buffers": buffers}).encode()
+
+
 def med(folder: Path) -> bytes:
     write_two_boxes(folder / "m.med")
     return (folder / "m.med").read_bytes()
@@ -114,6 +125,8 @@ CASES: dict[str, tuple[str, Callable[[Path], Any], Make]] = {
     "ply binary": (".ply", read_surface, lambda f: binary_ply("<")),
     "obj": (".obj", read_surface, lambda f: OBJ),
     "off": (".off", read_surface, lambda f: OFF),
+    "glb": (".glb", read_textured, lambda f: pictured().glb()),
+    "gltf": (".gltf", read_textured, lambda f: gltf_text()),
 }  # fmt: skip
 # in processes of their own, which takes some tenths of a second each
 CHILDREN: dict[str, tuple[str, Callable[[Path], Any], Make]] = {

@@ -32,6 +32,17 @@ def picture(path: Path, kind: str) -> bytes:
         tifffile.imwrite(path, 257 * grey.astype(np.uint16), compression="zlib", predictor=True)
     elif kind == "tif tiles":
         tifffile.imwrite(path, grey.astype(np.float32), tile=(16, 16))
+    elif kind == "tif opacity":
+        both = np.stack([257 * grey.astype(np.uint16), 65535 - 0 * grey.astype(np.uint16)], -1)
+        tifffile.imwrite(path, both, photometric="minisblack", extrasamples=["unassalpha"],
+                         planarconfig="contig")  # fmt: skip
+    elif kind == "pam":
+        head = "P7\nWIDTH 57\nHEIGHT 33\nDEPTH 1\nMAXVAL 255\nTUPLTYPE GRAYSCALE\nENDHDR\n"
+        path.write_bytes(head.encode() + grey.tobytes())
+    elif kind == "hdr":
+        cv2.imwrite(str(path), np.repeat(grey[..., None], 3, axis=2).astype(np.float32))
+        head = b"FORMAT=32-bit_rle_rgbe\nEXPOSURE=2.0\nCOLORCORR=1 2 1\n"
+        path.write_bytes(path.read_bytes().replace(b"FORMAT=32-bit_rle_rgbe\n", head))
     elif kind == "jpg":
         cv2.imwrite(str(path), np.stack([grey, 255 - grey, grey // 2], axis=-1))
     else:
@@ -40,7 +51,21 @@ def picture(path: Path, kind: str) -> bytes:
 
 
 @pytest.mark.parametrize(
-    "kind", ["png", "png 16", "tif", "tif pages", "tif deflate", "tif tiles", "jpg", "bmp", "pgm"]
+    "kind",
+    [
+        "png",
+        "png 16",
+        "tif",
+        "tif pages",
+        "tif deflate",
+        "tif tiles",
+        "tif opacity",
+        "jpg",
+        "bmp",
+        "pgm",
+        "pam",
+        "hdr",
+    ],
 )
 def test_damaged_pictures(kind: str, tmp_path: Path) -> None:
     suffix = kind.split()[0]

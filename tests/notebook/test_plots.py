@@ -93,6 +93,36 @@ def test_a_map() -> None:
         result.plot(component="w")
 
 
+def test_a_map_with_colours_of_its_own() -> None:
+    """Luminance, matplotlib's keywords in the values' unit, and pictures that can't be the one."""
+    before, after = (speckles(120, 90, shift=shift) for shift in ((0.0, 0.0), (0.3, -0.2)))
+    result = gs.measure.dic(before, after, subset=21, step=12, backend="numpy")
+    colored = np.stack([before, before // 2, before // 4], axis=-1)
+    axes = result.plot(image=colored, vmin=0.0, vmax=1e-4, alpha=0.5)
+    assert axes.images[0].get_array().ndim == 2
+    assert axes.images[1].get_clim() == (0.0, 1e-4) and axes.images[1].get_alpha() == 0.5
+    assert result.plot(vmax=2.0).images[0].get_clim()[1] == 2.0
+    limits = pyplot.Normalize(-1.0, 3.0)
+    assert result.plot(norm=limits).images[0].norm is limits
+    strain = gs.measure.strain(result, window=3)
+    assert strain.plot(component="exx", vmin=-1e-3, vmax=1e-3).images[0].get_clim() == (-1e-3, 1e-3)
+    for image, words in (
+        (before[:40], "got 120 x 40 px; expected the reference picture: points reach x"),
+        (before[:, :50], "got 50 x 90 px"), (before[..., None], r"expected \(H, W\)"),
+        (before.astype(complex), "complex128"),
+    ):  # fmt: skip
+        with pytest.raises(gs.InputError, match=rf"DicResult.plot: image; .*{words}"):
+            result.plot(image=image)
+
+
+def test_numbers_that_are_none(solution: gs.Solution) -> None:
+    for scale in (np.nan, np.inf, "much"):
+        with pytest.raises(gs.InputError, match=r"Solution\.plot: scale; got .*finite"):
+            solution.plot(scale=scale)
+    with pytest.raises(gs.InputError, match=r"Camera\.plot: reach; got nan"):
+        CAMERA.plot(reach=np.nan)
+
+
 def test_a_deflection_line() -> None:
     scale = gs.measure.scale_coefficient([[0, 0], [100, 0]], [[0, 0], [50, 0]])
     line = gs.measure.deflection_line([0, 50], [[0, 0], [100, 0]], [[0, 0], [0, 4]], scale)

@@ -109,7 +109,7 @@ def test_a_report_speaks_only_for_its_own_run(
         assert not (tmp_path / "report.json").exists()
         raise ZeroDivisionError("by accident")
 
-    monkeypatch.setattr("gpusim.pipeline.stages.images.FrameCapture.take", broken)
+    monkeypatch.setattr("gpusim.pipeline.stages.images.picture", broken)
     with pytest.raises(ZeroDivisionError):
         gs.run(less.replace("light.bulb.power_W", 41.0), tmp_path, backend="numpy")
     report = json.loads((tmp_path / "report.json").read_text())
@@ -120,7 +120,7 @@ def test_a_report_speaks_only_for_its_own_run(
 def test_device_seconds_are_those_of_the_run(
     scene: gs.Scene, device: gs.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("gpusim.pipeline.runner.stage_runner.default_device", lambda: device)
+    monkeypatch.setattr("gpusim.graph.session.default_device", lambda: device)
     monkeypatch.setattr(device.timer, "seconds", lambda: {"fem.cg": 5.0, "elsewhere": 7.0})
     facts = gs.run(scene.replace("measure", []), tmp_path).facts
     assert not [name for name in facts if name.startswith("device:")]

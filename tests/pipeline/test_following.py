@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from gpusim import measure
 from gpusim.optics import Camera, Sensor
-from gpusim.pipeline.measurements import marker_detection
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import MarkerResult
-from gpusim.pipeline.measurements.marker_tracking import MarkerTracks, track_markers
+from gpusim.pipeline.measurements.marker_tracking import FirstPicture, MarkerCache, MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable
 from tests.support.measure_images import Marker, board
 
@@ -37,22 +38,21 @@ def picture(moved: np.ndarray, degrees: float = 0.0) -> np.ndarray:
 
 
 def follow(reference: np.ndarray, deformed: np.ndarray) -> MarkerTracks:
-    return track_markers(
-        "measure 'line'", marker_set(), camera(), reference, deformed, subset=None, sensor=Sensor(8)
-    )
+    first = FirstPicture.of("measure 'line'", marker_set(), camera(), reference, Sensor(8))
+    return first.follow(deformed)
 
 
-def test_markers_are_followed_and_only_new_pixels_are_looked_at(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    marker_detection._remembered.clear()
+def test_markers_are_followed() -> None:
     motion = np.column_stack([0.2 * np.arange(6), 0.55 * np.arange(6) ** 1.5])
-    reference, deformed = picture(np.zeros(2)), picture(motion, 2.0)
-    first = follow(reference, deformed)
-    assert np.abs(first.points - PLACES).max() <= 0.003
-    assert np.abs(first.displacement - motion).max() <= 0.004
-    assert first.status == ("OK",) * 6 and not first.unrefined.any()
+    seen = follow(picture(np.zeros(2)), picture(motion, 2.0))
+    assert np.abs(seen.points - PLACES).max() <= 0.003
+    assert np.abs(seen.displacement - motion).max() <= 0.004
+    assert (seen.status == "OK").all() and not seen.unrefined.any()
 
+
+def test_the_first_picture_is_searched_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     looked: list[int] = []
     locate = measure.locate_markers
 
@@ -61,15 +61,14 @@ def test_markers_are_followed_and_only_new_pixels_are_looked_at(
         return locate(image, near, *rest)
 
     monkeypatch.setattr(measure, "locate_markers", counted)
-    again = follow(reference, deformed)
-    assert looked == []
-    assert np.array_equal(again.points, first.points)
-    assert np.array_equal(again.displacement, first.displacement)
-    other = reference.copy()
-    other[40:44, 395:405] = 100  # beside the last marker
-    changed = follow(other, deformed)
-    assert looked == [1]
-    assert np.array_equal(changed.points[:5], first.points[:5])
+    motions = [np.array([0.7 * k, -0.4 * k]) for k in range(4)]
+    pictures = [picture(motion) for motion in motions]
+    tracks = MarkerCache(tmp_path).track(
+        "line", marker_set(), camera(), iter(pictures), subset=None, sensor=Sensor(8)
+    )
+    assert looked == [6] and len(tracks) == 3
+    for seen, motion in zip(tracks, motions[1:], strict=True):
+        assert np.abs(seen.displacement - motion).max() <= 0.004
 
 
 def test_a_marker_without_a_fit_of_its_cross_is_named() -> None:
@@ -79,12 +78,12 @@ def test_a_marker_without_a_fit_of_its_cross_is_named() -> None:
     rows, columns = np.indices(deformed.shape)
     blot = np.hypot(columns - x, rows - y) < 5.5
     seen = follow(reference, np.where(blot, 120, deformed).astype(np.uint8))
-    assert seen.status == ("OK",) * 6
-    status = np.array([["OK"] * 6])
-    for unrefined, named in ((seen.unrefined, ["m-3"]), (np.zeros(6, dtype=bool), [])):
-        columns = {"status": status, "saturated": seen.clipped, "unrefined": unrefined}
-        result = MarkerResult("line", PointTable("marker", (1,), seen.names, columns))
+    assert (seen.status == "OK").all()
+    status = seen.status[None]
+    for unrefined, named in ((seen.unrefined, "m-3"), (np.zeros(6, dtype=bool), "")):
+        columns = {"status": status, "saturated": seen.clipped[None], "unrefined": unrefined[None]}
+        result = MarkerResult("line", PointTable("marker", (1,), marker_set().names, columns))
         assert result.named("unrefined") == named
-        assert [text.partition(": by")[0] for text in result.warnings] == len(named) * [
+        assert [text.partition(": by")[0] for text in result.warnings] == len(named[:1]) * [
             "measure 'line'"
         ]

@@ -18,7 +18,7 @@ from gpusim.pipeline.build.modelling import build_model
 from gpusim.pipeline.build.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadHistory, load_groups
+from gpusim.scene.amplitudes import load_groups
 
 Float = npt.NDArray[np.float64]
 
@@ -173,7 +173,7 @@ def test_collinear_amplitudes_are_scaled_not_solved() -> None:
     alone = build_model(parts).load_cases[0].sum(axis=0)
     np.testing.assert_allclose(alone, [0.0, 60.0, -50.0], atol=1e-12)
     apart = scene(load=[DOWN, {**ASIDE, "amplitude": [0.0, 2.0, 3.1]}], factors=[0.0, 1.0, 1.5])
-    assert len(LoadHistory(apart).groups[0]) == 2
+    assert len(load_groups(apart.bodies[0], apart.analysis.load_factors)) == 2
     assert gs.solve(apart, backend="numpy").u.shape[0] == 2
 
 

@@ -20,7 +20,9 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.files.output_folder import LOCK
-from gpusim.plan.state import StateFile
+from gpusim.graph.folder import INNER
+from gpusim.graph.log import Log, read_log
+from gpusim.graph.store import Store
 from tests.support.small_scene import DOCUMENT, small_scene
 
 # flat cells, a load that bends the bar too far for linear statics, a marker too near to the edge
@@ -30,11 +32,11 @@ BAD = {**DOCUMENT["body"][0],
 
 
 def contents(out: Path) -> dict[str, bytes]:
-    """Every file of a run but for its report, which holds timings."""
+    """Every file of a run but for its report, which holds timings, and its store."""
     return {
         path.relative_to(out).as_posix(): path.read_bytes()
         for path in sorted(out.rglob("*"))
-        if path.is_file() and not path.name.startswith("report.")
+        if path.is_file() and not path.name.startswith("report.") and INNER not in path.parts
     }
 
 
@@ -85,196 +87,167 @@ def test_a_report_of_reused_results_says_the_same(tmp_path: Path) -> None:
     assert said(tmp_path) == before
     assert (again.adapter, again.meshes) == (first.adapter, first.meshes)
     assert (tmp_path / "scene.toml").read_bytes() == scene_file
-    # an older state without the mesh's: it is looked at again
-    state = json.loads((tmp_path / "state.json").read_text())
-    state["stages"] = {k: v for k, v in state["stages"].items() if v["stage"] != "mesh"}
-    (tmp_path / "state.json").write_text(json.dumps(state))
-    third = gs.run(scene, tmp_path, backend="numpy")
-    assert [stage.name for stage in third.stages if stage.state == "run"] == ["mesh"]
-    assert said(tmp_path) == before
 
 
 def edit(out: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    """Change state.json, with the right check of every entry: as somebody would on purpose."""
-    path = out / "state.json"
-    state = json.loads(path.read_text())
-    change(state)
-    for entry in state["stages"].values():
-        if isinstance(entry, dict) and "check" in entry:
-            entry.pop("check")
-            text = json.dumps(entry, sort_keys=True)
-            entry["check"] = hashlib.sha256(text.encode()).hexdigest()
-    path.write_text(json.dumps(state))
+    """Change what is recorded, with the right check of every line: as somebody would on purpose."""
+    for path in (out / INNER).rglob("*.log"):
+        lines = [json.loads(line[9:]) for line in path.read_bytes().splitlines()]
+        path.unlink()
+        log = Log(path)
+        for line in lines:
+            change(line)
+            log.append(line)
+        log.close()
 
 
-def entry_of(state: dict[str, Any], stage: str) -> dict[str, Any]:
-    (found,) = [entry for entry in state["stages"].values() if entry["stage"] == stage]
-    return dict.__getitem__({"x": found}, "x")
+def store_of(out: Path) -> Store:
+    return Store(out / INNER)
 
 
-def facts(path: Path) -> dict[str, Any]:
-    data = path.read_bytes()
-    return {"bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-
-
-def forge(out: Path, name: str, stage: str, content: bytes) -> None:
-    """Put a file in place of a result, and its hash into state.json."""
-    (out / name).write_bytes(content)
-    edit(out, lambda state: entry_of(state, stage)["files"].update({name: facts(out / name)}))
+def key_of(out: Path, stage: str) -> str:
+    log = next((out / INNER / "log").glob("*.log"))
+    lines, _ = read_log(log)
+    return next(line["key"] for line in lines if line.get("stage") == stage)
 
 
 def test_nothing_outside_is_deleted_or_written(out: Path, tmp_path: Path) -> None:
     victim = tmp_path / "victim" / "victim.txt"
     victim.parent.mkdir()
     victim.write_text("mine")
-    link = out / "measure" / "link.csv"
+    data = victim.read_bytes()
+    facts = [hashlib.sha256(data).hexdigest(), len(data), victim.stat().st_mtime_ns]
     names = ["../victim/victim.txt", str(victim), "measure/../../victim/victim.txt"]
-    for stage in ("render/gone/0000", "solve"):  # of an earlier scene; to be replaced
-        for name in names:
-            files = {name: facts(victim)}
-            edit(out, lambda state, f=files, s=stage: state["stages"].update(  # type: ignore[misc]
-                {f"{s}{f}": {"stage": s, "files": f, "notes": {}, "check": ""}}))  # fmt: skip
-    report = gs.run(small_scene(solver={"tolerance": 1e-7}), out, backend="numpy")
-    assert report.status == "done"
-    assert victim.read_text() == "mine"
-    link.symlink_to(victim)
-    files = {"measure/link.csv": facts(victim)}
-    edit(out, lambda state: state["stages"].update(
-        {"k": {"stage": "gone", "files": files, "notes": {}, "check": ""}}))  # fmt: skip
-    with pytest.raises(gs.InputError, match=r"link\.csv: is a link"):
-        gs.run(small_scene(), out, backend="numpy")
-    assert victim.read_text() == "mine" and link.is_symlink()
+
+    def add(line: dict[str, Any]) -> None:
+        if "names" in line:  # of an earlier scene
+            line["names"] |= {name: facts for name in names}
+        if line.get("stage") == "render/side":  # to be shown again
+            line["files"] |= {name: facts for name in names}
+
+    edit(out, add)
+    with pytest.raises(gs.InputError, match="leads out of it"):
+        gs.run(small_scene(solver={"tolerance": 1e-7}), out, backend="numpy")
+    assert victim.read_text() == "mine" and os.listdir(victim.parent) == ["victim.txt"]
 
 
-def no_files(state: dict[str, Any]) -> None:
-    entry_of(state, "solve")["files"] = {}
+def test_links_below_the_folder_are_told(out: Path, tmp_path: Path) -> None:
+    victim = tmp_path / "victim.txt"
+    victim.write_text("mine")
+    for place in ("measure/link.csv", f"{INNER}/blobs/link", f"{INNER}/log/x.log"):
+        link = out / place
+        link.symlink_to(victim)
+        with pytest.raises(gs.InputError, match="is a link"):
+            gs.run(small_scene(), out, backend="numpy")
+        assert victim.read_text() == "mine" and link.is_symlink()
+        link.unlink()
 
 
-def name_with_nul(state: dict[str, Any]) -> None:
-    entry_of(state, "solve")["files"]["a\0b"] = {"bytes": 1, "sha256": "0"}
-
-
-def of_parts(state: dict[str, Any]) -> None:
-    files = entry_of(state, "solve")["files"]
-    for name in files:
-        files[name] = {"bytes": 1, "sha256 of parts": "0"}
-
-
-def no_notes(state: dict[str, Any]) -> None:
-    entry_of(state, "solve")["notes"] = {"warnings": 3}
-
-
-def no_table(state: dict[str, Any]) -> None:
-    key = next(key for key, entry in state["stages"].items() if entry["stage"] == "solve")
-    state["stages"][key] = 7
-
-
-@pytest.mark.parametrize("change", [no_files, name_with_nul, of_parts, no_notes, no_table])
-def test_a_damaged_entry_runs_its_stage_again(change: Callable[..., None], out: Path) -> None:
-    before = contents(out)
-    edit(out, change)
-    report = gs.run(small_scene(), out, backend="numpy")
-    stages = {stage.name: stage for stage in report.stages}
-    assert stages["solve"].state == "run"
-    assert "damaged" in stages["solve"].reason or "names no files" in stages["solve"].reason
-    assert stages["render/side/0001"].state == "reused"
-    after = contents(out)
-    assert {n for n in before if n != "state.json" and before[n] != after.get(n)} == set()
-
-
-def test_pipes_in_an_output_folder_are_damage_and_nobody_waits_for_them(out: Path) -> None:
-    recorded = StateFile(out)
-    stages = json.loads((out / "state.json").read_text())["stages"]
-    key = next(key for key, entry in stages.items() if entry["stage"] == "solve")
-    (result, *_) = recorded.files(key)
-    assert recorded.fault(key, "solve") is None
-    for path in (result, out / "state.json"):
-        path.unlink()
-        os.mkfifo(path)
-    assert recorded.fault(key, "solve") == f"{result.relative_to(out)} is gone"
-    for reader in (recorded.read, recorded.open):
-        with pytest.raises(InputError, match="is a device or pipe; expected a result of an earl"):
-            reader(result)
-    state = StateFile(out)
-    assert "state.json is damaged" in state.problem and "is a device or pipe" in state.problem
-    assert not state.begun
-    (out / "new.txt").write_text("new")
-    state.record("solve", "k", ["new.txt"])
-    assert (out / "state.json").is_file() and StateFile(out).fault("k", "solve") is None
-
-
-def test_an_entry_that_was_changed_is_noticed(out: Path) -> None:
-    text = (out / "state.json").read_text()
-    assert "none (numpy backend)" in text
-    (out / "state.json").write_text(text.replace("none (numpy backend)", "NVIDIA H100"))
-    state = StateFile(out)
-    reasons = {state.fault(key, "solve") for key in json.loads(text)["stages"]}
-    assert any("was changed" in (reason or "") for reason in reasons)
-    report = gs.run(small_scene(), out, backend="numpy")
-    assert report.adapter == "none (numpy backend)"
-
-
-def npz(**arrays: Any) -> bytes:
-    import io
-
-    stream = io.BytesIO()
-    np.savez(stream, **arrays)
-    return stream.getvalue()
-
-
-def shortened(path: Path) -> bytes:
-    with np.load(path) as stored:
-        return npz(**{n: stored[n][:, :-1] if n == "u0" else stored[n] for n in stored.files})
-
-
-def with_nan(path: Path) -> bytes:
-    with np.load(path) as stored:
-        return npz(**{n: stored[n] * np.nan if n == "u0" else stored[n] for n in stored.files})
-
-
-def with_more_points(path: Path) -> bytes:
-    """A result that names a marker that it has no numbers of."""
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    table, rest = json.loads(str(arrays["rest"]))
-    table[2] = ["more", *table[2]]
-    return npz(**arrays | {"rest": np.array(json.dumps([table, rest]))})
-
-
-def flipped(path: Path) -> bytes:
-    data = bytearray(path.read_bytes())
-    data[200] ^= 0xFF
-    return bytes(data)
+def test_a_folder_log_that_is_another_file_too_is_not_written_to(out: Path, tmp_path: Path) -> None:
+    victim, log = tmp_path / "victim.txt", out / INNER / "folder.log"
+    victim.write_text("mine")
+    log.unlink()
+    os.link(victim, log)
+    assert gs.run(small_scene(), out, backend="numpy").status == "done"
+    assert victim.read_text() == "mine" and not log.samefile(victim)
 
 
 @pytest.mark.parametrize(
-    ("name", "stage", "content"),
+    "change",
     [
-        ("solution/displacement.npz", "solve", lambda path: b""),
-        ("solution/displacement.npz", "solve", lambda path: path.read_bytes()[:500]),
-        ("solution/displacement.npz", "solve", flipped),
-        ("solution/displacement.npz", "solve", shortened),
-        ("solution/displacement.npz", "solve", with_nan),
-        ("solution/displacement.npz", "solve", lambda path: npz(summary=np.array("[]"))),
-        ("solution/stress.npz", "stress", lambda path: npz(peaks=np.array("[{}]"))),
-        ("measure/tip.npz", "measure", lambda path: npz(rest=np.array("{}"))),
-        ("measure/tip.npz", "measure", lambda path: npz(rest=np.array("[" * 5000))),
-        ("measure/tip.npz", "measure", lambda path: with_more_points(path)),
-        ("images/side/exposure.json", "render/side/0000", lambda path: b'{"full_scale": 0}'),
+        lambda line: line["files"].update({"x": ["no hash", 1, 1]}),
+        lambda line: line["files"].update({"x": ["0" * 64, "many", 1]}),
+        lambda line: line.update(files=7),
+        lambda line: line.update(notes=3),
+        lambda line: line.pop("stage"),
     ],
-)  # fmt: skip
-def test_a_damaged_result_is_made_again(
-    name: str, stage: str, content: Callable[[Path], bytes], out: Path
-) -> None:
-    """Though its hash is right: somebody has written both."""
+    ids=["hash", "size", "files", "notes", "stage"],
+)
+def test_a_damaged_entry_runs_its_stage_again(change: Callable[..., Any], out: Path) -> None:
     before = contents(out)
-    forge(out, name, stage, content(out / name))
-    # another export needs the mesh, so that shapes can be told
+    edit(out, lambda line: change(line) if line.get("stage") == "solve" else None)
+    report = gs.run(small_scene(), out, backend="numpy")
+    states = {stage.name: stage.state for stage in report.stages}
+    assert (states["solve"], states["render/side/0001"]) == ("run", "reused")
+    assert contents(out) == before
+
+
+def test_a_line_that_was_changed_is_left_out(out: Path) -> None:
+    (log,) = (out / INNER / "log").glob("*.log")
+    text = log.read_text()
+    assert "none (numpy backend)" in text
+    log.write_text(text.replace("none (numpy backend)", "NVIDIA H100"))
+    assert store_of(out).find(key_of(out, "geometry")) is not None
+    report = gs.run(small_scene(), out, backend="numpy")
+    assert report.adapter == "none (numpy backend)"
+    assert {stage.name: stage.state for stage in report.stages}["solve"] == "run"
+
+
+def test_pipes_in_an_output_folder_are_damage_and_nobody_waits_for_them(out: Path) -> None:
+    key = key_of(out, "solve")
+    store = store_of(out)
+    record = store.find(key)
+    assert record is not None and store.fault(key) is None
+    blob = store.blob(record.files["solution/displacement.npz"].sha256)
+    blob.unlink()
+    os.mkfifo(blob)
+    for read in (store.read, store.open):
+        with pytest.raises(InputError, match=r"displacement\.npz"):
+            read(record, "solution/displacement.npz")
+    assert store_of(out).fault(key) == "solution/displacement.npz is gone"
+    (log,) = (out / INNER / "log").glob("*.log")
+    log.unlink()
+    os.mkfifo(log)
+    assert not store_of(out).begun
+    assert gs.run(small_scene(), out, backend="numpy").status == "done"
+
+
+def flipped(path: Path) -> None:
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:20])
+
+
+@pytest.mark.parametrize("damage", [flipped, cut, lambda path: path.write_bytes(b"")])
+@pytest.mark.parametrize(
+    ("name", "stage"),
+    [
+        ("solution/displacement.npz", "solve"),
+        ("solution/stress.npz", "stress"),
+        ("measure/tip.npz", "measure"),
+        ("images/side/exposure.json", "render/side/0000"),
+        ("images/side/0001.png", "render/side/0001"),
+        ("truth.h5", "truth"),
+    ],
+)
+def test_a_damaged_result_is_made_again(
+    name: str, stage: str, damage: Callable[[Path], Any], out: Path
+) -> None:
+    before = contents(out)
+    damage(out / name)
     report = gs.run(small_scene(output={**DOCUMENT["output"], "stl": False}), out, backend="numpy")
     stages = {one.name: one for one in report.stages}
-    assert stages[stage].state == "run", stages
-    assert "damaged" in stages[stage].reason
+    # the copies of the folder here share no file with the store: it still has the result
+    assert stages[stage].state == "reused"
     assert contents(out)[name] == before[name]
+    damage(blob_of(out, name))
+    report = gs.run(small_scene(), out, backend="numpy")
+    stages = {one.name: one for one in report.stages}
+    assert stages[stage].state == "run" and stages[stage].reason == f"{name} was changed"
+    assert contents(out) == before
+
+
+def blob_of(out: Path, name: str) -> Path:
+    store = store_of(out)
+    for log in (out / INNER / "log").glob("*.log"):
+        for line in read_log(log)[0]:
+            if name in line.get("files", {}):
+                return store.blob(line["files"][name][0])
+    raise KeyError(name)
 
 
 def test_a_killed_run_is_taken_up_with_the_same_bytes(done: Path, tmp_path: Path) -> None:

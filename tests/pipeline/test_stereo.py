@@ -13,8 +13,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.pipeline import run
-from gpusim.pipeline.measurements import marker_tracking
-from gpusim.pipeline.measurements.marker_tracking import track_markers
+from gpusim.pipeline.measurements.marker_tracking import FirstPicture
 from gpusim.pipeline.measurements.stereo import StereoResult
 from tests.support.documented_tables import documented_columns, head
 
@@ -28,6 +27,7 @@ CHANGES: dict[str, Any] = {
          "target_mm": [120.0, 0.0, 5.0]},
     ],
     "body.bar.load.push.force_N": [0.0, 25.0, -40.0],
+    "analysis.load_factors": [0.0, -0.6, 1.0],
     "calibration": {
         "board": "board",
         "pose": [
@@ -75,9 +75,16 @@ def test_displacement_in_space(done: tuple[gs.Scene, gs.Report, Path]) -> None:
     # where the unloaded markers are, in the structure's own axes
     assert np.abs(result.found_mm - result.position_mm).max() <= 0.02
     assert result.table["epipolar_px"].max() <= 0.05
-    assert result.rig_motion_mm <= 0.002  # static markers
+    assert (result.rig_motion_mm <= 0.002).all()  # static markers
     sigma = result.table.vectors("sigma")
-    assert sigma.shape == (1, 8, 3) and (sigma > 0).all() and sigma.max() <= 0.02
+    assert sigma.shape == (2, 8, 3) and (sigma > 0).all() and sigma.max() <= 0.02
+    # the frame before is measured as well, and linear statics gives its truth
+    half, whole = result.table.vectors("true")
+    assert half == pytest.approx(-0.6 * whole, rel=1e-9, abs=1e-12)
+    assert np.abs(result.table.vectors("measured")[0] - half).max() <= 0.004
+    assert result.moved_px.shape == (2, 2, 8, 2)
+    assert {one.figure for one in report.series} == {"space: side, total displacement"}
+    assert [one.x.tolist() for one in report.series] == 8 * [[-0.6, 1.0]]
     assert len(result.boards_mm) == len(TILTS) == result.view_rms_px.shape[1]
     assert scene.measures[0].name == "space"
 
@@ -99,9 +106,9 @@ def test_files_and_rerun(done: tuple[gs.Scene, gs.Report, Path], checkout: Path)
                  "figures/space-space.png", "figures/space-calibration.png",
                  "images/left/calib-0005.png"):  # fmt: skip
         assert (out / name).stat().st_size > 0
-    for ending in ("", "-cameras"):
+    for ending, frame in (("", "frame,"), ("-cameras", "")):
         documented = documented_columns(checkout, f"measure/<stereo>{ending}.csv")
-        assert head(out / f"measure/space{ending}.csv") == documented
+        assert head(out / f"measure/space{ending}.csv") == frame + documented
     # exposed for the first pose, others are brighter
     warnings = json.loads((out / "report.json").read_text())["warnings"]
     assert [w for w in warnings if "% of its pixels saturated" not in w] == []
@@ -121,17 +128,19 @@ def test_a_new_lens_leaves_the_other_camera_alone(
     shutil.copytree(earlier, out)
     followed = []
 
-    def follow(what: str, marks: Any, camera: Any, *pictures: Any, **more: Any) -> Any:
-        followed.append(camera.name)
-        return track_markers(what, marks, camera, *pictures, **more)
+    find = FirstPicture.of
 
-    monkeypatch.setattr(marker_tracking, "track_markers", follow)
+    def followed_from(what: str, marks: Any, camera: Any, *rest: Any) -> Any:
+        followed.append(camera.name)
+        return find(what, marks, camera, *rest)
+
+    monkeypatch.setattr(FirstPicture, "of", followed_from)
     left, right = CHANGES["camera"]
     scene = scene_of(checkout, camera=[{**left, "focal_mm": 48.0}, right])
     report = run(scene, out)
     assert followed == ["left"]
     own = [stage for stage in report.stages if stage.name.startswith("render/right")]
-    assert len(own) == 2 + len(TILTS) and {stage.state for stage in own} == {"reused"}
+    assert len(own) == 3 + len(TILTS) and {stage.state for stage in own} == {"reused"}
     assert abs(report.measurements[0].error_relative) <= 1e-3
     before, after = (StereoResult.read(folder / "measure", "space") for folder in (earlier, out))
     assert np.array_equal(before.points_px[1], after.points_px[1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
@@ -61,8 +62,9 @@ def test_the_notch_is_located(done: tuple[gs.Scene, gs.Report, Path], checkout: 
     assert structure.error + images.error == pytest.approx(notch.error, abs=1e-9)
     noise = next(m for m in report.measurements if "RMS error of the difference" in m.name)
     assert noise.measured <= 0.005  # px
-    found = json.loads((out / "measure" / "damage.json").read_text())
-    assert len(found["breaks"]) == 1 and found["breaks"][0]["notch_mm"] == 110.0
+    with (out / "measure" / "damage-breaks.csv").open() as file:
+        (found,) = csv.DictReader(file)
+    assert found["state"] == "cut" and float(found["notch_mm"]) == 110.0
     lines = (out / "measure" / "damage.csv").read_text().splitlines()
     assert len(lines) == 1 + 2 * 15
     for ending in ("", "-breaks"):
@@ -162,7 +164,7 @@ def test_a_state_whose_page_cannot_be_written_says_so(
     def full(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("gpusim.pipeline.runner.variants.write_page", full)
+    monkeypatch.setattr("gpusim.pipeline.runner.work.write_report", full)
     with pytest.raises(OSError, match="no space left"):
         run(scene_of(checkout, variant=[{"name": "whole"}], measure=[]), tmp_path / "out")
     report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))

@@ -330,7 +330,7 @@ def test_saturation_at_the_full_well_is_told(tmp_path: Path) -> None:
     found = DeflectionResult.read(tmp_path / "bright" / "measure", "deflection")
     columns = found.table.columns
     # of those it could find
-    assert found.named("saturated") == ["column-02", "column-03", "column-04"]
+    assert found.named("saturated") == "column-02, column-03, column-04"
     assert any("saturated (at 200 of 255: the full well)" in text for text in report.warnings)
     assert any("saturated pixels on column-02" in text for text in report.warnings)
     # a plane that is square to the axis is blamed for nothing, whatever the scale

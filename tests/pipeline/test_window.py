@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.export.images import read_image
+from gpusim.graph.session import Session
 from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.surfaces import build_prop
+from gpusim.pipeline.build.surfaces import build_prop, posed
 from gpusim.pipeline.stages.image_window import window_of
-from gpusim.pipeline.stages.images import CaptureSetup, FrameCapture
+from gpusim.pipeline.stages.truth import sight
 from gpusim.plan.stages import RunOptions
-from gpusim.scene.amplitudes import LoadHistory
+from gpusim.scene.frames import frame_table
 
 CAMERA = {
     "name": "one", "sensor_mm": [36.0, 24.0], "resolution_px": [300, 200], "focal_mm": 50.0,
@@ -29,6 +30,9 @@ DOCUMENT = {
         "size_mm": [90.0, 70.0],
         "paint": [{"name": "fields", "type": "checker", "albedo": 0.9, "cell_mm": 10.0,
                    "columns": 7, "rows": 5, "origin_mm": [15.0, 0.0, -20.0]}],
+    }, {
+        "name": "wall", "center_mm": [50.0, 90.0, 5.0], "normal": [0.0, -1.0, 0.0],
+        "size_mm": [900.0, 700.0], "paint": [{"name": "grey", "type": "plain", "albedo": 0.5}],
     }],
     "light": [{"name": "lamp", "type": "area", "position_mm": [300.0, -900.0, 200.0],
                "target_mm": [50.0, 0.0, 0.0], "size_mm": [100.0, 50.0], "power_W": 40.0}],
@@ -40,15 +44,8 @@ DOCUMENT = {
 
 
 def photographs(scene: gs.Scene, folder: Path, skip: bool) -> list[np.ndarray]:
-    things = SceneObjects(scene, LoadHistory(scene, scaled=True))
-    things.props = [build_prop(prop) for prop in scene.props]
-    options = RunOptions("numpy", skip=skip)
-    setup = CaptureSetup(scene, folder, None, build_lights(scene), options)
-    work = FrameCapture(setup, things.target, "calib-")
-    images = []
-    for pose in range(2):
-        images.append(work.take(scene.cameras[0], pose).image)
-    return images
+    gs.run(scene, folder, backend="numpy", skip=skip)
+    return [read_image(folder / f"images/one/calib-{pose:04d}.png") for pose in range(2)]
 
 
 @pytest.mark.parametrize("distortion", [[], [-0.2, 0.05, 0.001, -0.002]])
@@ -82,21 +79,21 @@ def test_windows_hold_all_that_is_seen() -> None:
     assert window_of([prop], near) is None  # fills the image, or is beside it
 
 
-def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
+def test_the_truth_of_a_window_is_that_of_the_whole() -> None:
     camera = {**CAMERA, "distortion": [-0.2, 0.05, 0.001, -0.002]}
     document = {key: value for key, value in DOCUMENT.items() if key != "calibration"}
     board = DOCUMENT["prop"][0]  # type: ignore[index]
-    wall = {**board, "name": "wall", "center_mm": [50.0, 90.0, 5.0], "size_mm": [900.0, 700.0]}
-    wall["paint"] = [{"name": "grey", "type": "plain", "albedo": 0.5}]
+    wall = DOCUMENT["prop"][1]  # type: ignore[index]
     scene = gs.Scene.from_document(
         {**document, "camera": [camera], "prop": [board, wall]}, source="test"
     )
     props = [build_prop(prop) for prop in scene.props]
     found = []
+    frames = frame_table(scene)
     for skip in (True, False):
-        setup = CaptureSetup(scene, tmp_path, None, None, RunOptions("numpy", skip=skip))
-        work = FrameCapture(setup, lambda _: props)
-        frame, window = work.sight(scene.cameras[0], None, 1)
+        objects = SceneObjects(scene, [one.shown for one in frames], props=props)
+        session = Session(RunOptions("numpy", skip=skip))
+        frame, window = sight(objects, scene.cameras[0], frames, None, session, bodies=1)
         truth = frame.truth(faces=(0, len(props[0].faces)))
         found.append((truth, truth.row + window.top, truth.column + window.left))
         assert (frame.width * frame.height < 0.7 * 300 * 200) == skip
@@ -110,21 +107,19 @@ def test_the_truth_of_a_window_is_that_of_the_whole(tmp_path: Path) -> None:
 def test_the_board_is_found_in_its_window_as_in_the_whole(tmp_path: Path) -> None:
     camera = {**CAMERA, "resolution_px": [900, 600]}
     scene = gs.Scene.from_document({**DOCUMENT, "camera": [camera]}, source="test")
-    things = SceneObjects(scene, LoadHistory(scene, scaled=True))
-    things.props = [build_prop(prop) for prop in scene.props]
-    setup = CaptureSetup(scene, tmp_path, None, build_lights(scene), RunOptions("numpy"))
-    work = FrameCapture(setup, things.target, "calib-")
-    for pose in range(2):
-        shot = work.take(scene.cameras[0], pose)
-    assert shot.window is not None
+    image = photographs(scene, tmp_path, skip=True)[1]
+    pose = scene.calibration.poses[1]  # type: ignore[union-attr]
+    seen = posed(build_prop(scene.props[0]), scene.props[0], pose)
+    window = window_of([seen], build_camera(scene.cameras[0]))
+    assert window is not None
     board = gs.measure.Chessboard(7, 5, 10.0)
-    left, top, right, bottom = shot.window.box
-    part = gs.measure.find_chessboard(shot.image, board, shot.window.box)
-    whole = gs.measure.find_chessboard(shot.image, board)
+    left, top, right, bottom = window.box
+    part = gs.measure.find_chessboard(image, board, window.box)
+    whole = gs.measure.find_chessboard(image, board)
     assert len(part.image) == len(whole.image) == 24
     assert np.abs(part.image - whole.image).max() <= 1e-3
     assert (part.image > [left, top]).all() and (part.image < [right, bottom]).all()
-    nothing = gs.measure.find_chessboard(shot.image, board, (0, 0, left, top))
+    nothing = gs.measure.find_chessboard(image, board, (0, 0, left, top))
     assert not len(nothing.image) and nothing.resolution == (900, 600)
     with pytest.raises(gs.errors.InputError, match="find_chessboard region"):
-        gs.measure.find_chessboard(shot.image, board, (0, 0, 901, 600))
+        gs.measure.find_chessboard(image, board, (0, 0, 901, 600))

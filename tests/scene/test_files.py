@@ -196,9 +196,9 @@ def test_what_is_no_picture_of_radiances(tmp_path: Path) -> None:
     np.save(tmp_path / "dark.npy", np.array([[0.5, -0.1]]))
     np.save(tmp_path / "whole.npy", np.array([[5, 1]]))
     (tmp_path / "bad.hdr").write_text("#?RADIANCE\nnothing")
-    (tmp_path / "room.exr").write_text("")
+    (tmp_path / "room.jpg").write_text("")
     for name, words in (("dark.npy", "below 0"), ("whole.npy", "no radiances"),
-                        ("bad.hdr", "damaged"), ("room.exr", "unknown kind"),
+                        ("bad.hdr", "damaged"), ("room.jpg", "unknown kind"),
                         ("none.hdr", "no such file")):  # fmt: skip
         with pytest.raises(InputError, match=words):
             EnvironmentLight.read(tmp_path / name)
@@ -211,7 +211,7 @@ def test_what_is_no_picture_of_radiances(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
     for text, key in (
         (LIT.replace("room.hdr", "none.hdr"), "light.room.file: not found"),
-        (LIT.replace("room.hdr", "room.exr"), "light.room.file: unknown kind"),
+        (LIT.replace("room.hdr", "room.jpg"), "light.room.file: unknown kind"),
         (LIT + "sky_W_m2_sr = 1.0\n", "light.room.sky_W_m2_sr: beside file"),
         (LIT + "forward = [0, 0, -2]\n", "light.room.forward: is along up"),
         (

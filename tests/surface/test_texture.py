@@ -27,6 +27,19 @@ def test_each_triangle_begins_in_the_first_picture() -> None:
     np.testing.assert_allclose(st[0], [[2.0, 0.0], [12.0, 0.0], [2.0, 4.5]])
 
 
+def test_pictures_that_are_mirrored_or_clamped() -> None:
+    """Along u from the first column on, along v from the lowest row on."""
+    wide, st = textured(PICTURE, [[[-1.0, 0.0], [3.0, 0.0], [0.5, 2.0]]], ("clamp", "mirror"))
+    columns = [0] * 5 + [1, 2] + [3] * 9
+    np.testing.assert_array_equal(wide.pixels, PICTURE.pixels[[2, 1, 0, 0, 1, 2]][:, columns])
+    np.testing.assert_allclose(st[0], [[0.0, 0.0], [16.0, 0.0], [6.0, 6.0]])
+    wide, st = textured(PICTURE, [[[-1.5, 5.5], [-1.0, 5.5], [-1.5, 6.5]]], ("mirror", "clamp"))
+    np.testing.assert_array_equal(wide.pixels[:18], np.tile(PICTURE.pixels[0], (18, 1)))
+    np.testing.assert_allclose(st[0], [[2.0, 16.5], [4.0, 16.5], [2.0, 19.5]])
+    beside, st = textured(PICTURE, [[[-4.0, 0.0], [-3.0, 0.0], [-4.0, 1.0]]], ("clamp", "clamp"))
+    np.testing.assert_array_equal(beside.pixels, np.repeat(PICTURE.pixels[:, :1], 4, axis=1))
+
+
 def test_a_triangle_of_one_point_shows_its_colour() -> None:
     """As files with a palette have them; a face of no part of the picture would be 0 / 0."""
     uv = np.full((1, 3, 2), 0.625), np.array([[[0.1, 0.5], [0.5, 0.5], [0.9, 0.5]]])

@@ -10,15 +10,15 @@ from gpusim.gpu import Device
 from gpusim.optics.lens.thin_lens import focus_of
 from gpusim.twin_checks.overlays import pixels_of
 from gpusim.view.camera_marks import (
-    DepthOfField,
-    depth_of_field,
+    defocus_tint,
     draw_distortion,
     draw_image_frame,
     draw_principal_point,
 )
+from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
 from gpusim.view.field_colors import FieldColors
 from gpusim.view.overlay import Overlay
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
 
 
@@ -47,7 +47,7 @@ def test_what_is_not_sharp_is_tinted(device: Device, distortion: list[float] | N
     found = DepthOfField(float(near), float(far), 0.5 * float(near + far), 1.0)
     target = device.texture(camera.width, camera.height, "rgba8unorm", "test.tint")
     Overlay(device).draw(target)
-    depths, limits, colors = found.tint(frame.view)
+    depths, limits, colors = defocus_tint(found, frame.view)
     FieldColors(device).draw(target, frame, depths, limits, colors, white=1.0, shade=1.0)
     red, green, blue, _ = pixels_of(device, target)[truth.row, truth.column].astype(int).T
     clear = np.abs(truth.depth - near) > 0.01 * (far - near)
@@ -55,14 +55,14 @@ def test_what_is_not_sharp_is_tinted(device: Device, distortion: list[float] | N
     nearer, beyond = truth.depth < near, truth.depth > far
     assert ((red > blue) == nearer)[clear].all() and ((blue > red) == beyond)[clear].all()
     assert nearer.sum() > 20 and beyond.sum() > 20 and (green > 0).sum() < len(green)
-    _, _, endless = DepthOfField(float(near), np.inf, 2.0 * float(near), 1.0).tint(frame.view)
+    unlimited = DepthOfField(float(near), np.inf, 2.0 * float(near), 1.0)
+    _, _, endless = defocus_tint(unlimited, frame.view)
     assert endless[0, 3] == 1.0 and not endless[1:, 3].any()
 
 
 def test_the_frame_leaves_the_image_free(device: Device) -> None:
     camera = gs.Camera.from_lens((36, 24), 30, (300, 200), (0, -1, 0), (0, 0, 0))
-    place = Placement.fit(camera, 150, 140)
-    assert (place.x, place.y, place.scale) == (0.0, 20.0, 0.5)
+    place = Placement(0.0, 20.0, 0.5)
     overlay = Overlay(device)
     draw_image_frame(overlay, camera, place, 150, 140, outside="#102030", border="white")
     target = device.texture(150, 140, "rgba8unorm", "test.frame")

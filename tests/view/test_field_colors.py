@@ -17,7 +17,7 @@ from gpusim.view.field_colors import (
     interpolated,
 )
 from gpusim.view.overlay import Overlay
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
 
 RAMP = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])

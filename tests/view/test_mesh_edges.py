@@ -7,7 +7,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.view.mesh_edges import crease_edges, element_edges
+from gpusim.view.content.mesh_edges import crease_edges, element_edges
 from gpusim.view.overlay import Overlay
 from gpusim.view.symbols import Symbols
 from tests.support.view_bodies import small_crane

@@ -27,13 +27,11 @@ def test_every_pixel_is_told_as_the_truth_has_it(distortion: list[float] | None)
         found = pick(frame.view, ids, surfaces, truth.column[k], truth.row[k], [crane.skin])
         assert found is not None
         face = int(truth.face[k])
-        assert found.depth == pytest.approx(truth.depth[k], rel=1e-9)
         assert found.reference == pytest.approx(truth.reference[k], abs=1e-9)
         surface = surfaces[found.surface]
         now = found.weights @ surface.points[found.vertices]
-        assert now == pytest.approx(found.position, abs=1e-9)
-        assert found.displacement == pytest.approx(truth.displacement[k], abs=1e-9)
-        assert found.normal @ (found.position - camera_before().eye) < 0.0
+        assert frame.view.camera.to_camera(now)[2] == pytest.approx(truth.depth[k], rel=1e-9)
+        assert now - found.reference == pytest.approx(truth.displacement[k], abs=1e-9)
         if face >= bodies:
             assert (found.name, found.surface, found.face) == ("wall", 1, face - bodies)
             assert found.element is found.node is None and found.sets == ()
@@ -49,8 +47,7 @@ def test_every_pixel_is_told_as_the_truth_has_it(distortion: list[float] | None)
         assert found.node in cells
         near = crane.model.mesh.points[crane.skin.faces.nodes[face]] - truth.reference[k]
         best = np.linalg.norm(near, axis=1).min()
-        assert found.node_reference is not None
-        gap = float(np.linalg.norm(found.node_reference - truth.reference[k]))
+        gap = float(np.linalg.norm(crane.model.mesh.points[found.node] - truth.reference[k]))
         assert gap == pytest.approx(best, abs=1e-9)
 
 
@@ -62,7 +59,9 @@ def test_between_pixels_the_place_goes_on() -> None:
     at = (column + 0.3, row - 0.4)
     found = pick(frame.view, ids, [crane.moved, crane.wall], *at)
     assert found is not None
-    assert frame.view.camera.project(found.position) == pytest.approx(at, abs=1e-9)
+    surface = [crane.moved, crane.wall][found.surface]
+    now = found.weights @ surface.points[found.vertices]
+    assert frame.view.camera.project(now) == pytest.approx(at, abs=1e-9)
 
 
 def test_nothing_and_outside() -> None:
@@ -86,6 +85,6 @@ def test_far_from_zero_as_well() -> None:
     row, column = (int(v) for v in np.argwhere(ids)[17])
     found = pick(view, ids, [surface], column, row)
     assert found is not None
-    assert found.reference == pytest.approx(found.position, abs=1e-6)
-    assert there.project(found.position) == pytest.approx([column, row], abs=1e-4)
-    assert found.normal @ (found.position - there.eye) < 0.0
+    assert there.project(found.reference) == pytest.approx([column, row], abs=1e-4)
+    now = found.weights @ surface.points[found.vertices]
+    assert now == pytest.approx(found.reference, abs=1e-6)

@@ -8,8 +8,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
+from gpusim.view.content.mesh_edges import crease_edges
 from gpusim.view.overlay import Overlay
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 from gpusim.view.symbols import Symbols, clusters, frustum
 from tests.support.view_bodies import camera_before, small_crane
 
@@ -81,6 +82,30 @@ def test_what_a_body_hides_is_left_out(device: Device) -> None:
     length = np.hypot(*(ends_of(quads)[:, 1] - ends_of(quads)[:, 0]).T).sum()
     whole = np.hypot(*np.diff(pen.window(past), axis=0)[0])
     assert 0.5 * whole < length < 0.97 * whole
+
+
+@pytest.mark.parametrize("divisions", [(4, 2, 1), (40, 20, 10), (80, 40, 20)])
+def test_a_box_shows_nine_of_its_edges(device: Device, divisions: tuple[int, int, int]) -> None:
+    """However many elements they go along: the three that meet in the far corner are hidden."""
+    mesh = gs.mesh.box(size=(0.4, 0.2, 0.1), divisions=divisions)
+    faces = gs.mesh.boundary_faces(mesh)
+    skin = gs.Skin(mesh, faces)
+    surface = skin.surface({"": gs.paint.Plain()}, np.zeros(len(faces), np.int32), {}, "box")
+    camera = gs.Camera.from_lens((36, 24), 50, (450, 300), (0.7, -0.5, 0.5), (0.2, 0.1, 0.05))
+    pen = Symbols(Overlay(device), camera, None, gs.render([surface], camera, device=device))
+    pen.lines(crease_edges(surface), "black")
+    drawn = ends_of(pen.overlay.quads())
+    corner = np.array([[x, y, z] for x in (0.0, 0.4) for y in (0.0, 0.2) for z in (0.0, 0.1)])
+    far = int(np.argmax(camera.to_camera(corner)[:, 2]))
+    pairs = [(i, j) for i in range(8) for j in range(i) if np.sum(corner[i] != corner[j]) == 1]
+    for pair in pairs:
+        first, last = pen.window(corner[list(pair)])
+        along = last - first
+        share = (drawn - first) @ along / (along @ along)
+        off = np.abs((drawn - first) @ (along[1], -along[0])) / np.hypot(*along)
+        on = (off.max(axis=1) < 0.01) & (share.min(axis=1) > -0.01) & (share.max(axis=1) < 1.01)
+        length = np.abs(np.diff(share[on], axis=1)).sum()
+        assert length == pytest.approx(0.0 if far in pair else 1.0, abs=0.06), pair
 
 
 def test_clusters_keep_the_sum() -> None:

@@ -76,6 +76,13 @@ def test_fit_is_as_near_as_it_gets(size: tuple[int, int]) -> None:
     tight = np.argmax(reach.max(axis=0))
     np.testing.assert_allclose(reach[:, tight], 1.0 - MARGIN, atol=1e-9)
     np.testing.assert_allclose(VIEW.fit(points[:1], *size).pivot, points[0], atol=1e-12)
+    # what is taken of two sides is left free, and no more
+    free = np.array(size) - (180, 70)
+    beside = VIEW.fit(points, *size, taken=(180, 70))
+    at = 2.0 * (beside.camera(*size).project(points) + 0.5) / free - 1.0
+    reach = np.stack([-at.min(axis=0), at.max(axis=0)])
+    assert reach.max() == pytest.approx(1.0 - MARGIN, abs=1e-9)
+    np.testing.assert_allclose(reach[0], reach[1], atol=0.15)
 
 
 def test_a_scene_camera_is_taken_over() -> None:

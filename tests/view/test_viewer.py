@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import copy
 import random
-import time
 from pathlib import Path
 
 import numpy as np
@@ -19,24 +19,7 @@ from gpusim.view.picture.progressive_picture import coarser, rows_of
 from gpusim.view.screenshot import screenshot, wait_for_solution
 from gpusim.view.viewer import Viewer
 from tests.support.small_scene import DOCUMENT
-
-SIZE = (331, 207)
-LIGHT = [{"name": "sun", "type": "sun", "direction": [0.3, 1.0, -0.6], "irradiance_W_m2": 3.0}]
-
-
-@pytest.fixture
-def scene_path(tmp_path: Path) -> Path:
-    path = tmp_path / "bar.toml"
-    path.write_text(toml_text({**DOCUMENT, "light": LIGHT}), encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def viewer(device: Device, scene_path: Path):  # type: ignore[no-untyped-def]
-    made = Viewer(device, scene_path, SIZE, solve=False)
-    assert made.fault == ""
-    yield made
-    made.close()
+from tests.support.viewing import LIGHT, SIZE, wait_for
 
 
 def encoded(radiance: np.ndarray, white: float) -> np.ndarray:
@@ -61,6 +44,9 @@ def test_a_screenshot_is_what_render_shows(viewer: Viewer) -> None:
 
 
 def test_looking_through_a_camera_of_the_scene(viewer: Viewer) -> None:
+    viewer.key("7")
+    viewer.wheel(3.0, 100, 120)
+    free = viewer.view
     viewer.key("0")
     assert viewer.through == 0 and viewer.content is not None
     camera, left, top = viewer.camera()
@@ -71,10 +57,16 @@ def test_looking_through_a_camera_of_the_scene(viewer: Viewer) -> None:
     np.testing.assert_allclose(
         camera.project(points) + 0.5, share * (whole.project(points) + 0.5), atol=1e-9
     )
-    viewer.key("0")
-    assert viewer.through is None
-    # the free view goes on from there
     np.testing.assert_allclose(viewer.view.eye, whole.eye, atol=1e-12)
+    viewer.key("0")
+    assert viewer.through is None and viewer.view == free
+    # the mouse goes on from the camera
+    viewer.key("0")
+    viewer.press(100, 100, 1, ("Shift",))
+    viewer.move(120, 100)
+    viewer.release(120, 100)
+    assert viewer.through is None
+    np.testing.assert_allclose(viewer.view.eye[1:], whole.eye[1:], atol=1e-12)
 
 
 def test_coarser_cameras_and_rows_see_the_same(viewer: Viewer) -> None:
@@ -98,6 +90,60 @@ def test_a_moving_picture_has_the_colours_of_the_scene(device: Device) -> None:
         moving.radiance[15:25, 25:35], still.radiance[15:25, 25:35], rtol=1e-5
     )
     np.testing.assert_allclose(moving.radiance[0, 0], (0.0, 0.1, 0.2), rtol=1e-6)
+
+
+@pytest.mark.parametrize("sensitivities", [None, [0.2, 0.7, 0.1]])
+def test_what_a_mono_camera_sees_is_grey(
+    device: Device, tmp_path: Path, sensitivities: list[float] | None
+) -> None:
+    """As its picture will be, through it and beside it; in colour as soon as a camera is."""
+    document = copy.deepcopy({**DOCUMENT, "light": LIGHT})
+    for paint in document["body"][0]["paint"]:
+        paint["albedo"] = "#c02080"
+    document["sensor"] = {} if sensitivities is None else {"sensitivities": sensitivities}
+    path = tmp_path / "bar.toml"
+    path.write_text(toml_text(document), encoding="utf-8")
+    viewer = Viewer(device, path, SIZE, solve=False)
+    assert viewer.fault == ""
+    for through in (None, 0):
+        viewer.look_through(through)
+        picture = screenshot(viewer)[90:140, :150].astype(int)
+        assert picture.std() > 10.0 and not np.ptp(picture, axis=2).any(), through
+    shot = viewer.picture.shot
+    assert shot is not None
+    frame = gs.render(shot.surfaces, shot.camera, shot.lights, background=shot.background,
+                      device=device)  # fmt: skip
+    _, left, top = viewer.camera()
+    grey = frame.radiance.astype(np.float64) @ (sensitivities or [1 / 3, 1 / 3, 1 / 3])
+    rows = np.s_[top + 31 : top + 60]
+    wanted = encoded(grey, viewer.white)[31:60, :150]
+    assert np.ptp(wanted) > 60.0
+    assert (np.abs(screenshot(viewer)[rows, left : left + 150, 0] - wanted) <= 1.0).mean() > 0.97
+    document["sensor"] = {}
+    document["camera"].append({**document["camera"][0], "name": "colour", "channels": "rgb"})
+    path.write_text(toml_text(document), encoding="utf-8")
+    viewer.load()
+    assert viewer.fault == ""
+    for through, colours in ((None, True), (0, False), (1, True)):
+        viewer.look_through(through)
+        picture = screenshot(viewer)[90:140, :150].astype(int)
+        assert (np.ptp(picture, axis=2).max() > 40) == colours, through
+    viewer.close()
+
+
+def test_the_white_of_a_window_that_grew(device: Device, viewer: Viewer) -> None:
+    """A browser's begins with one pixel, before it says how large it is."""
+    wanted = screenshot(viewer)
+    other = Viewer(device, viewer.path, SIZE, solve=False)
+    for size in ((1, 1), (90, 400)):
+        other.draw(device.texture(*size, "rgba8unorm", "view.target"))
+        other.picture.took(0.001)  # a quick machine: finer pictures while it moves
+    np.testing.assert_array_equal(screenshot(other, SIZE), wanted)
+    other.wheel(-20.0, 60, 95)  # once the user has moved it stays as it is
+    white = other.white
+    screenshot(other, (90, 400))
+    assert other.white == white
+    other.close()
 
 
 def test_keys_change_what_is_seen(viewer: Viewer) -> None:
@@ -183,18 +229,6 @@ def test_solving_in_the_background_then_frames_and_fields(device: Device, scene_
     viewer.close()
 
 
-def test_a_support_of_nothing_is_a_fault_beside_the_picture(
-    viewer: Viewer, scene_path: Path
-) -> None:
-    viewer.key("u")
-    text = scene_path.read_text(encoding="utf-8")
-    assert 'set = "x_min"' in text
-    scene_path.write_text(text.replace('set = "x_min"', "x_min_mm = 900.0"), encoding="utf-8")
-    wait_for(viewer, "another set")
-    picture = screenshot(viewer)
-    assert "support 'clamp'" in viewer.fault and picture[60:150].std() > 20.0
-
-
 def test_a_part(device: Device, tmp_path: Path) -> None:
     """Its size, its edges, its elements and sets; keys that have nothing to show say so."""
     cube = gs.mesh.box(size=(30, 20, 10), divisions=(3, 2, 1))
@@ -222,34 +256,15 @@ def test_a_part(device: Device, tmp_path: Path) -> None:
     assert "it says its own" in Viewer(device, tmp_path / "out.toml", SIZE, unit="in").fault
 
 
-def wait_for(viewer: Viewer, what: str) -> float:
-    """Seconds until a change of the file is seen."""
-    begun = time.monotonic()
-    content, fault = viewer.content, viewer.fault
-    while (viewer.content, viewer.fault) == (content, fault):
-        viewer.tick()
-        assert time.monotonic() - begun < 20.0, what
-        time.sleep(0.01)
-    return time.monotonic() - begun
-
-
-def test_reload_and_faults(viewer: Viewer, scene_path: Path) -> None:
-    first = screenshot(viewer)
-    text = scene_path.read_text(encoding="utf-8")
-    scene_path.write_text(text.replace("focal_mm = 50.0", "focal_mm = 60.0"), encoding="utf-8")
-    wait_for(viewer, "a focal length")
-    assert viewer.content is not None and viewer.fault == ""
-    assert viewer.content.cameras[0].K[0, 0] == pytest.approx(60 / 15 * 450)
-    np.testing.assert_array_equal(screenshot(viewer), first)  # the view stays
-    content = viewer.content
-    scene_path.write_text(text.replace("focal_mm", "focal_m"), encoding="utf-8")
-    wait_for(viewer, "a fault")
-    assert "focal_m" in viewer.fault and viewer.content is content
-    assert (screenshot(viewer) != first).any()  # it is said over the last good view
-    scene_path.write_text(text, encoding="utf-8")
-    wait_for(viewer, "mended")
-    assert viewer.fault == ""
-    np.testing.assert_array_equal(screenshot(viewer), first)
+def test_a_screenshot_lies_beside_the_scene(
+    viewer: Viewer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    viewer.save = lambda path: path.write_bytes(b"")
+    viewer.key("s")
+    viewer.key("s")
+    assert {path.name for path in tmp_path.glob("*.png")} == {"bar-001.png", "bar-002.png"}
 
 
 def test_a_mesh_and_a_run(device: Device, tmp_path: Path, scene_path: Path) -> None:

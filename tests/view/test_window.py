@@ -3,11 +3,9 @@ where there is none."""
 
 from __future__ import annotations
 
-import json
 import os
 import queue
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -174,46 +172,6 @@ def test_a_user_at_the_window(window: Window, tmp_path: Path) -> None:
     window.process.send_signal(signal.SIGINT)
     assert window.process.wait(SECONDS) == 130
     assert window.process.stderr and window.process.stderr.read() == "reading bar.toml …\n"
-
-
-def test_the_server(tmp_path: Path) -> None:
-    """A browser gets pictures; Ctrl-C ends it while one is connected; its port is its own."""
-    client = pytest.importorskip("websockets.sync.client")
-    (tmp_path / "bar.toml").write_text(toml_text(DOCUMENT), encoding="utf-8")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gpusim", "view", "bar.toml", "--serve", "--port", "0"],
-        cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heard,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONUNBUFFERED": "1"},
-    )  # fmt: skip
-    with process:
-        try:
-            assert process.stdout and process.stderr
-            address = process.stdout.readline().split()[0]
-            with client.connect(address.replace("http", "ws"), max_size=None) as browser:
-                size = {"width": 320, "height": 200, "pwidth": 320, "pheight": 200, "ratio": 1}
-                browser.send(json.dumps({"type": "resize", "timestamp": 0, **size}))
-                while not isinstance(picture := browser.recv(SECONDS), bytes):
-                    pass
-                assert picture[:3] == b"\xff\xd8\xff" or picture[1:4] == b"PNG"
-                process.send_signal(signal.SIGINT)
-                assert process.wait(SECONDS) == 130
-                said = process.stderr.read()  # besides, how pictures are packed
-                assert said.startswith("reading bar.toml …\n") and "Traceback" not in said
-        finally:
-            process.kill()
-
-
-def test_a_port_in_use(tmp_path: Path) -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = str(other.getsockname()[1])
-        done = subprocess.run(
-            [sys.executable, "-m", "gpusim", "view", "none.toml", "--serve", "--port", port],
-            cwd=tmp_path, text=True, capture_output=True, check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        )  # fmt: skip
-    assert done.returncode == 2 and port in done.stderr and "--port" in done.stderr
 
 
 def test_from_a_step_part_to_a_camera_that_frames_it(

@@ -217,11 +217,12 @@ class PointResult:
         image: npt.NDArray[Any] | None = None,
         **style: Any,
     ) -> Axes:
-        """Draw a map of one component in matplotlib's axes, over ``image`` (H, W) if given.
+        """Draw a map of one component in matplotlib's axes, over the reference ``image`` (H, W)
+        or (H, W, 3) if given.
 
         Components: "u", "v", "magnitude", "sigma", "zncc" of a `DicResult`; "U", "V", "W",
         "magnitude", "Z", "residual" in space; "u", "v", "magnitude", "sigma" of a `MappedResult`.
-        ``style`` goes to what draws the map (``cmap``, ``norm``). Returns the axes.
+        ``style`` goes to what draws the map (``cmap``, ``norm``, ``vmin``). Returns the axes.
         """
         return plotted("correlation", self, ax, component=component, image=image, **style)
 

@@ -2,12 +2,6 @@
 
 In the order in which data passes:
 
-- `text`: The lines of a text file from anywhere, and of those that it includes.
-- `coordinate_systems`: Coordinate systems in which files give nodes: rectangular, cylindrical,
-  spherical.
-- `numbering`: How other programs number kinds of cells, their nodes and their sides.
-- `cell_blocks`: What mesh files hold before it is a `Mesh`: blocks of any dimension, with named
-  groups.
 - `abaqus`: Meshes in input files of Abaqus and CalculiX.
 - `nastran_cards`, `nastran`: Nastran's bulk data: its cards, and the mesh that they make.
 - `vtk`, `vtu`: VTK's unstructured grids: legacy files, XML.
@@ -16,7 +10,8 @@ In the order in which data passes:
 - `msh_numbers`, `msh`: Gmsh's .msh files: their bytes, and the mesh that they hold.
 - `element_sizes`, `cad`: CAD files meshed by Gmsh, which is an optional dependency.
 - `reader`: Reading mesh files, by the ending of their name.
-- `gltf`: Meshes of glTF files, by trimesh.
+- `gltf`: glTF files: their triangles and base colours.
+- `obj`: Wavefront's OBJ: faces, their texture coordinates and the names of their materials.
 - `surfaces`: Faces without solids in STL, PLY, OBJ, OFF and glTF files.
 - `textures`: What OBJ and glTF files say of how their faces look.
 """

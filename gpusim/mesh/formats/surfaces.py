@@ -4,44 +4,30 @@ Each format has a function that takes a file and returns points (P, 3) float64 a
 int64 as they are written there, -1 as the last corner of a triangle. All refuse, with the line
 where there are lines, what they don't know.
 
-trimesh reads glTF alone: of the others it takes files that are cut off or say what it doesn't know,
-and its triangles are the halves of quadrilaterals.
+That of glTF is `gpusim.mesh.formats.gltf`.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.gltf import gltf_meshes
+from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
+from gpusim.mesh.formats.gltf.primitives import gltf_faces
+from gpusim.mesh.formats.obj import read_obj
+from gpusim.mesh.polygons import check_corners, cut_polygons
 
 __all__ = ["read_surface"]
 
 Surface = tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]
-
-# what gives groups, looks and curves to an OBJ, and neither points nor faces
-_OBJ_HARMLESS = {"vt", "vn", "g", "o", "s", "usemtl", "mtllib", "l", "p", "mg", "lod"}
-
-
-def fail(file: InputFile, problem: str, line: int | None = None) -> NoReturn:
-    where = f":{line}" if line else ""
-    raise InputError(f"{file.path}{where}: {problem}")
-
-
-def text_lines(file: InputFile) -> Iterator[tuple[int, list[str]]]:
-    """Number and words of every line that has some, without comments (#)."""
-    for number, line in enumerate(file.data.decode("latin-1").splitlines(), start=1):
-        words = line.split("#", 1)[0].split()
-        if words:
-            yield number, words
 
 
 def stl(file: InputFile) -> Surface:
@@ -68,7 +54,7 @@ def _stl_corners(file: InputFile) -> npt.NDArray[np.float64]:
         words = line.split()
         word = words[0].lower() if words else ""
         if word == "vertex":
-            corners.append(_numbers(file, words[1:], 3, number))
+            corners.append(numbers(file, words[1:], 3, number))
         elif word in ("facet", "endfacet"):
             if open_facet == (word == "facet") or len(corners) % 3:
                 fail(file, f"{word}; got {len(corners)} corners so far; expected 3 of each", number)
@@ -82,92 +68,52 @@ def _stl_corners(file: InputFile) -> npt.NDArray[np.float64]:
     return np.array(corners, dtype=np.float64).reshape(-1, 3)
 
 
-def _numbers(file: InputFile, words: Sequence[str], count: int, line: int) -> list[float]:
-    try:
-        numbers = [float(word) for word in words]
-    except ValueError as error:
-        fail(file, f"{error}; expected {count} numbers", line)
-    if len(numbers) != count:
-        fail(file, f"got {len(numbers)} numbers; expected {count}", line)
-    return numbers
-
-
-def _whole(file: InputFile, words: Sequence[str], count: int, line: int) -> list[int]:
-    numbers = _numbers(file, words, count, line)
-    if not all(abs(number) < 2**53 and number == int(number) for number in numbers):
-        fail(file, f"got {' '.join(words)[:60]}; expected whole numbers", line)
-    return [int(number) for number in numbers]
-
-
-def obj(file: InputFile) -> Surface:
-    """Points and faces of all groups."""
-    points: list[list[float]] = []
-    faces: list[list[int]] = []
-    before: list[str] = []
-    for number, line in text_lines(file):
-        words = before + line
-        before = []
-        if words[-1] == "\\":  # goes on
-            before = words[:-1]
-            continue
-        if words[0] == "v":
-            values = _numbers(file, words[1:], len(words) - 1, number)
-            if len(values) not in (3, 4, 6, 7) or (len(values) in (4, 7) and values[3] != 1.0):
-                fail(file, f"got v {' '.join(words[1:])[:60]}; expected x, y, z", number)
-            points.append(values[:3])
-        elif words[0] == "f":
-            first = [word.split("/")[0] for word in words[1:]]
-            corners = _whole(file, first, len(first), number)
-            # a negative number counts from the last point so far
-            places = [corner - 1 if corner > 0 else len(points) + corner for corner in corners]
-            if 0 in corners:
-                fail(file, "a face names point 0; expected 1 and above, or below 0", number)
-            faces.append(_padded(file, places, number))
-        elif words[0] not in _OBJ_HARMLESS:
-            fail(file, f"got {words[0][:40]!r}; expected v, f, vt, vn, g, o, s, usemtl …", number)
-    return np.array(points).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 4)
-
-
-def _padded(file: InputFile, corners: list[int], line: int | None) -> list[int]:
-    if len(corners) not in (3, 4) or min(corners) < 0:
-        fail(file, f"a face of {len(corners)} corners, {corners[:6]}; expected 3 or 4 points that "
-                   "are there (triangulate the surface first)", line)  # fmt: skip
-    return [*corners, -1][:4]
-
-
 def off(file: InputFile) -> Surface:
     """OFF and COFF (colours are passed over)."""
-    lines = text_lines(file)
+    lines = ((line, [first, *rest.split("#")[0].split()])
+             for line, first, rest in statements(file, "OFF"))  # fmt: skip
     number, words = next(lines, (1, [""]))
     kind = words.pop(0)
     if kind not in ("OFF", "COFF"):
         fail(file, f"got {kind[:40]!r}; expected OFF or COFF", number)
     if not words:
         number, words = next(lines, (number, []))
-    points, faces = _whole(file, words[:2], 2, number)
+    points, faces = whole_numbers(file, words[:2], 2, number)
     rows = list(lines)
     if min(points, faces) < 0 or len(rows) < points + faces:
         fail(file, f"{points} points and {faces} faces; got {len(rows)} lines", number)
     if len(rows) > points + faces:
         fail(file, "more lines than its counts say", rows[points + faces][0])
-    width = 3 if kind == "OFF" else 7
-    place = [_numbers(file, words, width, line)[:3] for line, words in rows[:points]]
-    corners = []
+    # of a COFF with three or four numbers of colour
+    widths = (3,) if kind == "OFF" else (6, 7)
+    place = []
+    for line, words in rows[:points]:
+        count = len(words) if len(words) in widths else widths[-1]
+        place.append(numbers(file, words, count, line)[:3])
+    corners: list[int] = []
+    sizes = []
     for line, words in rows[points:]:
-        (size,) = _whole(file, words[:1], 1, line)
-        corners.append(_padded(file, _whole(file, words[1 : 1 + size], size, line), line))
-    return np.array(place).reshape(-1, 3), np.array(corners, dtype=np.int64).reshape(-1, 4)
+        (size,) = whole_numbers(file, words[:1], 1, line)
+        if size < 3:
+            fail(file, f"a face of {size} corners; expected at least 3", line)
+        corners += whole_numbers(file, words[1 : 1 + size], size, line)
+        sizes.append(size)
+    return _cut(file, np.array(place).reshape(-1, 3), corners, sizes)
 
 
-def gltf(file: InputFile) -> Surface:
-    """All meshes of a glTF where its nodes place them."""
-    points, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    for mesh in gltf_meshes(file):
-        points.append(np.asarray(mesh.vertices).reshape(-1, 3))
-        faces.append(np.asarray(mesh.faces, np.int64).reshape(-1, 3) + count)
-        count += len(points[-1])
-    corners = np.concatenate(faces)
-    return np.concatenate(points), np.column_stack([corners, np.full(len(corners), -1)])
+def obj(file: InputFile) -> Surface:
+    """Points and faces of all groups."""
+    content = read_obj(file)
+    return content.points, content.faces
+
+
+def _cut(
+    file: InputFile, points: npt.NDArray[np.float64], corners: npt.ArrayLike, sizes: Sequence[int]
+) -> Surface:
+    """Of polygons one after another, with their numbers of corners."""
+    place = np.asarray(corners, np.int64)
+    rows, _ = cut_polygons(str(file.path), points, place, np.array(sizes, np.int64))
+    return points, np.where(rows < 0, -1, place[rows])
 
 
 _TYPES = {
@@ -196,7 +142,8 @@ def ply(file: InputFile) -> Surface:
             fail(file, f"got element {element.name}; expected faces")
     reader = _Text(file, start) if not order else _Binary(file, start, order)
     points = np.zeros((0, 3))
-    faces: list[npt.NDArray[np.int64]] = []
+    corners: npt.ArrayLike = []
+    sizes: list[int] = []
     for element in elements:
         if element.count > len(file.data):
             fail(
@@ -212,11 +159,11 @@ def ply(file: InputFile) -> Surface:
             lists = [columns[name] for name in _CORNERS if name in columns]
             if not lists:
                 fail(file, "no property list vertex_indices of face; expected one")
-            for row in lists[0]:
-                if len(row) not in (3, 4):
-                    fail(file, f"a face of {len(row)} corners; expected 3 or 4 (triangulate first)")
-            faces += [np.append(row, -1)[:4].astype(np.int64) for row in lists[0]]
-    return points, np.array(faces, dtype=np.int64).reshape(-1, 4)
+            corners = np.concatenate([np.zeros(0), *lists[0]]).astype(np.int64)
+            sizes = [len(row) for row in lists[0]]
+            if min(sizes, default=3) < 3:
+                fail(file, f"a face of {min(sizes)} corners; expected at least 3")
+    return _cut(file, points, corners, sizes)
 
 
 def _header(file: InputFile) -> tuple[str, list[_Element], int]:
@@ -339,8 +286,8 @@ class _Binary:
         return rows
 
 
-_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf, ".gltf": gltf}
-_FARTHEST = 1e15
+_FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf_faces,
+            ".gltf": gltf_faces}  # fmt: skip
 
 
 def read_surface(
@@ -349,8 +296,9 @@ def read_surface(
     """Points (P, 3) and faces (F, 4), the last column -1 for triangles; any unit of length.
 
     Points at the same place (an STL repeats them for every triangle) become one; faces that are
-    no faces then are left out. Raises InputError, naming the file, and the line of a text: faces of
-    more than four corners, and whatever else the format has that would change the surface.
+    no faces then are left out. Faces of more than four corners, and those with a dent, become
+    triangles. Raises InputError, naming the file, and the line of a text: what is damaged, and
+    whatever the format has that would change the surface and isn't read.
 
     Examples
     --------
@@ -373,21 +321,22 @@ def numbered_surface(
     if kind is None:
         raise InputError(f"{name}: got {name.suffix!r}; expected one of {', '.join(_FORMATS)}")
     file = read_input(path, "a file of faces")
-    points, faces = kind(file)
+    return merged(str(name), *kind(file))
+
+
+def merged(
+    where: str, points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """Points at the same place as one, faces that have an area, and which (F,) of all each is."""
     if not len(faces):
-        raise InputError(f"{name}: no triangles or quadrilaterals in space; expected some")
-    if not (np.abs(points) < _FARTHEST).all():
-        raise InputError(f"{name}: a coordinate isn't finite; expected numbers below {_FARTHEST:g}")
-    if faces.max() >= len(points) or faces[:, :3].min() < 0 or faces.min() < -1:
-        raise InputError(
-            f"{name}: a face names point {faces.max()}; got {len(points)} points, from 0"
-        )
-    points, merged = np.unique(points, axis=0, return_inverse=True)
-    faces = np.where(faces < 0, -1, merged.reshape(-1)[np.maximum(faces, 0)])
+        raise InputError(f"{where}: no triangles or quadrilaterals in space; expected some")
+    check_corners(where, points, faces[faces != -1])
+    points, number = np.unique(points, axis=0, return_inverse=True)
+    faces = np.where(faces < 0, -1, number.reshape(-1)[np.maximum(faces, 0)])
     last = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])
     a, b, c, d = (points[faces[:, 0]], points[faces[:, 1]], points[faces[:, 2]], points[last])
     flat = ~(np.linalg.norm(np.cross(c - a, np.where((faces[:, 3] < 0)[:, None], b - a, d - b)),
                             axis=1) > 0.0)  # fmt: skip
     if flat.all():
-        raise InputError(f"{name}: {len(flat)} faces without area; expected some with")
+        raise InputError(f"{where}: {len(flat)} faces without area; expected some with")
     return points, faces[~flat].astype(np.int32), np.flatnonzero(~flat)

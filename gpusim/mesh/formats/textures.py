@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 from dataclasses import dataclass, field
@@ -14,8 +13,10 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.gltf import gltf_meshes
-from gpusim.mesh.formats.surfaces import fail, numbered_surface, text_lines
+from gpusim.mesh.file_content.text import fail, numbers, statements
+from gpusim.mesh.formats.gltf.base_colors import gltf_looks
+from gpusim.mesh.formats.obj import ObjFile, read_obj
+from gpusim.mesh.formats.surfaces import merged, numbered_surface
 
 __all__ = ["TEXTURED_SUFFIXES", "FileMaterial", "TexturedSurface", "read_textured"]
 
@@ -24,16 +25,19 @@ TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
 @dataclass(frozen=True)
 class FileMaterial:
-    """A named material: its ``color`` (red, green, blue; linear) or, where it has one, a picture.
+    """A named material: its ``color`` (grey, or red, green, blue; linear), by which its picture, if
+    it has one, is multiplied. Names needn't differ.
 
-    ``picture`` is a file, its bytes read; one that lay in the surface's file is a PNG here. The
-    colour of one with a picture isn't used. ``missing``: the name of a picture that isn't there.
+    ``picture`` is a file, its bytes read. ``missing``: a picture or library of materials that isn't
+    there, or the material itself, ``newmtl …``.
+    ``wrap``: how it goes on beyond its sides, along u and v, as of `gpusim.surface.texture`.
     """
 
     name: str
-    color: tuple[float, float, float] = (0.8, 0.8, 0.8)
+    color: float | tuple[float, float, float] = (0.8, 0.8, 0.8)
     picture: InputFile | None = field(default=None, repr=False)
     missing: str = ""
+    wrap: tuple[str, str] = ("repeat", "repeat")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +60,9 @@ class TexturedSurface:
 def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
     """A surface of an OBJ or glTF file with its texture coordinates and materials.
 
-    An OBJ's materials are those of its ``mtllib`` beside it: ``Kd`` and ``map_Kd``. A glTF's are
-    the base colours and their textures.
+    An OBJ's materials are those of its ``mtllib`` beside it: ``Kd``, by which its ``map_Kd`` is
+    multiplied, with the options -s, -o and -clamp; others are refused. A glTF's are the base
+    colours, by which vertices' colours are multiplied, and their textures.
 
     Raises
     ------
@@ -78,107 +83,105 @@ def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
             f"{file.path}: got {file.suffix!r}; expected one with texture coordinates: "
             f"{', '.join(TEXTURED_SUFFIXES)}"
         )
-    points, faces, number = numbered_surface(file)
-    uv, material, materials = _obj(file) if file.suffix == ".obj" else _gltf(file)
+    if file.suffix == ".obj":
+        content = read_obj(file)
+        if content.fault:
+            raise InputError(content.fault)
+        points, faces, number = merged(str(file.path), content.points, content.faces)
+        uv, material, materials = _obj(file, content)
+    else:
+        points, faces, number = numbered_surface(file)
+        uv, material, materials = _gltf(file)
     return TexturedSurface(points, faces, uv[number], material[number], materials)
 
 
 Looks = tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], tuple[FileMaterial, ...]]
 
 
-def _obj(file: InputFile) -> Looks:
-    whole = InputFile(file.path, re.sub(rb"\\[ \t]*\r?\n", b" ", file.data))
-    places: list[list[float]] = [[np.nan, np.nan]]
-    corners: list[list[int]] = []
-    material: list[int] = []
-    names: dict[str, int] = {}
-    library: dict[str, FileMaterial] = {}
-    now = -1
-    for line, (word, *rest) in text_lines(whole):
-        if word == "vt":
-            try:
-                places.append([float(value) for value in [*rest, "0"][:2]])
-            except ValueError as error:
-                fail(file, f"{error}; expected u and v", line)
-        elif word == "mtllib":
-            library |= _library(file, " ".join(rest))
-        elif word == "usemtl":
-            now = names.setdefault(" ".join(rest), len(names))
-        elif word == "f":
-            given = [[*corner.split("/"), ""][1] or "0" for corner in rest]
-            try:
-                numbers = [int(text) for text in given]
-            except ValueError as error:
-                fail(file, f"{error}; expected numbers of points", line)
-            # a negative number counts from the last so far, as of points
-            numbers = [n if n >= 0 else len(places) + n or -1 for n in numbers]
-            if not all(0 <= n < len(places) for n in numbers):
-                fail(file, f"a face names vt {max(given)}; got {len(places) - 1} so far", line)
-            corners.append([*numbers, 0][:4])
-            material.append(now)
-    uv = np.array(places)[np.array(corners, np.int64).reshape(-1, 4)]
-    materials = tuple(library.get(name, FileMaterial(name)) for name in names)
-    return uv, np.array(material, np.int32), materials
+def _obj(file: InputFile, content: ObjFile) -> Looks:
+    library: dict[str, _Look] = {}
+    absent = ""
+    for names in content.libraries:
+        for name in [names] if _found(file, names) else names.split():
+            path = _found(file, name)
+            absent = absent or ("" if path else name)
+            library |= _library(file.beside(path, "materials")) if path else {}
+    uv, materials = content.uv.copy(), []
+    for number, name in enumerate(content.materials):
+        look = library.get(name) or _Look({"missing": absent or f"newmtl {name}"})
+        own = content.material == number
+        uv[own] = uv[own] * look.scale + look.offset
+        materials.append(FileMaterial(name, **look.fields))
+    return uv, content.material, tuple(materials)
 
 
-def _library(file: InputFile, name: str) -> dict[str, FileMaterial]:
-    """The materials of an OBJ's .mtl, by name; none if it isn't there."""
-    if not (file.path.parent / name).is_file():
-        return {}
-    mtl = file.beside(name, "materials")
-    found: dict[str, dict[str, Any]] = {}
-    values: dict[str, Any] = {}
-    for line, (word, *rest) in text_lines(mtl):
-        if word == "newmtl":
-            values = found[" ".join(rest)] = {}
-        elif word == "Kd":
-            try:
-                red, green, blue = (float(value) for value in rest)
-            except ValueError:
-                fail(mtl, f"got Kd {' '.join(rest)[:60]}; expected red, green, blue", line)
-            values["color"] = red, green, blue
-        elif word == "map_Kd":
-            picture = rest[-1] if rest and rest[0].startswith("-") else " ".join(rest)
-            if (mtl.path.parent / picture).is_file():
-                values["picture"] = InputFile(mtl.path, b"", file.known).beside(
-                    picture, "a picture"
-                )
-            else:
-                values["missing"] = picture
-    return {name: FileMaterial(name, **values) for name, values in found.items()}
+@dataclass
+class _Look:
+    """The fields of a `FileMaterial`, and what texture coordinates are multiplied by and moved."""
+
+    fields: dict[str, Any] = field(default_factory=dict)
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+def _found(file: InputFile, name: str) -> str:
+    """The name of a file beside it, also with separators of Windows; "" if none is there."""
+    names = name, name.strip("\"'"), name.strip("\"'").replace("\\", "/")
+    return next((one for one in names if os.path.isfile(file.path.parent / one)), "")
+
+
+def _library(mtl: InputFile) -> dict[str, _Look]:
+    """The materials of an OBJ's .mtl, by name."""
+    looks: dict[str, _Look] = {}
+    look = _Look()
+    for line, keyword, rest in statements(mtl, "materials"):
+        keyword = keyword.lower()
+        if keyword == "newmtl":
+            look = looks[rest] = _Look()
+        elif keyword == "kd":
+            words = rest.split("#")[0].split()
+            color = numbers(mtl, words * 3 if len(words) == 1 else words, 3, line)
+            if not all(0.0 <= value <= 1.0 for value in color):
+                fail(mtl, f"got Kd {rest[:60]}; expected red, green, blue from 0 to 1", line)
+            look.fields["color"] = tuple(color)
+        elif keyword == "map_kd":
+            look.fields.setdefault("color", (1.0, 1.0, 1.0))
+            name = _placed(mtl, rest, look, line)
+            path = _found(mtl, name)
+            look.fields |= {"picture": mtl.beside(path, "a picture")} if path else {"missing": name}
+    return looks
+
+
+def _placed(mtl: InputFile, rest: str, look: _Look, line: int) -> str:
+    """The picture's name behind the options of `map_Kd`, which go to ``look``."""
+    while match := re.match(r"(-[a-z]+)\s+(?=\S)", rest):
+        option, rest = match[1], rest[match.end() :]
+        values: list[str] = []
+        most = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}.get(option, 1)
+        while len(values) < most and (word := re.match(_ARGUMENT[most > 1], rest)):
+            values.append(word[1])
+            rest = rest[word.end() :]
+        u, v, *_ = [*map(float, values), *(1.0, 1.0)[len(values) :]] if most > 1 else (0.0, 0.0)
+        if option == "-s" and values:
+            look.scale = u, v
+        elif option == "-o" and values:
+            look.offset = u, v if len(values) > 1 else 0.0
+        elif option == "-clamp" and values == ["on"]:
+            look.fields["wrap"] = "clamp", "clamp"
+        elif not (
+            option in ("-blendu", "-blendv", "-texres")
+            or (option in ("-clamp", "-cc") and values == ["off"])
+            or (option == "-mm" and (u, v) == (0.0, 1.0))
+        ):
+            fail(mtl, f"got option {option} {' '.join(values)}; expected -s, -o or -clamp", line)
+    return rest
+
+
+# a number, or a word, with something behind it
+_ARGUMENT = (re.compile(r"(\S+)\s+"), re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+"))
 
 
 def _gltf(file: InputFile) -> Looks:
-    materials: dict[int, tuple[int, FileMaterial]] = {}
-    uv, material = [np.zeros((0, 3, 2))], [np.zeros(0, np.int32)]
-    for mesh in gltf_meshes(file):
-        number, place = -1, np.full((len(mesh.faces), 3, 2), np.nan)
-        given = getattr(mesh.visual, "material", None)
-        if given is not None:
-            if id(given) not in materials:
-                materials[id(given)] = len(materials), _of_gltf(file, given, len(materials))
-            number = materials[id(given)][0]
-        if getattr(mesh.visual, "uv", None) is not None:
-            place = np.asarray(mesh.visual.uv, np.float64)[mesh.faces]
-        uv.append(place)
-        material.append(np.full(len(mesh.faces), number, np.int32))
-    corners = np.concatenate(uv)
-    corners = np.concatenate([corners, np.full((len(corners), 1, 2), np.nan)], axis=1)
-    return corners, np.concatenate(material), tuple(found for _, found in materials.values())
-
-
-def _of_gltf(file: InputFile, given: Any, number: int) -> FileMaterial:
-    name = str(given.name or f"material-{number}")
-    factor = getattr(given, "baseColorFactor", None)
-    red, green, blue = (
-        (1.0, 1.0, 1.0) if factor is None else (float(value) / 255.0 for value in factor[:3])
-    )
-    texture = getattr(given, "baseColorTexture", None)
-    if texture is None:
-        return FileMaterial(name, (red, green, blue))
-    # as the bytes of a file, which are read as those of any picture
-    data = io.BytesIO()
-    texture.convert("RGB").save(data, "png")
-    return FileMaterial(
-        name, (red, green, blue), InputFile(file.path.with_suffix(".png"), data.getvalue())
-    )
+    triangles, material, looks = gltf_looks(file)
+    uv = np.concatenate([triangles, np.full((len(triangles), 1, 2), np.nan)], axis=1)
+    return uv, material, tuple(FileMaterial(**look) for look in looks)

@@ -9,7 +9,9 @@
 | dice | camera system .xml | mm | all of OpenCV's | matrix, or ALPHA, BETA, GAMMA |
 
 Here lengths are metres. A file may say ``length_unit: mm``: OpenCV's as a key, the others, whose
-programs would stumble over a key, in a comment; that goes before the format's habit.
+programs would stumble over a key, in a comment; that goes before the format's habit. In VIC's a
+comment says the size of the pictures, for which the format has no place; MatchID's .caldat has none
+for comments either: such a file is read with ``size=``.
 
 Pixel centres are whole numbers and the first pixel's is (0, 0) in all of them. Skew is K[0, 1] in
 px (MatchID's and DICe's Fs, VIC's fifth number): x = fx X + Fs Y + cx; OpenCV's own functions
@@ -107,7 +109,8 @@ def read_calibration(
     ----------
     source : the file. Of OpenCV's pair ``intrinsics.yml`` and ``extrinsics.yml`` either one, with
         the other beside it.
-    size : (columns, rows) px, for files that don't say it (MatchID, VIC, some of OpenCV's).
+    size : (columns, rows) px, for files that don't say it (MatchID's, those that VIC itself wrote,
+        some of OpenCV's).
     unit : "m", "cm", "mm", "um" or "in": the file's lengths, where it doesn't say so. Otherwise
         Kalibr's are metres and all others' millimetres.
 
@@ -166,6 +169,9 @@ def write_calibration(
     unit: str | None = None,
 ) -> None:
     """Write cameras so that another program, or `read_calibration`, reads them again.
+
+    MatchID's format has no place for the size of the pictures: `read_calibration` must be told its
+    ``size`` then.
 
     Parameters
     ----------

@@ -32,7 +32,9 @@ _BENT = (
 )  # fmt: skip
 _TURN, _SHIFT = ("R", "rvec", "rotation"), ("T", "tvec", "translation")
 _MODELS = ("plumb_bob", "rational_polynomial", "brown", "radtan", "opencv", "none", "")
-_FISHEYE = ("xi", "fisheye_model", "K_fisheye")
+_FISHEYE = ("fisheye", "omni", "equidist", "kannala")
+"""In the name of a key, or of a model."""
+_NO = ("0", "0.0", "false", "no", "")
 LARGEST = 100  # rows and columns of a matrix
 WIDEST = 1_000_000  # px
 
@@ -51,20 +53,30 @@ def read_opencv(text: str, where: str, size: Size) -> list[Camera]:
 def cameras_of(root: Document, where: str, size: Size) -> list[Camera]:
     """The cameras in a document that was read already."""
     root = from_message(root)
-    for key in _FISHEYE:
-        if key in root:
-            raise InputError(f"{where}: {key}; got a fisheye or omnidirectional model; expected a "
-                             "pinhole with radial and tangential distortion")  # fmt: skip
+    _check_pinhole(root, where)
     if "cameras" in root:
         rig = root["cameras"]
         if not isinstance(rig, list) or not rig or not all(isinstance(one, dict) for one in rig):
             raise InputError(f"{where}: cameras; got no list of cameras; expected at least one map")
+        for i, node in enumerate(rig):
+            _check_pinhole(node, f"{where}: cameras[{i}]")
         _check_poses(rig, where)
         return [_single(node, f"{where}: cameras[{i}]", f"camera {i}", size)
                 for i, node in enumerate(rig)]  # fmt: skip
     if _matrix(root, _pair_keys("M", 1), where) is None:
         return [_single(root, where, "camera", size)]
     return _pair(root, where, size)
+
+
+def _check_pinhole(node: Document, where: str) -> None:
+    """Refuse what says that it is a fisheye; ``fisheye_model: 0`` says that it is none."""
+    for key, value in node.items():
+        word = str(value).lower()
+        named = key == "xi" or any(kind in key.lower() for kind in _FISHEYE)
+        model = key in ("model", "lens_model", "camera_model") and any(k in word for k in _FISHEYE)
+        if model or (named and word not in _NO):
+            raise InputError(f"{where}: {key}; got a fisheye or omnidirectional model; expected a "
+                             "pinhole with radial and tangential distortion")  # fmt: skip
 
 
 def _check_poses(rig: Sequence[Document], where: str) -> None:

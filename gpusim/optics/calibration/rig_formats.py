@@ -192,9 +192,11 @@ def read_vic(text: str, where: str, size: Size) -> list[Camera]:
     """<camera id="…">: cx cy fx fy fs k1 k2 k3, then alpha beta gamma tx ty tz.
 
     The last six follow in the same text or in an <orientation> element within it. Distortion is
-    x (1 + k1 r^2 + k2 r^4 + k3 r^6) on the plane at unit distance.
+    x (1 + k1 r^2 + k2 r^4 + k3 r^6) on the plane at unit distance. A comment may say
+    ``image_size: 640 x 480`` for each camera.
     """
     cameras: list[Camera] = []
+    sizes = [(int(w), int(h)) for w, h in re.findall(r"image_size: (\d{1,6}) x (\d{1,6})", text)]
     for element in xml_root(text, where).iter():
         if element.tag.lower() != "camera":
             continue
@@ -210,7 +212,8 @@ def read_vic(text: str, where: str, size: Size) -> list[Camera]:
         cx, cy, fx, fy, fs, k1, k2, k3 = values[:8]
         K = np.array([[fx, fs, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         R, T = from_angles(*values[8:11]), np.array(values[11:14])
-        cameras.append(make(key, f"camera {name}", size, K, [k1, k2, 0.0, 0.0, k3], R, T))
+        shape = sizes[len(cameras)] if len(cameras) < len(sizes) else size
+        cameras.append(make(key, f"camera {name}", shape, K, [k1, k2, 0.0, 0.0, k3], R, T))
     if not cameras:
         raise InputError(f"{where}: <camera>; got none; expected at least one")
     return cameras
@@ -221,6 +224,7 @@ def write_vic(cameras: Sequence[Camera], where: str) -> str:
     root = ET.Element("calibration")
     root.append(ET.Comment(" length_unit: mm "))
     for index, camera in enumerate(cameras):
+        root.append(ET.Comment(f" image_size: {camera.width} x {camera.height} "))
         k1, k2, _, _, k3 = five(camera, where, tangential=False)
         K, (R, T) = camera.K, pose_of(camera)
         inner = [K[0, 2], K[1, 2], K[0, 0], K[1, 1], K[0, 1], k1, k2, k3]

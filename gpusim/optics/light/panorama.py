@@ -15,7 +15,7 @@ from gpusim.files.picture_file import decoding, read_picture
 
 __all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
 
-PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
+PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 
 
 def read_panorama(
@@ -23,9 +23,11 @@ def read_panorama(
 ) -> npt.NDArray[np.float64]:
     """A picture of radiances as float64: (H, W) if it is grey, else (H, W, 3) of red, green, blue.
 
-    Radiance (.hdr, .pic) and TIFF files of floats, and .npy arrays (H, W) or (H, W, 3) of red,
-    green and blue. Pictures of 8 or 16 bit are refused: lamps in them are cut off at white. With
-    the ``channels`` "grey", colours count by their luminance (ITU-R BT.709).
+    Radiance (.hdr, .pic), OpenEXR and TIFF files of floats, and .npy arrays (H, W) or (H, W, 3) of
+    red, green and blue. Exposures that a Radiance file states are divided out; colours that it or
+    OpenEXR states in other primaries become those of sRGB, white staying white. Pictures of 8 or 16
+    bit are refused: lamps in them are cut off at white. With the ``channels`` "grey", colours count
+    by their luminance (ITU-R BT.709).
 
     Raises
     ------

@@ -17,6 +17,7 @@ from gpusim.optics.lens import psf
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
 from gpusim.optics.lens.thin_lens import Lens, Vignetting
 from gpusim.optics.light.blackbody import blackbody
+from gpusim.optics.sensor.channels import Weights, check_sensitivities
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
@@ -26,6 +27,7 @@ __all__ = [
     "build_lens",
     "build_sensor",
     "build_shutter",
+    "grey_weights",
     "moving",
     "opening",
 ]
@@ -200,6 +202,15 @@ def build_sensor(scene_sensor: m.Sensor, camera: m.Camera, full_scale: float) ->
     if scene_sensor.preset is not None:
         return Sensor.preset(scene_sensor.preset, **values)
     return Sensor(**values)
+
+
+def grey_weights(scene_sensor: m.Sensor, camera: m.Camera) -> Weights | None:
+    """Of red, green and blue in a camera's pictures; None where these are in colour."""
+    if camera.channels == "rgb":
+        return None
+    sensor = build_sensor(scene_sensor, camera, full_scale=1.0)
+    rows = np.array(check_sensitivities(sensor.sensitivities, sensor.bayer is not None))
+    return tuple(rows.sum(axis=0) / rows.sum())
 
 
 def _gains_for(temperature: float, sensor: m.Sensor) -> tuple[float, ...]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -74,11 +75,15 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
             f"body {body.name!r}: its displacements are given, there is nothing to solve; expected "
             "a body with a material"
         )
-    if groups is None:
+    # supports that move alike have one group and one share of it
+    moves: dict[int, Any] = {k: one.amplitude for k, one in enumerate(body.supports)}
+    if groups is not None:
+        moves = {k: (n, share) for n, one in enumerate(groups) for k, share in one.supports}
+    else:
         everything = tuple((k, 1.0) for k in range(len(body.loads)))
         supports = tuple((k, 1.0) for k in range(len(body.supports)))
         groups = (LoadGroup((1.0,), everything, supports),)
-    held = _supports(parts, groups)
+    held = _supports(parts, moves)
     materials, of_cell = _materials(parts)
     forces = np.zeros((len(groups), grid.node_count, 3))
     prescribed = np.zeros_like(forces)
@@ -122,13 +127,9 @@ def _naming_place(where: str) -> Iterator[None]:
         raise InputError(f"{where}: {error}") from None
 
 
-def _supports(parts: MeshedBody, groups: tuple[LoadGroup, ...]) -> _Supports:
+def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
+    """``moves``: equal for supports that move alike."""
     body, grid = parts.body, parts.mesh
-    # supports that move alike have one group and one share of it
-    moves = {
-        support: (number, share)
-        for number, group in enumerate(groups) for support, share in group.supports
-    }  # fmt: skip
     owner = np.full((grid.node_count, 3), -1, np.int32)
     place = np.zeros((grid.node_count, 3))
     for number, support in enumerate(body.supports):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from gpusim.graph.runner import Inputs
 from gpusim.motion import Motion
-from gpusim.pipeline.build.surfaces import BodyParts, posed
+from gpusim.pipeline.build.surfaces import BodyParts, MeshedBody, posed
 from gpusim.report import SolutionSummary
 from gpusim.scene import Scene
 from gpusim.scene.frames import Shown
@@ -21,7 +21,14 @@ from gpusim.surface import Surface
 if TYPE_CHECKING:
     from gpusim.fem import Model, Solution
 
-__all__ = ["SceneObjects", "SceneSolution", "scene_objects", "solver_seconds"]
+__all__ = [
+    "MovingBodies",
+    "SceneObjects",
+    "SceneSolution",
+    "moving_bodies",
+    "scene_objects",
+    "solver_seconds",
+]
 
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.int32]
@@ -175,19 +182,14 @@ def _sums(solution: Solution, held: Int) -> Float:
 
 
 @dataclass
-class SceneObjects:
-    """Bodies and props as they were built, and where they are in each frame.
-
-    ``frames``: what stands where. ``motions``: of the bodies, None where there is none (yet).
-    ``board``: a prop that no frame shows.
-    """
+class MovingBodies:
+    """Bodies as they were meshed, and how they move. ``frames``: what stands where. ``motions``: of
+    the bodies, None where there is none (yet)."""
 
     scene: Scene
     frames: Sequence[Shown]
-    bodies: list[BodyParts] = field(default_factory=list)
-    props: list[Surface] = field(default_factory=list)
-    motions: list[Motion | None] = field(default_factory=list)
-    board: str = ""
+    bodies: Sequence[MeshedBody] = ()
+    motions: Sequence[Motion | None] = ()
 
     def displacement(self, body: int, frame: int | None) -> Float:
         """Nodal displacements (N, 3) m of a body in a frame; None: unloaded."""
@@ -196,6 +198,16 @@ class SceneObjects:
         if state is None or motion is None:
             return np.zeros((self.bodies[body].mesh.node_count, 3))
         return motion.displacement(state)
+
+
+@dataclass
+class SceneObjects(MovingBodies):
+    """Bodies and props as they were built, and where they are in each frame. ``board``: a prop
+    that no frame shows."""
+
+    bodies: Sequence[BodyParts] = ()
+    props: Sequence[Surface] = ()
+    board: str = ""
 
     def surfaces(self, frame: int | None) -> list[Surface]:
         """Every surface in a frame, bodies first; for None unloaded, and props as they stand."""
@@ -218,5 +230,14 @@ class SceneObjects:
 def scene_objects(scene: Scene, inputs: Inputs, frames: Sequence[Shown]) -> SceneObjects:
     """What a stage was given of bodies, props and motions; ``scene`` names the bodies."""
     bodies = [replace(inputs[f"surface/{body.name}"], body=body) for body in scene.bodies]
-    motions = [inputs.get(f"motion/{body.name}") for body in scene.bodies]
-    return SceneObjects(scene, frames, bodies, inputs.get("props") or [], motions)
+    return SceneObjects(scene, frames, bodies, _motions(scene, inputs), inputs.get("props") or ())
+
+
+def moving_bodies(scene: Scene, inputs: Inputs, frames: Sequence[Shown]) -> MovingBodies:
+    """The same of bodies alone, without their surfaces."""
+    bodies = [replace(inputs[f"mesh/{body.name}"], body=body) for body in scene.bodies]
+    return MovingBodies(scene, frames, bodies, _motions(scene, inputs))
+
+
+def _motions(scene: Scene, inputs: Inputs) -> list[Motion | None]:
+    return [inputs.get(f"motion/{body.name}") for body in scene.bodies]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,18 +15,21 @@ import numpy.typing as npt
 from gpusim import mesh
 from gpusim.errors import InputError
 from gpusim.field import Field
-from gpusim.files.input_file import InputFile, Reader, read_input
+from gpusim.files.input_file import Reader, read_input
+from gpusim.files.picture_file import claimed_pixels
 from gpusim.mesh import Mesh, read_surface, read_textured
-from gpusim.mesh.formats.textures import TexturedSurface
+from gpusim.mesh.formats.textures import FileMaterial, TexturedSurface
 from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.scene.frames import Placed
 from gpusim.surface import Atlas, CylinderFrame, PaintFrame, Skin, Surface
 from gpusim.surface import paint as paints
+from gpusim.surface.bitmap import LUMA
+from gpusim.surface.color import color
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
-from gpusim.surface.texture import textured
+from gpusim.surface.texture import MOST_TEXELS, textured
 
 __all__ = [
     "BodyParts",
@@ -213,7 +217,8 @@ def _painted(
 ) -> tuple[dict[str, Paint], dict[str, Frame]]:
     """Paints by name, and paint coordinates of those that need some; ``region`` (F,): which of the
     ``patterns`` a face has, from 1, 0 for none."""
-    found: dict[str, Paint] = {"unpainted": Plain(DEFAULT_ALBEDO)}
+    without = _new_name("unpainted", {paint.name for paint in patterns})
+    found: dict[str, Paint] = {without: Plain(DEFAULT_ALBEDO)}
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
         found[paint.name] = Plain(paint.albedo, *finish_of(paint))
@@ -280,56 +285,72 @@ def _faces(prop: m.Shape, read: Reader) -> Surface:
         assert look is not None
         own = np.flatnonzero(region == list(found).index(paint.name))
         place = f"{where}, paint {paint.name!r}"
-        for number, (faces_of_it, name, what) in enumerate(_looks(look, paint, own, place, read)):
-            region[faces_of_it] = region[own[0]] if number == 0 else len(found)
-            found[name], frame = _by_uv(look, paint, faces_of_it, what, place)
+        for number, (faces_of_it, material) in enumerate(_looks(look, paint, own, place, read)):
+            name = paint.name
+            if number:
+                name = _new_name(f"{name}/{material.name}", found)
+                region[faces_of_it] = len(found)
+            found[name], frame = _by_uv(look, paint, faces_of_it, material, place)
             if frame is not None:
                 frames[name] = frame
     return Surface(points, faces, found, region, frames=frames, name=prop.name)
 
 
-Look = InputFile | tuple[float, float, float] | None
-"""A picture, a colour, or that of the paint's ground."""
+def _new_name(name: str, known: Collection[str]) -> str:
+    """The name, or one like it that isn't ``known``: those in files needn't differ."""
+    names = (f"{name} {number}" for number in itertools.count(2))
+    return name if name not in known else next(one for one in names if one not in known)
 
 
 def _looks(
     surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], where: str, read: Reader
-) -> list[tuple[npt.NDArray[np.int64], str, Look]]:
-    """Of a paint's ``own`` faces (n,) those that look alike, a name, and how they look."""
+) -> list[tuple[npt.NDArray[np.int64], FileMaterial]]:
+    """Of a paint's ``own`` faces (n,) those that look alike, and how."""
     if not len(own):
         raise InputError(f"{where}: every face it matches is painted over by a later paint")
     if paint.path is not None:
-        return [(own, paint.name, read(paint.path))]
+        return [(own, FileMaterial(paint.name, (1.0, 1.0, 1.0), read(paint.path)))]
     if not surface.materials:
         raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
-    result: list[tuple[npt.NDArray[np.int64], str, Look]] = []
+    result: list[tuple[npt.NDArray[np.int64], FileMaterial]] = []
+    ground = FileMaterial("none", color(paint.albedo))
     for number in np.unique(surface.material[own]).tolist():
-        material = surface.materials[number] if number >= 0 else None
-        if material is not None and material.missing:
+        material = surface.materials[number] if number >= 0 else ground
+        if material.missing:
             raise InputError(f"{where}: {material.missing!r}, of material {material.name!r}, isn't "
                              "there; expected it beside the prop's file")  # fmt: skip
-        name = f"{paint.name}/{material.name if material else 'none'}" if result else paint.name
-        look = material and (material.picture or material.color)
-        result.append((own[surface.material[own] == number], name, look))
+        result.append((own[surface.material[own] == number], material))
+    texels = sum(claimed_pixels(one.picture) for _, one in result if one.picture)
+    if texels > MOST_TEXELS:
+        raise InputError(
+            f"{where}: pictures of {texels:,} pixels; expected at most {MOST_TEXELS:,} in all"
+        )
     return result
 
 
 def _by_uv(
-    surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], look: Look, where: str
+    surface: TexturedSurface,
+    paint: m.Picture,
+    own: npt.NDArray[np.int64],
+    material: FileMaterial,
+    where: str,
 ) -> tuple[Paint, Atlas | None]:
     """The paint of faces ``own`` (n,), and where it lies on them."""
     finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
-    if not isinstance(look, InputFile):
-        return Plain(paint.albedo if look is None else look, **finish), None
+    if material.picture is None:
+        return Plain(material.color, **finish), None
+    factor = material.color if paint.channels == "rgb" else np.dot(LUMA, material.color)
+    dark, light = (np.multiply(color(one), factor) for one in (paint.dark, paint.light))
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
     wanted = np.isin(source, own)
     try:
         picture = paints.Image.read(
-            look, 1.0, dark=paint.dark, light=paint.light, ground=paint.albedo, gamma=paint.gamma,
+            material.picture, 1.0, dark=dark, light=light, ground=paint.albedo, gamma=paint.gamma,
             channels=paint.channels, **finish,
         )  # fmt: skip
-        picture, places = textured(picture, surface.uv.reshape(-1, 2)[triangles[wanted]])
+        uv = surface.uv.reshape(-1, 2)[triangles[wanted]]
+        picture, places = textured(picture, uv, material.wrap)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     st = np.full((len(triangles), 3, 2), np.nan)

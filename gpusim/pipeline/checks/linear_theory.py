@@ -17,7 +17,6 @@ Bodies held at both ends also stiffen because they are stretched; that isn't in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,8 +25,9 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
-from gpusim.pipeline.build.modelling import temperature
-from gpusim.pipeline.build.scene_objects import SceneObjects
+from gpusim.pipeline.build.modelling import build_model, temperature
+from gpusim.pipeline.build.scene_objects import MovingBodies
+from gpusim.pipeline.build.surfaces import MeshedBody
 from gpusim.scene.description import model as m
 
 __all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]
@@ -93,10 +93,10 @@ class LinearError:
         )
 
 
-def linear_errors(objects: SceneObjects, models: Sequence[fem.Model]) -> list[LinearError]:
-    """One per body, solved as one of the ``models``."""
+def linear_errors(objects: MovingBodies) -> list[LinearError]:
+    """One per body; all were solved for."""
     found = []
-    for i, (parts, model) in enumerate(zip(objects.bodies, models, strict=True)):
+    for i, parts in enumerate(objects.bodies):
         reach = [
             float(np.linalg.norm(np.ptp(objects.displacement(i, frame), axis=0)))
             for frame in range(len(objects.frames))
@@ -106,7 +106,7 @@ def linear_errors(objects: SceneObjects, models: Sequence[fem.Model]) -> list[Li
         turn = float(np.linalg.norm(cell_rotations(parts.mesh, u), axis=1).max(initial=0.0))
         share, longer = 1.0, 0.0
         if turn > SMALL_TURN:
-            share, longer = _second_order(parts.body, model, frame, u)
+            share, longer = _second_order(parts, frame, u)
         size = float(np.linalg.norm(np.ptp(parts.mesh.points, axis=0)))
         moved = float(np.linalg.norm(u, axis=1).max(initial=0.0))
         found.append(
@@ -115,7 +115,8 @@ def linear_errors(objects: SceneObjects, models: Sequence[fem.Model]) -> list[Li
     return found
 
 
-def _second_order(body: m.Body, model: fem.Model, frame: int, u: Array) -> tuple[float, float]:
+def _second_order(parts: MeshedBody, frame: int, u: Array) -> tuple[float, float]:
+    body, model = parts.body, build_model(parts)
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
     return second_order(model, u, body.formulation, forced=forced, temperature=change)

@@ -38,7 +38,7 @@ def marker_warnings(
     """
     found = []
     strict, what = unloaded.strict, f"measure {spec.name!r}"
-    marks = collect_markers(what, spec.groups, spec.static, scene, unloaded.bodies)
+    marks = collect_markers(spec, scene, unloaded.bodies)
     for camera_spec in (one for one in scene.cameras if one.name in spec.views):
         camera = build_camera(camera_spec)
         if strict and camera.name in unloaded.blind:
@@ -120,16 +120,11 @@ def _vectors(parts: BodyParts) -> Iterator[tuple[str, Array]]:
     for load in parts.body.loads:
         if not any(load.amplitude):
             continue
-        vector = None
-        if isinstance(load, m.Force | m.NodalForce | m.LineForce):
-            vector = np.array(load.force)
-        elif isinstance(load, m.Traction):
-            vector = np.array(load.traction)
-        elif isinstance(load, m.Gravity):
-            vector = np.array(load.acceleration)
-        elif isinstance(load, m.Pressure) and load.pressure:
+        given = [getattr(load, key, None) for key in ("force", "traction", "acceleration")]
+        vector = next((np.array(one) for one in given if one is not None), np.zeros(3))
+        if isinstance(load, m.Pressure) and load.pressure:
             vector = _resultant(parts, load.where)
-        if vector is not None and vector.any():
+        if vector.any():
             yield f"load {load.name!r}", vector
     for support in parts.body.supports:
         moved = np.array(support.displacement)

@@ -96,7 +96,7 @@ def build_objects(scene: Scene) -> SceneObjects | None:
     props = [build_prop(prop, scene.input) for prop in scene.props]
     board = scene.calibration.board if scene.calibration is not None else ""
     shown = [instant.shown for instant in frame_table(scene)]
-    return SceneObjects(scene, shown, bodies, props, board=board)
+    return SceneObjects(scene, shown, bodies, props=props, board=board)
 
 
 def geometry_warnings(objects: SceneObjects) -> list[str]:

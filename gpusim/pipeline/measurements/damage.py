@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,14 +13,13 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.errors import GpusimError
-from gpusim.files.atomic_files import safe_name, write_text
+from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, register
 from gpusim.pipeline.measurements.results import PointTable, Reported, Result, csv_text
 from gpusim.report import Drawing, Link, Measurement
 from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw_differences
-from gpusim.report.text import plain_data
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
@@ -63,6 +61,12 @@ class DamageLine:
         fine = error[np.isfinite(error)]
         return float(np.sqrt(np.mean(fine**2))) if fine.size else float("nan")
 
+    @property
+    def fitted_mm(self) -> Array:
+        """The measured difference as the broken line that was fitted; NaN without one."""
+        x = self.position_mm
+        return x * np.nan if self.found is None else self.found.at(x)
+
     def nearest(self, notch_mm: float) -> tuple[float, float]:
         """Where the difference and its truth change their slope by a notch; NaN where they don't.
 
@@ -91,16 +95,6 @@ class DamageResult(Result):
     tolerance_mm: float
     lines: tuple[DamageLine, ...]
 
-    def of(self, group: str) -> list[DamageLine]:
-        """The lines of a group, the reference first."""
-        own = [line for line in self.lines if line.group == group]
-        return sorted(own, key=lambda line: line.state != self.reference)
-
-    @property
-    def groups(self) -> list[str]:
-        """Names of the groups, each once."""
-        return list(dict.fromkeys(line.group for line in self.lines))
-
     @property
     def note(self) -> str:
         """What became of it, in a few words."""
@@ -109,23 +103,12 @@ class DamageResult(Result):
 
     def tables(self) -> dict[str, str]:
         """``.csv``: every point of every line; ``-breaks.csv``: changes of slope."""
-        return {"": self.table.csv(), "-breaks": csv_text(_BREAKS, self._breaks())}
-
-    def _breaks(self) -> list[list[Any]]:
-        return [row for line in self.lines for row in _breaks(line)]
+        breaks = [row for line in self.lines for row in _breaks(line)]
+        return {"": self.table.csv(), "-breaks": csv_text(_BREAKS, breaks)}
 
     def write(self, folder: Path) -> list[Path]:
-        """Its tables, and ``<name>.json``; no run reads it again."""
-        stem = safe_name(self.name)
-        content = {
-            "name": self.name,
-            "reference": self.reference,
-            "noise_px": {f"{line.state}/{line.group}": line.noise_px for line in self.lines},
-            "breaks": [dict(zip(_BREAKS, row, strict=True)) for row in self._breaks()],
-        }
-        texts = {f"{stem}{ending}.csv": text for ending, text in self.tables().items()}
-        texts[f"{stem}.json"] = json.dumps(plain_data(content), indent=1, allow_nan=False) + "\n"
-        return [write_text(inside(folder, name), text) for name, text in texts.items()]
+        """Its tables; no run reads it again."""
+        return self.write_tables(folder)
 
     def report(self, scene: Scene, out: Path) -> Reported:
         """Places of notches, noise, lines and differences."""
@@ -181,8 +164,9 @@ class DamageResult(Result):
     def _figures(self, folder: Path) -> list[Drawing]:
         """Lines and differences of each group, to be drawn into ``folder``."""
         figures: list[Drawing] = []
-        for group in self.groups:
-            lines = self.of(group)
+        for group in dict.fromkeys(line.group for line in self.lines):
+            lines = [line for line in self.lines if line.group == group]
+            lines.sort(key=lambda line: line.state != self.reference)
             along = f"position along the {group}, {lines[0].axis} (mm)"
             across = f"deflection along {lines[0].across} (mm)"
             stem = f"{self.name}-{group}"
@@ -214,9 +198,9 @@ def compare_states(spec: m.Damage, scene: Scene, read: Callable[[str, str], Any]
     lines = []
     for state, result in own.items():
         notches = [n for n in _notches(scene.variant(state)) if n[:2] not in at_rest]
-        for group in dict.fromkeys(result.group.tolist()):
+        for group in dict.fromkeys(result.group):
             lines.append(_line(spec, group, _State(state, result, notches), base))
-    table = _table(lines, base.table.frames[-1:])
+    table = _table(lines, base.table.frames[-1])
     return DamageResult(spec.name, table, spec.reference, 1e3 * spec.tolerance, tuple(lines))
 
 
@@ -230,7 +214,7 @@ class _State(NamedTuple):
 
 def _line(spec: m.Damage, group: str, variant: _State, base: DeflectionResult) -> DamageLine:
     state, result, notches = variant
-    rows, base_rows = (np.flatnonzero(r.group == group) for r in (result, base))
+    rows, base_rows = (np.flatnonzero(np.array(r.group) == group) for r in (result, base))
     own = result.position_mm[rows]
     along = int(np.argmax(np.ptp(own, axis=0)))
     across = _across(result, along)
@@ -292,22 +276,14 @@ _BREAKS = (
 )  # fmt: skip
 
 
-def _table(lines: Sequence[DamageLine], frames: tuple[int, ...]) -> PointTable:
-    """Every point of every line."""
-    columns = {
-        name: np.concatenate([getattr(line, name) for line in lines])
-        for name in ("position_mm", "deflection_mm", "true_mm", "difference_mm",
-                     "true_difference_mm")
-    }  # fmt: skip
-    fitted = [
-        line.found.at(line.position_mm) if line.found else line.position_mm * np.nan
-        for line in lines
-    ]
-    counts = [len(line.position_mm) for line in lines]
-    groups = np.repeat([line.group for line in lines], counts)
-    states = np.repeat([line.state for line in lines], counts).tolist()
-    columns = {"group": groups, **columns, "fitted_mm": np.concatenate(fitted)}
-    return PointTable("state", frames, tuple(states), columns)
+def _table(lines: Sequence[DamageLine], frame: int) -> PointTable:
+    """Every point of every line, in the last frame."""
+    names = ("position_mm", "deflection_mm", "true_mm", "difference_mm", "true_difference_mm",
+             "fitted_mm")  # fmt: skip
+    points = [line for line in lines for _ in line.position_mm]
+    columns = {name: np.concatenate([getattr(line, name) for line in lines]) for name in names}
+    groups = {"group": np.array([line.group for line in points])}
+    return PointTable.of("state", [line.state for line in points], {frame: groups | columns})
 
 
 def _breaks(line: DamageLine) -> list[list[Any]]:

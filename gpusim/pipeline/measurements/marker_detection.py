@@ -1,13 +1,7 @@
-"""Markers of a scene, found in a picture near where they are expected, and fits of their crosses.
-
-The states of a structure have first pictures that are alike but for where they differ: what was
-found from the same pixels is remembered within the process.
-"""
+"""Markers of a scene, found in a picture near where they are expected, and crosses fitted."""
 
 from __future__ import annotations
 
-import hashlib
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import BodyParts
@@ -24,6 +18,7 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
 __all__ = [
+    "CrossFits",
     "MarkerSet",
     "arms_of",
     "check_widths",
@@ -40,9 +35,6 @@ SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the fr
 ALIKE = 0.08  # logarithm of the ratio of widths that are looked for together
 FIRST_SHARE = 0.6  # of a marker's half width that a first fit of its cross looks at
 END_MARGIN = 1.2, 2.5  # px, and lens blurs, kept from a marker's own border
-REMEMBERED = 4096  # markers
-
-_remembered: OrderedDict[bytes, Array] = OrderedDict()
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,40 +66,23 @@ class MarkerSet:
         return every[0], every[1:] - every[0]
 
 
-def collect_markers(
-    what: str,
-    groups: Sequence[str],
-    static: Sequence[str],
-    scene: Scene,
-    bodies: Sequence[BodyParts],
-) -> MarkerSet:
-    """The markers of paints on bodies, in order, and of paints on props."""
-    own = tuple(_marker_paint(what, bodies, name) for name in groups)
-    paints = [paint for _, paint in own]
-    still = [
-        paint
-        for name in static
-        for prop in scene.props
-        for paint in prop.paints
-        if paint.name == name and isinstance(paint, m.Markers)
-    ]
+def collect_markers(spec: m.MarkerMeasure, scene: Scene, bodies: Sequence[BodyParts]) -> MarkerSet:
+    """The markers of the paints of ``spec`` on bodies, in order, and on props."""
+    painted = [(k, paint) for k, parts in enumerate(bodies) for paint in parts.body.paints]
+    by_name = {paint.name: (k, paint) for k, paint in painted if isinstance(paint, m.Markers)}
+    groups = tuple(by_name[name] for name in spec.groups)
+    on_props = {paint.name: paint for prop in scene.props for paint in prop.paints}
+    paints = [paint for _, paint in groups]
+    still = [paint for name in spec.static if isinstance(paint := on_props[name], m.Markers)]
     every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
     return MarkerSet(
-        groups=own,
+        groups=groups,
         count=sum(len(paint.markers) for paint in paints),
         position=np.array([marker.position for _, marker in every]),
         size=np.array([paint.size for paint, _ in every]),
         names=tuple(marker.name for _, marker in every),
         group_names=tuple(paint.name for paint, _ in every),
     )
-
-
-def _marker_paint(what: str, bodies: Sequence[BodyParts], name: str) -> tuple[int, m.Markers]:
-    for index, parts in enumerate(bodies):
-        for paint in parts.body.paints:
-            if paint.name == name and isinstance(paint, m.Markers):
-                return index, paint
-    raise GpusimError(f"{what}: no markers named {name!r} on any body")
 
 
 def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
@@ -151,30 +126,20 @@ def size_range(width: float) -> tuple[float, float]:
 
 def find_crosses(image: npt.NDArray[Any], near: Array, widths: Array) -> CrossFits:
     """Find the markers that are about ``widths`` (M,) px wide near the places (M, 2)."""
-    values = np.full((len(near), 9), np.nan)
-    seen = np.flatnonzero(np.isfinite(near).all(axis=1))
-    keys = _keys(image, near[seen], widths[seen])
-    new = []
-    for i, key in zip(seen, keys, strict=True):
-        if key in _remembered:
-            values[i] = _remembered[key]
-            _remembered.move_to_end(key)
-        else:
-            new.append((i, key))
-    if new:
-        rows = np.array([i for i, _ in new])
-        values[rows] = _locate(image, near[rows], widths[rows])
-        for i, key in new:
-            _remembered[key] = values[i]
-        while len(_remembered) > REMEMBERED:
-            _remembered.popitem(last=False)
-    return CrossFits(
-        values[:, :2],
-        values[:, 2:6].reshape(-1, 2, 2),
-        values[:, 6],
-        values[:, 7],
-        values[:, 8] > 0,
-    )
+    points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
+    seen = np.isfinite(near).all(axis=1)
+    # markers of about the same size together; which sizes are near one doesn't depend on the others
+    kind = np.where(seen, np.round(np.log(widths) / ALIKE), np.nan)
+    for one in np.unique(kind[seen]):
+        rows, width = np.flatnonzero(kind == one), float(np.exp(ALIKE * one))
+        located = measure.locate_markers(image, near[rows], size_range(width), SEARCH_SHARE * width)
+        hit = located.status == measure.MarkerStatus.FOUND
+        points[rows[hit]] = located.points[hit]
+        arms[rows[hit]] = arms_of(located)[hit]
+    fine, sigma, blur = fit_crosses(image, points, arms)
+    fitted = np.isfinite(fine)
+    rough = np.asarray((np.isfinite(points) & ~fitted).all(axis=1))
+    return CrossFits(np.where(fitted, fine, points), arms, blur, sigma, rough)
 
 
 def fit_crosses(
@@ -203,37 +168,3 @@ def arms_of(located: measure.Markers) -> Array:
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     return np.stack([half[:, :1] * along, half[:, 1:] * across], axis=1)
-
-
-def _locate(image: npt.NDArray[Any], near: Array, widths: Array) -> Array:
-    """Points, arms, blur, sigma and whether that is rough, in nine columns."""
-    points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
-    # markers of about the same size together; which sizes are near one doesn't depend on the others
-    kind = np.round(np.log(widths) / ALIKE)
-    for one in np.unique(kind):
-        rows, width = np.flatnonzero(kind == one), float(np.exp(ALIKE * one))
-        located = measure.locate_markers(image, near[rows], size_range(width), SEARCH_SHARE * width)
-        hit = located.status == measure.MarkerStatus.FOUND
-        points[rows[hit]] = located.points[hit]
-        arms[rows[hit]] = arms_of(located)[hit]
-    fine, sigma, blur = fit_crosses(image, points, arms)
-    rough = np.isfinite(points).all(axis=1) & ~np.isfinite(fine).all(axis=1)
-    points = np.where(np.isfinite(fine), fine, points)
-    return np.column_stack([points, arms.reshape(-1, 4), blur, sigma, rough])
-
-
-def _keys(image: npt.NDArray[Any], near: Array, widths: Array) -> list[bytes]:
-    """What the result for each marker depends on: the pixels around it, and where they are."""
-    level = float(image.min()), float(image.max()), image.shape, image.dtype.str
-    every = np.concatenate([near, widths[:, None]], axis=1).tobytes()
-    keys = []
-    for (x, y), width in zip(near, widths, strict=True):
-        reach = (SEARCH_SHARE + SIZES[1] + 1.0) * width + 4.0
-        x0, y0 = max(int(x - reach), 0), max(int(y - reach), 0)
-        window = image[y0 : int(y + reach) + 2, x0 : int(x + reach) + 2]
-        digest = hashlib.blake2b(np.ascontiguousarray(window).tobytes(), digest_size=16)
-        digest.update(repr((x, y, width, level)).encode())
-        # markers may claim each other's places
-        digest.update(every)
-        keys.append(digest.digest())
-    return keys

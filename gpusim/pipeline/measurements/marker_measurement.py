@@ -6,9 +6,9 @@ last frame's values, and histories over all frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -18,14 +18,15 @@ from gpusim.pipeline.build.cameras import build_camera, build_sensor
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
-from gpusim.pipeline.measurements.results import Crop, Result
+from gpusim.pipeline.measurements.results import Columns, Crop, Result, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
-from gpusim.report import Series
+from gpusim.pipeline.stages.images import image_path
+from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import frame_word
 
-__all__ = ["GOAL", "MarkerResult", "TrackedMarkers", "crops", "track_markers_of"]
+__all__ = ["GOAL", "MarkerResult", "TrackedMarkers", "track_markers"]
 
 Array = npt.NDArray[np.float64]
 GOAL = 1e-3
@@ -34,27 +35,35 @@ GOAL = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class TrackedMarkers:
-    """``marks`` in the pictures of ``cameras``; ``tracks``: of each camera one for each of the
-    ``frames`` after the first."""
+    """``marks`` in the pictures of ``cameras``; ``frames``: the number of each frame after the
+    first, with the tracks from there in every camera."""
 
     marks: MarkerSet
     cameras: tuple[Camera, ...]
-    frames: tuple[int, ...]
-    tracks: tuple[tuple[MarkerTracks, ...], ...]
+    frames: dict[int, tuple[MarkerTracks, ...]]
 
-    def states(self) -> dict[str, npt.NDArray[Any]]:
-        """Columns of the markers on bodies: their group, and in which frames there are clipped
-        pixels within one (``saturated``), or it rests on correlation alone (``unrefined``)."""
+    def places(self, seen: Sequence[MarkerTracks], least: int) -> Columns:
+        """Columns that a table of markers on bodies begins with: whether ``least`` cameras followed
+        one, or why the first of them didn't, and where it is on the unloaded structure."""
+        states = np.array([one.status[: self.marks.count] for one in seen])
+        lost = states != "OK"
+        first = np.take_along_axis(states, lost.argmax(axis=0)[None], axis=0)[0]
+        status = np.where(np.count_nonzero(~lost, axis=0) >= least, "OK", first)
+        place = 1e3 * self.marks.position[: self.marks.count]
+        return {"status": status, **vector_columns("{}_mm", "xyz", place)}
+
+    def flags(self, seen: Sequence[MarkerTracks]) -> Columns:
+        """Columns that it ends with: groups, clipped pixels within a marker (``saturated``), and
+        whether it rests on correlation alone (``unrefined``) in any camera."""
         count = self.marks.count
-        return {"group": np.array(self.marks.group_names[:count])} | {
-            column: np.any(
-                [[getattr(one, name)[:count] for one in tracks] for tracks in self.tracks], axis=0
-            )
-            for column, name in (("saturated", "clipped"), ("unrefined", "unrefined"))
+        return {
+            "group": np.array(self.marks.group_names[:count]),
+            "saturated": np.any([one.clipped[:count] for one in seen], axis=0),
+            "unrefined": np.any([one.unrefined[:count] for one in seen], axis=0),
         }
 
 
-def track_markers_of(
+def track_markers(
     spec: m.MarkerMeasure, scene: Scene, objects: SceneObjects, sources: Sources
 ) -> TrackedMarkers:
     """The markers of ``spec`` in its cameras' pictures, every frame against the first.
@@ -62,29 +71,26 @@ def track_markers_of(
     This needs no calibration. Raises InputError for a marker that is too small or behind a camera,
     GpusimError if none is found.
     """
-    what = f"measure {spec.name!r}"
-    marks = collect_markers(what, spec.groups, spec.static, scene, objects.bodies)
+    marks = collect_markers(spec, scene, objects.bodies)
     by_name = {one.name: one for one in scene.cameras}
     cameras = tuple(build_camera(by_name[name], scene.input) for name in spec.views)
-    frames = len(scene.analysis.load_factors)
+    frames = range(len(scene.analysis.load_factors))
     tracks = [
         sources.markers.track(
-            spec.name, marks, camera, (sources.image(name, frame) for frame in range(frames)),
+            spec.name, marks, camera, (sources.image(name, frame) for frame in frames),
             subset=spec.subset, sensor=build_sensor(scene.sensor_of(name), by_name[name], 1.0),
         )
         for name, camera in zip(spec.views, cameras, strict=True)
     ]  # fmt: skip
-    return TrackedMarkers(marks, cameras, tuple(range(1, frames)), tuple(map(tuple, tracks)))
+    return TrackedMarkers(
+        marks, cameras, dict(zip(frames[1:], zip(*tracks, strict=True), strict=True))
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerResult(Result):
-    """What became of M markers between the first frame and every other one.
-
-    Columns of the table, beside its numbers: ``group`` names, ``status`` names; ``saturated``:
-    whether there are clipped pixels within the marker, ``unrefined``: whether it was measured by
-    correlation alone, because its cross couldn't be fitted. Properties are of the last frame.
-    """
+    """What became of M markers between the first frame and every other one; columns of the table
+    are those of `TrackedMarkers`, and more. Properties are of the last frame."""
 
     @property
     def marker(self) -> tuple[str, ...]:
@@ -92,15 +98,14 @@ class MarkerResult(Result):
         return self.table.points
 
     @property
-    def group(self) -> npt.NDArray[np.str_]:
+    def group(self) -> tuple[str, ...]:
         """Names (M,) of the paints that markers are of."""
-        names: npt.NDArray[np.str_] = self.table["group"][-1]
-        return names
+        return tuple(self.table["group"][-1].tolist())
 
     @property
     def status(self) -> tuple[str, ...]:
-        """Names (M,) in the last frame."""
-        return tuple(str(one) for one in self.table["status"][-1])
+        """Names (M,)."""
+        return tuple(self.table["status"][-1].tolist())
 
     @property
     def position_mm(self) -> Array:
@@ -109,24 +114,22 @@ class MarkerResult(Result):
 
     @property
     def measured_mm(self) -> Array:
-        """Displacements (M, K) in the last frame."""
-        measured: Array = self.table.vectors("measured")[-1]
-        return measured
+        """Displacements (M, K)."""
+        return self.table.last("measured")
 
     @property
     def true_mm(self) -> Array:
-        """True displacements (M, K) in the last frame."""
-        true: Array = self.table.vectors("true")[-1]
-        return true
+        """True displacements (M, K)."""
+        return self.table.last("true")
 
     @property
     def measured_count(self) -> str:
         """Such as "7 of 8 markers"."""
-        return f"{sum(one == 'OK' for one in self.status)} of {len(self.status)} markers"
+        return f"{self.status.count('OK')} of {len(self.status)} markers"
 
-    def named(self, column: str) -> list[str]:
+    def named(self, column: str) -> str:
         """The markers for which a column is true in any frame."""
-        return [self.marker[i] for i in np.flatnonzero(self.table[column].any(axis=0))]
+        return ", ".join(self.marker[i] for i in np.flatnonzero(self.table[column].any(axis=0)))
 
     @property
     def warnings(self) -> list[str]:
@@ -136,52 +139,74 @@ class MarkerResult(Result):
         found = [f"{what}: not measured: {lost}"] if lost else []
         if clipped := self.named("saturated"):
             found.append(
-                f"{what}: saturated pixels on {', '.join(clipped)}; a clipped edge moves its "
-                "marker: lower [sensor] exposure"
+                f"{what}: saturated pixels on {clipped}; a clipped edge moves its marker: lower "
+                "[sensor] exposure"
             )
         if rough := self.named("unrefined"):
             found.append(
-                f"{what}: by correlation alone, without a fit of the cross: {', '.join(rough)}; a "
-                "sharp marker may be off by 0.02 px then (others: 0.003)"
+                f"{what}: by correlation alone, without a fit of the cross: {rough}; a sharp "
+                "marker may be off by 0.02 px then (others: 0.003)"
             )
         return found
 
     def _lost(self) -> Iterator[str]:
         """Markers with the reason, and the last frame in which they were lost if others follow."""
-        frames, states = self.table.frames, self.table["status"]
-        for marker, status in zip(self.marker, states.T, strict=True):
-            rows = np.flatnonzero(status != "OK")
-            if rows.size:
-                k = int(rows[-1])
+        frames = self.table.frames
+        for marker, status in zip(self.marker, self.table["status"].T, strict=True):
+            for k in np.flatnonzero(status != "OK")[-1:]:
                 when = f" in frame {frames[k]}" if k < len(frames) - 1 else ""
                 yield f"{marker} ({status[k]}{when})"
+
+    def rms_error(self) -> list[Measurement]:
+        """Of all markers that were measured, if there are any."""
+        error = self.measured_mm - self.true_mm
+        fine = np.isfinite(error).all(axis=1)
+        if not fine.any():
+            return []
+        rms = float(np.sqrt(np.mean(np.sum(error[fine] ** 2, axis=1))))
+        return [Measurement.noise(f"{self.name}: RMS error of all markers", "mm", rms)]
 
     def histories(self, scene: Scene, quantity: str, measured: Array, true: Array) -> list[Series]:
         """A series per marker of a ``quantity`` (F, M), mm, over the frames' load factors or times;
         none of a single frame."""
-        if len(self.table.frames) < 2:
-            return []
         instants = np.array([scene.analysis.load_factors[frame] for frame in self.table.frames])
+        if len(instants) < 2:
+            return []
+        x_label, name = frame_word(scene).replace("_", " "), self.name
         return [
             Series(
-                name=f"{self.name}: {marker}, {quantity}",
-                x=instants,
-                y_measured=measured[:, i],
-                y_truth=true[:, i],
-                x_label=frame_word(scene).replace("_", " "),
-                y_label=quantity,
-                y_unit="mm",
-                figure=f"{self.name}: {self.group[i]}, {quantity}",
+                f"{name}: {marker}, {quantity}", instants, one, other, x_label, quantity, "mm",
+                figure=f"{name}: {group}, {quantity}",
             )
-            for i, marker in enumerate(self.marker)
+            for marker, group, one, other in zip(
+                self.marker, self.group, measured.T, true.T, strict=True
+            )
+        ]  # fmt: skip
+
+    def pictured(
+        self,
+        scene: Scene,
+        out: Path,
+        views: Mapping[str, tuple[Array, Array]],
+        mm_per_px: float | None = None,
+    ) -> tuple[list[Overlay], dict[str, list[Crop]]]:
+        """Overlays and crops of each camera's markers (M, 2) px and how far they moved."""
+        several = len(views) > 1
+        overlays = [
+            Overlay(
+                f"{self.name}: tracked markers{f', {camera}' if several else ''}",
+                image_path(scene, out, camera, 0),
+                np.where(np.isfinite(points), points, 0.0),
+                moved,
+                mm_per_px,
+            )
+            for camera, (points, moved) in views.items()
         ]
+        return overlays, {camera: self._crops(*view) for camera, view in views.items()}
 
-
-def crops(marker: Sequence[str], points: Array, moved: Array) -> list[Crop]:
-    """The first, the middle and the last of the markers (M, 2) px that were followed."""
-    ok = np.flatnonzero(np.isfinite(points + moved).all(axis=1))
-    if not len(ok):
-        return []
-    shown = ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))]
-    ends = (points + moved).tolist()
-    return [(marker[i], *points[i].tolist(), *ends[i]) for i in shown]
+    def _crops(self, points: Array, moved: Array) -> list[Crop]:
+        """The first, the middle and the last of the markers that were followed."""
+        ok = np.flatnonzero(np.isfinite(points + moved).all(axis=1))
+        shown = ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))] if len(ok) else ok
+        ends = (points + moved).tolist()
+        return [(self.marker[i], *points[i].tolist(), *ends[i]) for i in shown]

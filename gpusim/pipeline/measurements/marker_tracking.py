@@ -29,6 +29,7 @@ from gpusim.files.output_folder import inside
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.pipeline.measurements.marker_detection import (
+    CrossFits,
     MarkerSet,
     arms_of,
     check_widths,
@@ -38,7 +39,7 @@ from gpusim.pipeline.measurements.marker_detection import (
 )
 from gpusim.pipeline.stages.exposure import level_warnings
 
-__all__ = ["MarkerCache", "MarkerTracks", "track_markers"]
+__all__ = ["FirstPicture", "MarkerCache", "MarkerTracks"]
 
 Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
@@ -58,12 +59,11 @@ class MarkerTracks:
     subsets and the fitted crosses.
     """
 
-    names: tuple[str, ...]
     expected: Array
     points: Array
     displacement: Array
     sigma: Array
-    status: tuple[str, ...]
+    status: npt.NDArray[np.str_]
     clipped: npt.NDArray[np.bool_]
     unrefined: npt.NDArray[np.bool_]
     subset: int
@@ -75,82 +75,93 @@ class MarkerTracks:
         return np.asarray(np.isfinite(self.points).all(axis=1))
 
 
-def track_markers(
-    what: str,
-    marks: MarkerSet,
-    camera: Camera,
-    reference: npt.NDArray[Any],
-    deformed: npt.NDArray[Any],
-    *,
-    subset: int | None,
-    sensor: Sensor,
-) -> MarkerTracks:
-    """Find the markers near where ``camera`` expects them, and follow them into ``deformed``.
+@dataclass(frozen=True, eq=False)
+class FirstPicture:
+    """The M markers that were found in a camera's first ``picture``, to be followed into others.
 
-    Harris corners and a fit of the cross find them, IC-GN subsets follow them, and the crosses are
-    fitted again: that is finer than the correlation of sharp squares. Raises InputError for a
-    marker that is too small, GpusimError if none is found.
+    ``expected`` (M, 2) px by the rough camera, ``widths`` (M,) px.
     """
-    expected = camera.project(marks.position)
-    widths = check_widths(what, marks, camera)
-    taken = reference, deformed
-    reference, deformed = map(grey_of, taken)
-    found = find_crosses(reference, expected, widths)
-    points, arms, known = found.points, found.arms.copy(), found.known
-    if not known[: marks.count].any():
-        raise GpusimError(
-            f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found in "
-            f"the first image of camera {camera.name!r}; expected {marks.count}"
-            + "".join(f"; the image {text}" for text in level_warnings(taken[0], sensor))
+
+    marks: MarkerSet
+    picture: npt.NDArray[Any]
+    sensor: Sensor
+    expected: Array
+    widths: Array
+    crosses: CrossFits
+
+    @staticmethod
+    def of(
+        what: str, marks: MarkerSet, camera: Camera, picture: npt.NDArray[Any], sensor: Sensor
+    ) -> FirstPicture:
+        """Find the markers near where ``camera`` expects them: Harris corners, and a fit of the
+        cross. Raises InputError for a marker that is too small, GpusimError if none is found."""
+        expected = camera.project(marks.position)
+        widths = check_widths(what, marks, camera)
+        crosses = find_crosses(grey_of(picture), expected, widths)
+        if not crosses.known[: marks.count].any():
+            raise GpusimError(
+                f"{what}: no marker of {sorted(set(marks.group_names[: marks.count]))} was found "
+                f"in the first image of camera {camera.name!r}; expected {marks.count}"
+                + "".join(f"; the image {text}" for text in level_warnings(picture, sensor))
+            )
+        return FirstPicture(marks, picture, sensor, expected, widths, crosses)
+
+    def follow(self, picture: npt.NDArray[Any], subset: int | None = None) -> MarkerTracks:
+        """Follow the markers into a ``picture``.
+
+        IC-GN subsets follow them, and the crosses are fitted again: that is finer than the
+        correlation of sharp squares.
+        """
+        reference, deformed = grey_of(self.picture), grey_of(picture)
+        crosses, widths = self.crosses, self.widths
+        points, arms = crosses.points, crosses.arms
+        rows = np.flatnonzero(crosses.known)
+        chains = _chains(rows, self.marks.count, len(points))
+        side = subset or _odd(SUBSET_SHARE * float(widths[: self.marks.count].min()))
+        tracked = measure.track(
+            reference, deformed, points[rows],
+            subset=side, groups=chains, search_px=_search(points[rows], chains, side),
+            max_iterations=TRIES,
+        )  # fmt: skip
+        matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
+        matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
+        status = np.full(len(points), "NOT_FOUND", dtype=object)
+        status[rows] = [measure.Status(s).name for s in tracked.status]
+        # borders turn with their marker
+        turn = np.tile(np.eye(2), (len(points), 1, 1))
+        turn[rows] += np.where(np.isfinite(tracked.gradient), tracked.gradient, 0.0)
+        arms = np.einsum("mij,maj->mai", turn, arms)
+        tracks = _CrossTracks(points, matched, arms, widths, status)
+        tracks.rescue(deformed, [rows[c] for c in chains])
+        refined, own_sigma, _ = fit_crosses(deformed, points + matched, arms, crosses.blur)
+        same = _unchanged(reference, deformed, points, matched, widths)
+        refined = np.where(same[:, None], points, refined)
+        own_sigma = np.where(same, crosses.sigma, own_sigma)
+        gap = np.linalg.norm(refined - points - matched, axis=1)
+        fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
+        moved = np.where(fine[:, None], refined - points, matched)
+        sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
+        before, after = (self.sensor.saturated(one) for one in (self.picture, picture))
+        clipped = np.array(
+            [
+                _clipped(before, points[i], widths[i])
+                or _clipped(after, points[i] + matched[i], widths[i])
+                for i in range(len(points))
+            ]
         )
-    rows = np.flatnonzero(known)
-    chains = _chains(rows, marks.count, len(points))
-    side = subset or _odd(SUBSET_SHARE * float(widths[: marks.count].min()))
-    tracked = measure.track(
-        reference, deformed, points[rows],
-        subset=side, groups=chains, search_px=_search(points[rows], chains, side),
-        max_iterations=TRIES,
-    )  # fmt: skip
-    matched, sigma = np.full_like(points, np.nan), np.full(len(points), np.nan)
-    matched[rows], sigma[rows] = tracked.displacement, tracked.sigma
-    status = np.full(len(points), "NOT_FOUND", dtype=object)
-    status[rows] = [measure.Status(s).name for s in tracked.status]
-    # borders turn with their marker
-    turn = np.tile(np.eye(2), (len(points), 1, 1))
-    turn[rows] += np.where(np.isfinite(tracked.gradient), tracked.gradient, 0.0)
-    arms = np.einsum("mij,maj->mai", turn, arms)
-    tracks = _CrossTracks(points, matched, arms, widths, status)
-    tracks.rescue(deformed, [rows[c] for c in chains])
-    refined, own_sigma, _ = fit_crosses(deformed, points + matched, arms, found.blur)
-    same = _unchanged(reference, deformed, points, matched, widths)
-    refined = np.where(same[:, None], points, refined)
-    own_sigma = np.where(same, found.sigma, own_sigma)
-    gap = np.linalg.norm(refined - points - matched, axis=1)
-    fine = np.asarray(gap <= MOST_GAP * widths)  # false for NaN
-    moved = np.where(fine[:, None], refined - points, matched)
-    sigma = np.where(fine, np.sqrt(2.0) * own_sigma, sigma)
-    before, after = (sensor.saturated(picture) for picture in taken)
-    clipped = np.array(
-        [
-            _clipped(before, points[i], widths[i])
-            or _clipped(after, points[i] + matched[i], widths[i])
-            for i in range(len(points))
-        ]
-    )
-    unrefined = np.isfinite(moved).all(axis=1) & (found.rough | ~fine)
-    close = gap[fine]
-    return MarkerTracks(
-        names=marks.names,
-        expected=expected,
-        points=points,
-        displacement=moved,
-        sigma=sigma,
-        status=tuple(str(s) for s in status),
-        clipped=clipped,
-        unrefined=unrefined,
-        subset=side,
-        tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
-    )
+        unrefined = np.isfinite(moved).all(axis=1) & (crosses.rough | ~fine)
+        close = gap[fine]
+        return MarkerTracks(
+            expected=self.expected,
+            points=points,
+            displacement=moved,
+            sigma=sigma,
+            status=status.astype(str),
+            clipped=clipped,
+            unrefined=unrefined,
+            subset=side,
+            tracking_px=float(np.sqrt(np.mean(close**2))) if close.size else float("nan"),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +252,7 @@ _KEYS = "keys"
 
 
 class MarkerCache:
-    """`track_markers`, once for the same pictures.
+    """Markers followed once in the same pictures.
 
     ``folder``: where what was found is kept, in one file for each measure and camera; ``reuse``:
     whether an earlier run's is taken, and ``read`` how.
@@ -266,24 +277,27 @@ class MarkerCache:
         subset: int | None,
         sensor: Sensor,
     ) -> list[MarkerTracks]:
-        """As `track_markers`, for the measure ``name``, from the first of the ``pictures`` into
-        each of the others."""
-        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
+        """The markers of the measure ``name``, from the first of the ``pictures`` into each of the
+        others. Raises as `FirstPicture.of`."""
+        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}.markers.npz")
         kept = _stored(path, self.read) if self.reuse and path not in self._found else {}
         known = self._found.get(path, kept)
         rest = iter(pictures)
-        reference = next(rest)
+        reference, first = next(rest), None
         start = _digest(marks, camera, reference, subset, sensor)
         tracks: dict[str, MarkerTracks] = {}
         keys = []
         for deformed in rest:
             key = _key(start, deformed)
             keys.append(key)
-            tracks[key] = tracks.get(key) or known.get(key) or track_markers(
-                f"measure {name!r}", marks, camera, reference, deformed,
-                subset=subset, sensor=sensor,
-            )  # fmt: skip
-        if list(kept) != list(tracks):
+            if key in known:
+                tracks[key] = known[key]
+            elif key not in tracks:
+                first = first or FirstPicture.of(
+                    f"measure {name!r}", marks, camera, reference, sensor
+                )
+                tracks[key] = first.follow(deformed, subset)
+        if list(known) != list(tracks):
             _store(path, tracks)
         self._found[path] = tracks
         return [tracks[key] for key in keys]
@@ -335,15 +349,8 @@ def _stored(path: Path, read: Reader) -> dict[str, MarkerTracks]:
     try:
         with np.load(read(str(path)).stream(), allow_pickle=False) as file:
             arrays = dict(file)
-        keys = [str(key) for key in arrays.pop(_KEYS)]
-        rows = [{name: one[k] for name, one in arrays.items()} for k in range(len(keys))]
-        return {
-            key: MarkerTracks(
-                **row
-                | {name: tuple(map(str, row[name])) for name in ("names", "status")}
-                | {"subset": int(row["subset"]), "tracking_px": float(row["tracking_px"])}
-            )
-            for key, row in zip(keys, rows, strict=True)
-        }
+        keys = arrays.pop(_KEYS).tolist()
+        rows = [MarkerTracks(**{n: one[k] for n, one in arrays.items()}) for k in range(len(keys))]
+        return dict(zip(keys, rows, strict=True))
     except (OSError, EOFError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile):
         return {}

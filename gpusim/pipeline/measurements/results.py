@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
@@ -25,49 +25,63 @@ from gpusim.files.output_folder import inside
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series
 from gpusim.scene import Scene
 
-__all__ = ["PointTable", "Reported", "Result", "csv_text", "vector_columns"]
+__all__ = ["Columns", "Crop", "PointTable", "Reported", "Result", "csv_text", "vector_columns"]
 
 Array = npt.NDArray[np.float64]
+Columns = Mapping[str, npt.NDArray[Any]]
 Crop = tuple[str, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class PointTable:
-    """Columns over F frames and P points.
+    """Columns (F, P) over F frames and P points.
 
     ``frames``: the numbers of the frames that were measured, as the run has them. ``points``: their
-    names, of things called ``what`` ("marker"). ``columns``: (F, P), or (P,) what is the same in
-    every frame; floats with the unit at the end of the name (``measured_x_mm``) and NaN where
-    nothing was measured, words, or booleans.
+    names, of things called ``what`` ("marker"). ``columns``: floats with the unit at the end of the
+    name (``measured_x_mm``) and NaN where nothing was measured, words, or booleans.
     """
 
     what: str
     frames: tuple[int, ...]
     points: tuple[str, ...]
-    columns: Mapping[str, npt.NDArray[Any]]
+    columns: Columns
 
     def __post_init__(self) -> None:
         shape = len(self.frames), len(self.points)
-        wrong = [name for name, one in self.columns.items() if one.shape not in (shape, shape[1:])]
-        if wrong or not shape[0]:
+        wrong = [name for name, one in self.columns.items() if one.shape != shape]
+        if wrong or not all(shape):
             raise InputError(
-                f"table of measurements: {', '.join(wrong) or 'no frame'}; expected columns of "
+                f"table of measurements: {', '.join(wrong) or 'empty'}; expected columns of "
                 f"{shape[0]} frames and {shape[1]} {self.what}s"
             )
 
+    @staticmethod
+    def of(what: str, points: Sequence[str], frames: Mapping[int, Columns]) -> PointTable:
+        """From the columns (P,) of each of the ``frames``."""
+        names = next(iter(frames.values()))
+        columns = {name: np.array([one[name] for one in frames.values()]) for name in names}
+        return PointTable(what, tuple(frames), tuple(points), columns)
+
     def __getitem__(self, name: str) -> npt.NDArray[Any]:
-        """The column (F, P)."""
-        shape = len(self.frames), len(self.points)
-        return np.broadcast_to(self.columns[name], shape)
+        """A column."""
+        return self.columns[name]
 
     def vectors(self, quantity: str) -> Array:
         """(F, P, K): the K columns whose names begin with a ``quantity``, as "measured"."""
         names = [name for name in self.columns if name.startswith(f"{quantity}_")]
         return np.stack([self[name] for name in names], axis=-1)
 
-    def csv(self, columns: Iterable[str] | None = None) -> str:
-        """One row for each point, frame after frame; a column "frame" if there are several."""
-        names = list(self.columns if columns is None else columns)
+    def last(self, quantity: str) -> Array:
+        """(P, K): `vectors` in the last frame."""
+        return np.asarray(self.vectors(quantity)[-1])
+
+    def csv(self, until: str = "") -> str:
+        """One row for each point, frame after frame; a column "frame" if there are several.
+
+        ``until``: the last column that is written; "" for all of them.
+        """
+        names = list(self.columns)
+        names = names[: names.index(until) + 1] if until else names
         blocks = [self[name] for name in names]
         several = len(self.frames) > 1
         rows = [
@@ -143,21 +157,21 @@ class Result:
 
     def write(self, folder: Path) -> list[Path]:
         """``<name><ending>.csv`` of each table for people, ``<name>.npz`` with everything."""
-        stem, rest = safe_name(self.name), dict[str, Any]()
-        arrays = dict(self.table.columns)
+        arrays, rest = dict(self.table.columns), dict[str, Any]()
         for item in fields(self)[2:]:
             value = getattr(self, item.name)
             (arrays if isinstance(value, np.ndarray) else rest)[item.name] = value
         table = [self.table.what, self.table.frames, self.table.points, [*self.table.columns]]
-        arrays[_REST] = np.array(json.dumps([table, rest], default=vars))
-        tables = [
-            write_text(inside(folder, f"{stem}{ending}.csv"), text)
-            for ending, text in self.tables().items()
-        ]
-        path = inside(folder, f"{stem}.npz")
+        arrays[_REST] = np.array(json.dumps([table, rest]))
+        path = inside(folder, f"{safe_name(self.name)}.npz")
         with atomic_stream(path) as stream:
             np.savez(stream, allow_pickle=False, **arrays)
-        return [*tables, path]
+        return [*self.write_tables(folder), path]
+
+    def write_tables(self, folder: Path) -> list[Path]:
+        """The CSV files alone."""
+        stem, tables = safe_name(self.name), self.tables().items()
+        return [write_text(inside(folder, f"{stem}{ending}.csv"), text) for ending, text in tables]
 
     @classmethod
     def read(cls, folder: Path, name: str, read: Reader = read_input) -> Self:
@@ -170,10 +184,5 @@ class Result:
         table = PointTable(
             what, tuple(frames), tuple(points), {column: arrays.pop(column) for column in columns}
         )
-        values = {key: cls.restored(key, value) for key, value in rest.items()}
-        return cls(name, table, **values, **arrays)
-
-    @classmethod
-    def restored(cls, key: str, value: Any) -> Any:
-        """The value of a field from what JSON made of it."""
-        return tuple(value) if isinstance(value, list) else value
+        rest = {key: tuple(v) if isinstance(v, list) else v for key, v in rest.items()}
+        return cls(name, table, **rest, **arrays)

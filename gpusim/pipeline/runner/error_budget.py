@@ -10,11 +10,10 @@ from typing import Any, Literal
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
-from gpusim.graph.runner import StageFailed
 from gpusim.pipeline.checks.resources import check_folders
 from gpusim.pipeline.runner.stage_log import Progress
 from gpusim.pipeline.runner.variants import tell_failure
-from gpusim.pipeline.runner.work import Work
+from gpusim.pipeline.runner.work import RunFailed, Work
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
@@ -71,7 +70,7 @@ def run_budget(
         work = Work(scene, scenes, folder, options, progress or _silent)
         try:
             work.run()
-        except StageFailed as failed:
+        except RunFailed as failed:
             raise tell_failure(work, failed) from failed.__cause__
     return _budget(scene, work, states)
 

@@ -8,12 +8,11 @@ from pathlib import Path
 from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
-from gpusim.graph.runner import StageFailed
 from gpusim.pipeline.checks.resources import check_folders
 from gpusim.pipeline.runner.scene_report import learn
 from gpusim.pipeline.runner.stage_log import Progress
 from gpusim.pipeline.runner.variants import compare_variants, tell_failure
-from gpusim.pipeline.runner.work import Work
+from gpusim.pipeline.runner.work import RunFailed, Work
 from gpusim.plan.decision import states_of
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
@@ -81,7 +80,7 @@ def run_claimed(
     work = Work(scene, states_of(scene), out, options, progress, store, verify)
     try:
         work.run()
-    except StageFailed as failed:
+    except RunFailed as failed:
         raise tell_failure(work, failed) from failed.__cause__
     if scene.variants:
         return compare_variants(work)

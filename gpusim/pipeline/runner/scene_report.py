@@ -272,6 +272,7 @@ def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair
         crops = [crop for one in told for crop in one.crops.get(camera.name, ())]
         columns, rows = camera.resolution
         caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
-        bits = scene.sensor_of(camera.name).bits
+        sensor = scene.sensor_of(camera.name)
+        bits = 16 if sensor.shift else sensor.bits
         pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits))
     return tuple(pairs)

@@ -13,6 +13,7 @@ from gpusim.report import Stage
 
 __all__ = ["Progress", "StageLog", "public_name"]
 
+_BEFORE = ("mesh", "model", "surface")
 Progress = Callable[[str, float, str], None]
 
 
@@ -76,4 +77,5 @@ class StageLog:
                 told.append(Stage(stage.name, "failed", why, seconds))
             elif not stage.runs or not self._left[place, stage.name]:
                 told.append(Stage(stage.name, stage.state, stage.reason, seconds))
-        return tuple(told)
+        # as they are worked off: surfaces come before anything is solved
+        return tuple(sorted(told, key=lambda stage: stage.name not in _BEFORE))

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gpusim.files.output_folder import inside
-from gpusim.graph.runner import StageFailed
 from gpusim.pipeline.checks.warnings import with_known_warnings
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.notes import Notes
 from gpusim.pipeline.runner.scene_report import failure_text, read_results
-from gpusim.pipeline.runner.work import Work
+from gpusim.pipeline.runner.work import RunFailed, Work
 from gpusim.report import Link, Report, Stage, write_report
 
 __all__ = ["compare_variants", "tell_failure"]
@@ -49,25 +48,23 @@ def compare_variants(work: Work) -> Report:
     return report
 
 
-def tell_failure(work: Work, failed: StageFailed) -> Exception:
+def tell_failure(work: Work, failed: RunFailed) -> Exception:
     """Write the report of a run that failed; returns the error to be raised."""
     cause = failed.__cause__
     assert isinstance(cause, Exception)
-    places = [place for place in dict.fromkeys(place for place, _ in failed.task.places)]
-    place = places[0]
     known = [
         text
-        for key in work.decision.graph.records[place].get("geometry", ())
+        for key in work.decision.graph.records[failed.place].get("geometry", ())
         for record in (work.store.find(key),) if record is not None
         for text in Notes.of(record.notes).warnings
     ]  # fmt: skip
     error = with_known_warnings(cause, known)
-    report = work.failed_report(place, failed, failure_text(error))
-    write_report(report, work.decision.folders[place].path)
-    if place:
-        name = place.removeprefix("variants/")
+    report = work.failed_report(failed, failure_text(error))
+    if failed.place:
+        name = failed.place.removeprefix("variants/")
         whole = _report(work, [], [], failure=f"variant {name!r}: {failure_text(error)}")
         write_report(whole, work.out)
+    write_report(report, work.decision.folders[failed.place].path)
     return error
 
 

@@ -11,6 +11,7 @@ from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device
 from gpusim.gpu.warmup import compile_during
+from gpusim.graph.graph import Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
 from gpusim.graph.store import Store
@@ -25,7 +26,16 @@ from gpusim.plan.stages import RunOptions
 from gpusim.report import Report, prepare_figures, write_report
 from gpusim.scene import Scene
 
-__all__ = ["Work"]
+__all__ = ["RunFailed", "Work"]
+
+
+class RunFailed(Exception):
+    """The scene at a ``place`` came to nothing, through a ``task`` or its report; the cause is its
+    ``__cause__``."""
+
+    def __init__(self, place: str, task: Task | None = None) -> None:
+        super().__init__(place)
+        self.place, self.task = place, task
 
 
 class Work:
@@ -66,8 +76,8 @@ class Work:
         ------
         GpusimError, ...
             What is wrong before anything is written.
-        StageFailed
-            Of what a stage raises later; what was finished by then is kept.
+        RunFailed
+            Of what is wrong later; what was finished by then is kept.
         """
         check_memory(self.plan)
         for scene in self.decision.scenes.values():
@@ -126,10 +136,20 @@ class Work:
     def _make(self, runner: Runner) -> None:
         """Work off the graph; pages are made by a thread of their own."""
         with ThreadPoolExecutor(1, "gpusim.report") as pages:
-            written: list[Future[None]] = []
-            runner.work(lambda place: written.append(pages.submit(self._report, place)))
-            for page in written:
-                page.result()
+            written: dict[str, Future[None]] = {}
+
+            def write(place: str) -> None:
+                written[place] = pages.submit(self._report, place)
+
+            try:
+                runner.work(write)
+            except StageFailed as failed:
+                raise RunFailed(failed.task.places[0][0], failed.task) from failed.__cause__
+            for place, page in written.items():
+                try:
+                    page.result()
+                except Exception as error:
+                    raise RunFailed(place) from error
 
     def _report(self, place: str) -> None:
         """Write the report of a scene whose results are all there."""
@@ -147,10 +167,10 @@ class Work:
         return SceneReport(self.decision, place, self.plan, self.session, changed or [],
                            self._device_before)  # fmt: skip
 
-    def failed_report(self, place: str, failed: StageFailed, why: str) -> Report:
+    def failed_report(self, failed: RunFailed, why: str) -> Report:
         """Of a scene that ``failed``."""
-        stages = self.log.stages(place, failed.task, why)
-        return self._scene_report(place).report(stages, failure=why)
+        stages = self.log.stages(failed.place, failed.task, why)
+        return self._scene_report(failed.place).report(stages, failure=why)
 
     def _close(self) -> None:
         """What nobody needs any more goes; logs are put in order."""

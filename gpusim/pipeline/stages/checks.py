@@ -5,7 +5,7 @@ from __future__ import annotations
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import Made
-from gpusim.pipeline.build.scene_objects import scene_objects
+from gpusim.pipeline.build.scene_objects import moving_bodies, scene_objects
 from gpusim.pipeline.checks.warnings import geometry_warnings
 from gpusim.pipeline.notes import notes_of
 from gpusim.scene import Scene
@@ -25,8 +25,7 @@ def linear_theory(scene: Scene, inputs: Inputs, session: Session) -> Made:
     """How far it is off for each body."""
     from gpusim.pipeline.checks.linear_theory import linear_errors
 
-    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row])
-    errors = linear_errors(objects, [inputs[f"model/{body.name}"].model for body in scene.bodies])
+    errors = linear_errors(moving_bodies(scene, inputs, [one.shown for one in inputs.row]))
     warnings = [one.warning for one in errors if one.warning]
     facts = {f"linear statics, {one.body}": one.fact for one in errors}
     return Made(notes=notes_of(warnings, facts))

@@ -74,7 +74,7 @@ def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "")
 def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     """A camera's frame, drawn; the last one of the camera where that shows the same."""
     (camera,) = scene.cameras
-    frames, now, between, board = inputs.row
+    frames, now, between, board = inputs.row[:4]
     objects = scene_objects(scene, inputs, frames)
     objects.board = board
     around = [objects.surfaces(number) for number in range(len(frames))]
@@ -179,7 +179,7 @@ def picture(scene: Scene, inputs: Inputs, session: Session) -> Made:
         image = drawn.window.placed(image, build_camera(camera, scene.input))
     name, wide = image_name(scene, camera.name, number, kind), camera.sensor[0]
     density = camera.resolution[0] / wide if wide else None
-    files: dict[str, Output] = {name: partial(_save, image, density, not kind)}
+    files: dict[str, Output] = {name: partial(_save, image << spec.shift, density, not kind)}
     if finds_corners:
         files[corners_name(name)] = partial(_save_corners, scene, image, drawn.window)
     what = f"image {kind}{number:04d} of {camera.name}"

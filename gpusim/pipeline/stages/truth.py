@@ -25,7 +25,7 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable, frame_word
 
-__all__ = ["truth"]
+__all__ = ["sight", "truth"]
 
 Sight = tuple[Frame, Window]
 
@@ -36,7 +36,7 @@ def truth(scene: Scene, inputs: Inputs, session: Session) -> Made:
     objects = scene_objects(scene, inputs, [one.shown for one in frames])
     if scene.calibration is not None:
         objects.board = scene.calibration.board
-    path = inputs.scratch / "truth.h5"
+    path = inputs.new_file("truth.h5")
     bodies, word = objects.bodies, frame_word(scene)
     regions = [f"{parts.body.name}/{name}" for parts in bodies for name in parts.surface.paints]
     attributes = {
@@ -76,19 +76,19 @@ def _write_frames(
 ) -> None:
     scene, wanted = objects.scene, objects.scene.output.truth
     cells = _cell_of_face(objects)
-    rest = {spec.name: _sight(objects, spec, frames, None, session) for spec in scene.cameras}
+    rest = {spec.name: sight(objects, spec, frames, None, session) for spec in scene.cameras}
     for number, factor, _, shown in frames:
         progress(number / len(frames), f"frame {number}")
         moved = not shown.still
         now = rest if not moved else {
-            spec.name: _sight(objects, spec, frames, number, session) for spec in scene.cameras
+            spec.name: sight(objects, spec, frames, number, session) for spec in scene.cameras
         }  # fmt: skip
         for spec in scene.cameras:
             frame = file.frame(spec.name, number, **{word: factor})
-            sight, window = now[spec.name]
+            seen, window = now[spec.name]
             others = [other for other, _ in now.values()]
             before = rest[spec.name][0] if moved else None
-            for band in sight.truth_bands(faces=(0, len(cells))):
+            for band in seen.truth_bands(faces=(0, len(cells))):
                 if not len(band.row):
                     continue
                 place = band.row + window.top, band.column + window.left
@@ -98,11 +98,16 @@ def _write_frames(
                 del now[spec.name]  # its ids are needed no longer
 
 
-def _sight(
-    objects: SceneObjects, spec: m.Camera, frames: FrameTable, frame: int | None, session: Session
+def sight(
+    objects: SceneObjects,
+    spec: m.Camera,
+    frames: FrameTable,
+    frame: int | None,
+    session: Session,
+    bodies: int | None = None,
 ) -> Sight:
-    """What a camera sees in a frame, unloaded for None, without shading: only where the bodies may
-    be; and where that is in its image."""
+    """What a camera sees in a frame, unloaded for None, without shading: only where the first
+    surfaces may be, those of the ``bodies``; and where that is in its image."""
     scene = objects.scene
     viewer, shutter = build_camera(spec, scene.input), build_shutter(spec)
     rate = scene.analysis.frame_rate
@@ -116,8 +121,8 @@ def _sight(
             return (Frame(local_view(surfaces, viewer, lit=True), session.device),
                     whole_window(viewer))  # fmt: skip
     shown = objects.surfaces(frame)
-    bodies = shown[: len(objects.bodies)]
-    window = window_of(bodies, viewer, BAND) if session.options.skip else None
+    looked_for = shown[: len(objects.bodies) if bodies is None else bodies]
+    window = window_of(looked_for, viewer, BAND) if session.options.skip else None
     window = window or whole_window(viewer)
     return Frame(local_view(shown, window.camera(viewer), lit=True), session.device), window
 

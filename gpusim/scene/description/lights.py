@@ -41,7 +41,7 @@ __all__ = [
 
 LUMENS_PER_WATT = 683.0
 # The endings that the reader knows; said here too, because a plan loads no numerics.
-PANORAMA_SUFFIXES = (".hdr", ".pic", ".tif", ".tiff", ".npy")
+PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 Radiance = Annotated[float, Field(ge=0)]
 
 
@@ -157,7 +157,7 @@ class Environment(Tinted):
     """Radiance below it."""
     ground = SI[float]("W_m2_sr", without=0.0)
     path: Annotated[Annotated[str, Field(min_length=1)] | None, Field(alias="file")] = None
-    """Equirectangular picture of radiances (.hdr, .tif of floats, .npy), relative to the
+    """Equirectangular picture of radiances (.hdr, .exr, .tif of floats, .npy), relative to the
     scene file."""
     channels: Literal["rgb", "grey"] = "rgb"
     """"rgb": a file in colour is light in colour; "grey": its luminance alone counts."""

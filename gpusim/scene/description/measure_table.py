@@ -27,22 +27,23 @@ class MeasureTable(Table):
     """One measurement in a run's pictures; each kind has a table of its own.
 
     A subclass gives ``type`` the kind's name (``type: Literal["mean_grey"]``), adds its keys, and
-    says below what they need.
+    says what they need:
+
+    - ``references``: keys that name what has to be there: "camera", "variant", "markers paint on a
+      body", "markers paint on a prop", or "measure of a <type>";
+    - ``uses_calibration``: whether it needs the board's corners of [calibration];
+    - ``compares_variants``: whether it compares what other measures have found in the variants: no
+      state of the scene has it, and it needs no pictures;
+    - ``least_frames``: so many have to be there, the first one of them as the reference.
     """
 
     name: Name
     type: str
 
     references: ClassVar[Mapping[str, str]] = {}
-    """What keys name, which has to be there: "camera", "variant", "markers paint on a body",
-    "markers paint on a prop", or "measure of a <type>"."""
     uses_calibration: ClassVar[bool] = False
-    """Whether it needs the board's corners of [calibration]."""
     compares_variants: ClassVar[bool] = False
-    """Whether it compares what other measures have found in the variants: no state of the scene has
-    it, and it needs no pictures."""
     least_frames: ClassVar[int] = 2
-    """So many have to be there: the first one is the reference."""
 
     @classmethod
     def kind(cls) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -24,6 +24,7 @@ from .table import (
     cross,
     each_once,
     fault,
+    file_unit,
     known_suffix,
     parallel,
     unit,
@@ -154,12 +155,18 @@ class Shape(_Shaped):
     path: Annotated[str, Field(min_length=1, alias="file")]
     """Relative to the scene file. Faces are wound counter-clockwise seen from outside."""
     unit: FileUnit = "mm"
-    """Of the file's coordinates."""
+    """Of the file's coordinates; without it those of glTF are metres, as that format says."""
     scale = SI[float]("a file's unit", "unit")
     position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin is."""
     origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
     position = SI[Vec3]("mm")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _say_unit(cls, given: Any) -> Any:
+        path = given.get("file") if isinstance(given, dict) else None
+        return {"unit": file_unit(path), **given} if isinstance(path, str) else given
 
     @model_validator(mode="after")
     def _check(self) -> Shape:

@@ -81,7 +81,11 @@ class Sensor(Table):
     """
 
     bits: Bits = 8
-    """More than 8 are stored as 16-bit numbers, not scaled up."""
+    """More than 8 are stored as 16-bit numbers, not scaled up: viewers show 12-bit pictures nearly
+    black (full scale is 4095 of 65535), unless ``upper_bits`` is true."""
+    upper_bits: bool = False
+    """Files hold numbers of 10 to 14 bits in the upper bits of 16 (12: times 16), so that viewers
+    show full scale as white. Reports and measurements are the same."""
     exposure_: Annotated[Exposure, Field(alias="exposure")] = "auto"
     """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
     format: Literal["png", "tiff"] = "png"
@@ -139,6 +143,11 @@ class Sensor(Table):
         return None if self.exposure_ == "auto" else float(self.exposure_)
 
     @property
+    def shift(self) -> int:
+        """How many bits further up than they were counted the numbers are in files."""
+        return 16 - self.bits if self.upper_bits and self.bits > 8 else 0
+
+    @property
     def values(self) -> dict[str, Any]:
         """By name of `gpusim.optics.sensor.sensor.Sensor`, what is given beside the preset."""
         given = {name: getattr(self, key) for key, name in (*_NOISE.items(), ("gamma", "gamma"))}
@@ -171,6 +180,8 @@ class CameraSensor(Table):
 
     bits: Bits | None = None
     """Of its images."""
+    upper_bits: bool | None = None
+    """As in [sensor]."""
     exposure: Exposure | None = None
     """Fraction of full scale per unit of radiance, or "auto"."""
     preset: Preset | None = None

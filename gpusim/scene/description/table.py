@@ -47,6 +47,7 @@ __all__ = [
     "descriptions",
     "each_once",
     "fault",
+    "file_unit",
     "in_si",
     "known_suffix",
     "norm",
@@ -118,6 +119,11 @@ PositivePair = Annotated[tuple[Length, Length], Listed()]
 Axis = Literal["x", "y", "z"]
 SignedAxis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 FileUnit = Literal["m", "cm", "mm", "um", "in"]
+
+
+def file_unit(file: str) -> FileUnit:
+    """That of a file's coordinates where nothing is said: metres for glTF, which says so itself."""
+    return "m" if PurePath(file).suffix.lower() in (".glb", ".gltf") else "mm"
 
 
 def in_si(value: Any, unit: str) -> Any:

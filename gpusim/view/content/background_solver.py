@@ -86,6 +86,7 @@ def solve_here() -> None:
     """What the other process does."""
     from gpusim.errors import GpusimError
     from gpusim.parallel.processes import end_with
+    from gpusim.view.content.loading import check_room
 
     parent, scene, folder = pickle.load(sys.stdin.buffer)
     end_with(parent)
@@ -99,6 +100,7 @@ def solve_here() -> None:
         answers.flush()
 
     try:
+        check_room(scene, "model", "solve", "stress")
         _solve(scene, folder, lambda share, text: tell(share=share, text=text))
     except GpusimError as error:
         tell(fault=str(error))

@@ -15,15 +15,16 @@ from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.thin_lens import Lens
 from gpusim.optics.light.lights import Light
-from gpusim.pipeline.build.cameras import build_lens
+from gpusim.optics.sensor.channels import Weights
+from gpusim.pipeline.build.cameras import build_lens, grey_weights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.frames import frame_word
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
-from gpusim.view.camera_marks import DepthOfField, depth_of_field
-from gpusim.view.fields import BodyState
-from gpusim.view.mesh_edges import crease_edges
+from gpusim.view.content.body_state import BodyState
+from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
+from gpusim.view.content.mesh_edges import crease_edges
 from gpusim.view.picture.neutral import unpainted
 
 if TYPE_CHECKING:  # a third of a second to import, which the first picture doesn't need
@@ -71,6 +72,16 @@ class Content:
     def depths_of_field(self) -> list[DepthOfField | None]:
         """Of the scene's cameras; None where there is no limit."""
         return [depth_of_field(own, self.lens(k)) for k, own in enumerate(self.cameras)]
+
+    def grey_weights(self, number: int | None) -> Weights | None:
+        """Of red, green and blue in the pictures of a camera of the scene; None if they are in
+        colour. What no camera sees (``number`` None) is grey where all of their pictures are."""
+        if self.objects is None or not self.cameras:
+            return None
+        scene = self.objects.scene
+        cameras = scene.cameras if number is None else [scene.cameras[number]]
+        weights = [grey_weights(scene.sensor_of(camera.name), camera) for camera in cameras]
+        return None if None in weights else weights[0]
 
     def has(self, what: str) -> bool:
         """Whether there is any of what can be switched on and off."""
@@ -122,7 +133,7 @@ class Content:
             return ""
         value = self.objects.scene.analysis.load_factors[frame]
         word = frame_word(self.objects.scene).replace("_", " ")
-        return f"frame {frame} of {self.frames - 1}: {word} {value:g}"
+        return f"frame {frame} ({frame + 1} of {self.frames}): {word} {value:g}"
 
     def solve(self, solution: SceneSolution, stresses: Stresses | None) -> None:
         """Take over what has been computed.

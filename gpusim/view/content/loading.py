@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +17,18 @@ from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.pipeline.build.surfaces import build_body, build_prop
-from gpusim.scene import load_scene
+from gpusim.pipeline.checks.resources import check_memory
+from gpusim.plan.plan import make_plan
+from gpusim.scene import Scene, load_scene
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
-from gpusim.scene.description.table import FileUnit, in_si
+from gpusim.scene.description.table import FileUnit, file_unit, in_si
 from gpusim.scene.frames import frame_table
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.content.content import Content
 from gpusim.view.picture.neutral import PAINT
 
-__all__ = ["load_content", "load_solution"]
+__all__ = ["check_room", "load_content", "load_solution"]
 
 STEP = (".step", ".stp")
 
@@ -36,10 +39,12 @@ CURVED = 24
 """Elements around a full circle there."""
 
 
-def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = None) -> Content:
+def load_content(
+    path: Path, unit: FileUnit | None = None, earlier: Content | None = None
+) -> Content:
     """What a window shows of ``path``: a scene (.toml), OUT of ``gpusim run``, a mesh or CAD file,
-    whose coordinates are in ``unit``, as they would be for a scene (a STEP file says its own).
-    Meshes of an ``earlier`` state of a scene are taken from there.
+    whose coordinates are in ``unit``, as they would be for a scene (mm unless said, of glTF m; a
+    STEP file says its own). Meshes of an ``earlier`` state of a scene are taken from there.
 
     Raises
     ------
@@ -54,7 +59,7 @@ def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = No
     'bar'
     """
     suffix = path.suffix.lower()
-    if unit != "mm" and (path.is_dir() or suffix in (".toml", *STEP)):
+    if unit not in (None, "mm") and (path.is_dir() or suffix in (".toml", *STEP)):
         raise InputError(f"view --unit; got {unit!r} for {path}; expected none: it says its own")
     if path.is_dir():
         return _run(path)
@@ -66,7 +71,9 @@ def load_content(path: Path, unit: FileUnit = "mm", earlier: Content | None = No
             f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
             f"folder of a run, or a mesh: {' '.join(known)}"
         )
-    surface, skins = _part(path, suffix, float(in_si(unit, "a file's unit")))
+    surface, skins = _part(
+        path, suffix, float(in_si(unit or file_unit(path.name), "a file's unit"))
+    )
     return Content(path.name, (path,), parts=(surface,), part_skins=skins)
 
 
@@ -87,6 +94,7 @@ def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
 
 def _scene(path: Path, earlier: Content | None = None) -> Content:
     scene = load_scene(path)
+    check_room(scene, "mesh", "surface")
     board = scene.calibration.board if scene.calibration is not None else ""
     objects = SceneObjects(scene, [one.shown for one in frame_table(scene)], board=board)
     before = earlier.objects if earlier is not None else None
@@ -109,6 +117,14 @@ def _scene(path: Path, earlier: Content | None = None) -> Content:
         cameras=tuple(build_camera(camera, scene.input) for camera in scene.cameras),
         lights=build_lights(scene),
     )
+
+
+def check_room(scene: Scene, *stages: str) -> None:
+    """Raises InputError, as a run would, where one of these stages of it needs more memory than
+    there is."""
+    plan = make_plan(scene)
+    kept = tuple(stage for stage in plan.stages if stage.name.split("/")[-1] in stages)
+    check_memory(replace(plan, stages=kept))
 
 
 def _run(folder: Path) -> Content:

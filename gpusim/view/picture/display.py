@@ -10,7 +10,8 @@ import numpy.typing as npt
 from gpusim.arrays.srgb import encoded
 from gpusim.gpu import Device, Recording
 from gpusim.optics.frame import Frame
-from gpusim.view.placement import Placement
+from gpusim.optics.sensor.channels import Weights
+from gpusim.view.picture.placement import Placement
 
 __all__ = ["display_twin", "draw_enlarged", "draw_frame", "enlarged_twin"]
 
@@ -24,13 +25,15 @@ def draw_frame(
     frame: Frame,
     exposure: float,
     *,
+    weights: Weights | None = None,
     clear: bool = True,
 ) -> None:
     """Draw a frame over a target, pixel for pixel from a place there on; what lies beside it stays.
 
     ``target``: a `gpusim.gpu.Texture`, or what has its ``view``, ``format``, ``width`` and
     ``height``, of a format without "-srgb": the curve is put on here. ``exposure``: 1 / the
-    radiance that is white. ``clear``: the target is made black before.
+    radiance that is white. ``weights``: of red, green and blue, if the picture is grey all the
+    same. ``clear``: the target is made black before.
 
     Examples
     --------
@@ -52,7 +55,7 @@ def draw_frame(
             params={
                 "size": (target.width, target.height), "place": (left, top + red.row0),
                 "width": frame.width, "rows": red.rows, "stride": red.stride,
-                "exposure": exposure,
+                "exposure": exposure, "weights": (*(weights or (0.0, 0.0, 0.0)), 0.0),
             },
             red=red.buffer, green=green.buffer, blue=blue.buffer,
         )  # fmt: skip
@@ -70,6 +73,7 @@ def draw_enlarged(
     place: Placement,
     frame: Frame,
     exposure: float,
+    weights: Weights | None = None,
 ) -> None:
     """Draw a frame over a target made black, at its place there, interpolated between its pixels.
 
@@ -77,7 +81,7 @@ def draw_enlarged(
     way, and none is as quick.
     """
     small = device.target(frame.width, frame.height, "rgba8unorm", "view.small")
-    draw_frame(device, recording, small, 0, 0, frame, exposure)
+    draw_frame(device, recording, small, 0, 0, frame, exposure, weights=weights)
     raster = device.raster("view/picture/enlarge", (target.format,), depth="none")
     bindings = raster.bind(
         params={
@@ -93,10 +97,11 @@ def draw_enlarged(
 
 
 def display_twin(
-    radiance: npt.NDArray[np.floating[Any]], exposure: float
+    radiance: npt.NDArray[np.floating[Any]], exposure: float, weights: Weights | None = None
 ) -> npt.NDArray[np.float64]:
     """Colours (H, W, 3), 0 to 1, of a picture (H, W) or (H, W, 3)."""
-    values = np.atleast_3d(radiance).astype(np.float64)
+    grey = weights is not None and radiance.ndim == 3
+    values = np.atleast_3d(radiance @ np.array(weights) if grey else radiance).astype(np.float64)
     shown = encoded(np.clip(exposure * values, 0.0, 1.0))
     return np.broadcast_to(shown, (*values.shape[:2], 3))
 

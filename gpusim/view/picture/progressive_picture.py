@@ -14,10 +14,11 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.renderer import render
+from gpusim.optics.sensor.channels import Weights
 from gpusim.surface.surface import Surface
 from gpusim.view.picture.display import draw_enlarged, draw_frame
 from gpusim.view.picture.moving_picture import moving_picture, unshadowed
-from gpusim.view.placement import Placement
+from gpusim.view.picture.placement import Placement
 
 __all__ = ["ProgressivePicture", "Shot", "coarser", "rows_of"]
 
@@ -30,17 +31,22 @@ ROWS = 160
 COARSENESS = (1, 2, 3, 4, 6)
 """Pixels of the target for one of a picture that moves, along each side."""
 
+FIRST_LEVEL = 2
+"""Of a picture of another size, on whatever machine: its white is chosen from that."""
+
 SLOW, QUICK = 0.048, 0.034
 """s that a moving picture takes, above and below which the next one is coarser or finer."""
 
 
 class Shot(NamedTuple):
-    """What a picture is of; ``camera``: of the size that the picture has in the end."""
+    """What a picture is of; ``camera``: of the size that the picture has in the end; ``weights``:
+    of red, green and blue in a grey picture of what has colours; None: these are shown."""
 
     surfaces: Sequence[Surface]
     camera: Camera
     lights: Sequence[Light] | None
     background: float
+    weights: Weights | None = None
 
 
 def coarser(camera: Camera, factor: int) -> Camera:
@@ -67,7 +73,7 @@ class ProgressivePicture:
         self.coarseness = 1
         self.parts: list[tuple[int, Frame]] = []
         """Rows at full quality: the first one's number, and the rows."""
-        self.level = 2
+        self.level = FIRST_LEVEL
         """Of `COARSENESS`."""
         self._changed = -np.inf
         self._sharp = self._made = False
@@ -75,6 +81,12 @@ class ProgressivePicture:
 
     def begin(self, shot: Shot) -> None:
         """Show something else from now on."""
+        earlier, camera = self.shot, shot.camera
+        if earlier is not None and (earlier.camera.width, earlier.camera.height) != (
+            camera.width,
+            camera.height,
+        ):
+            self.level = FIRST_LEVEL
         self.shot, self._changed = shot, time.monotonic()
         self._sharp = self._made = False
         self._release(self.parts)
@@ -134,15 +146,14 @@ class ProgressivePicture:
         """Draw what there is on a target, from a corner on."""
         if self.shot is None or self.base is None:
             return
+        to, weights = (self.device, recording, target), self.shot.weights
         if self.coarseness == 1:
-            draw_frame(self.device, recording, target, left, top, self.base, exposure)
+            draw_frame(*to, left, top, self.base, exposure, weights=weights)
         else:
             place = Placement(left, top, self.coarseness)
-            draw_enlarged(self.device, recording, target, place, self.base, exposure)
+            draw_enlarged(*to, place, self.base, exposure, weights)
         for first, part in self.parts:
-            draw_frame(
-                self.device, recording, target, left, top + first, part, exposure, clear=False
-            )
+            draw_frame(*to, left, top + first, part, exposure, weights=weights, clear=False)
 
     def release(self) -> None:
         """Give the device's memory back."""
@@ -153,7 +164,7 @@ class ProgressivePicture:
 
     def _moving(self, coarseness: int) -> None:
         assert self.shot is not None
-        surfaces, camera, lights, background = self.shot
+        surfaces, camera, lights, background, _ = self.shot
         if lights is not self._lights[0]:
             self._lights = lights, None if lights is None else unshadowed(lights)
         frame = moving_picture(

@@ -11,6 +11,7 @@ struct Params {
     rows: u32,
     stride: u32,
     exposure: f32,    // what 1 / radiance of white is
+    weights: vec4f,   // of red, green and blue in a grey picture; 0: it has colours
 }
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> red: array<f32>;
@@ -36,5 +37,9 @@ fn fragment(@builtin(position) position: vec4f) -> @location(0) vec4f {
     let pixel = vec2u(vec2i(position.xy) - params.place);
     let place = min(pixel.y, params.rows - 1u) * params.stride + min(pixel.x, params.width - 1u);
     if (coloured == 0u) { return vec4f(vec3f(shown(red[place])), 1.0); }
-    return vec4f(shown(red[place]), shown(green[place]), shown(blue[place]), 1.0);
+    let radiance = vec3f(red[place], green[place], blue[place]);
+    if (any(params.weights > vec4f(0.0))) {
+        return vec4f(vec3f(shown(dot(params.weights.rgb, radiance))), 1.0);
+    }
+    return vec4f(shown(radiance.r), shown(radiance.g), shown(radiance.b), 1.0);
 }

@@ -19,7 +19,7 @@ from gpusim.pipeline.measurements.deflection.projection_error import PARTS, proj
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
-from gpusim.pipeline.measurements.marker_measurement import track_markers_of
+from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
@@ -47,9 +47,9 @@ def measure_deflection(
     GpusimError
         Fewer than two markers could be found in the reference image.
     """
-    seen = track_markers_of(spec, scene, objects, sources)
-    marks, (camera,), (tracks,) = seen.marks, seen.cameras, seen.tracks
-    count, first, last = marks.count, tracks[0], tracks[-1]
+    tracked = track_markers(spec, scene, objects, sources)
+    marks, (camera,), tracks = tracked.marks, tracked.cameras, [*tracked.frames.values()]
+    count, first = marks.count, tracks[0][0]
     points, ok = first.points[:count], first.found[:count]
     if np.count_nonzero(ok) < 2:
         raise GpusimError(
@@ -58,34 +58,30 @@ def measure_deflection(
             "scale needs two"
         )
     axes, plane = _image_axes(camera)
+    in_plane = [axis[1] for axis in axes]
     position = marks.position[:count]
     scale = measure.scale_coefficient(points[ok], 1e3 * position[ok] @ plane.T)
-    shift, measured, sigma = map(
-        np.stack, zip(*(_scaled(one, count, scale) for one in tracks), strict=True)
-    )
-    start, moved = marks.true_motion(objects, seen.frames)
-    errors = [
-        projection_error(camera, position + start, one, plane, scale=scale, used=ok)
-        for one in moved
-    ]
-    in_plane = [axis[1] for axis in axes]
-    columns = {
-        "status": np.array([one.status[:count] for one in tracks]),
-        **vector_columns("{}_mm", "xyz", 1e3 * position),
-        **vector_columns("{}_px", ("column", "row"), points),
-        **vector_columns("d{}_px", ("column", "row"), shift),
-        **vector_columns("measured_{}_mm", in_plane, measured),
-        **vector_columns("true_{}_mm", in_plane, 1e3 * moved @ plane.T),
-        "sigma_mm": sigma,
-        **seen.states(),
-        "towards_mm": np.array([one.towards_mm for one in errors]),
-    }
-    for part in PARTS:
-        values = np.array([getattr(one, part) for one in errors])
-        columns |= vector_columns(f"{part}_error_{{}}_mm", in_plane, values)
+    start, true = marks.true_motion(objects, [*tracked.frames])
+    frames = {}
+    for (frame, seen), moved in zip(tracked.frames.items(), true, strict=True):
+        shift, measured, sigma = _scaled(seen[0], count, scale)
+        errors = projection_error(camera, position + start, moved, plane, scale=scale, used=ok)
+        frames[frame] = {
+            **tracked.places(seen, least=1),
+            **vector_columns("{}_px", ("column", "row"), points),
+            **vector_columns("d{}_px", ("column", "row"), shift),
+            **vector_columns("measured_{}_mm", in_plane, measured),
+            **vector_columns("true_{}_mm", in_plane, 1e3 * moved @ plane.T),
+            "sigma_mm": sigma,
+            **tracked.flags(seen),
+            "towards_mm": errors.towards_mm,
+        }
+        for part in PARTS:
+            name = f"{part}_error_{{}}_mm"
+            frames[frame] |= vector_columns(name, in_plane, getattr(errors, part))
     return DeflectionResult(
         name=spec.name,
-        table=PointTable("marker", seen.frames, marks.names[:count], columns),
+        table=PointTable.of("marker", marks.names[:count], frames),
         camera=spec.camera,
         direction=spec.direction,
         axes=axes,
@@ -93,11 +89,11 @@ def measure_deflection(
         mm_per_px_sigma=scale.sigma,
         mm_per_px_true=_true_scale(camera, position),
         scale_residual_px=scale.residual_px,
-        subset_px=last.subset,
+        subset_px=int(first.subset),
         tilt_deg=_tilt(camera, plane),
-        static_px=np.array([one.displacement[count:] for one in tracks]),
-        tracking_px=np.array([one.tracking_px for one in tracks]),
-        curves=_curves(marks, objects, seen.frames[-1], plane),
+        static_px=np.array([one.displacement[count:] for (one,) in tracks]),
+        tracking_px=np.array([one.tracking_px for (one,) in tracks]),
+        curves=_curves(marks, objects, max(frames), plane),
     )
 
 

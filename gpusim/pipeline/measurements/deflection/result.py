@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.pipeline.measurements.deflection.projection_error import PARTS
-from gpusim.pipeline.measurements.marker_measurement import GOAL, MarkerResult, crops
+from gpusim.pipeline.measurements.marker_measurement import GOAL, MarkerResult
 from gpusim.pipeline.measurements.results import Reported
-from gpusim.pipeline.stages.images import image_path
-from gpusim.report import Measurement, Overlay, Series
+from gpusim.report import Measurement, Series
 from gpusim.scene import Scene
 
 __all__ = ["DeflectionResult"]
@@ -67,8 +66,7 @@ class DeflectionResult(MarkerResult):
 
     def tables(self) -> dict[str, str]:
         """``.csv``: one row for each marker."""
-        names = list(self.table.columns)
-        return {"": self.table.csv(names[: names.index("sigma_mm") + 1])}
+        return {"": self.table.csv("sigma_mm")}
 
     @property
     def warnings(self) -> list[str]:
@@ -120,23 +118,20 @@ class DeflectionResult(MarkerResult):
     def report(self, scene: Scene, out: Path) -> Reported:
         """The last frame's numbers and line, tracked markers, and how each marker moved over
         several frames."""
-        points = np.stack([self.table["column_px"][0], self.table["row_px"][0]], axis=-1)
-        moved = np.stack([self.table["dcolumn_px"][-1], self.table["drow_px"][-1]], axis=-1)
-        overlay = Overlay(
-            f"{self.name}: tracked markers", image_path(scene, out, self.camera, 0),
-            np.where(np.isfinite(points), points, 0.0), moved, self.mm_per_px,
-        )  # fmt: skip
+        points, moved = (
+            np.stack([self.table[f"{d}column_px"][-1], self.table[f"{d}row_px"][-1]], axis=-1)
+            for d in ("", "d")
+        )
+        overlays, crops = self.pictured(scene, out, {self.camera: (points, moved)}, self.mm_per_px)
         k, sign = self._along()
         measured, true = (
             sign * self.table.vectors(what)[..., k] + 0.0 for what in ("measured", "true")
         )  # 0, not -0
         histories = self.histories(scene, f"displacement along {self.direction}", measured, true)
         return Reported(
-            self._measurements(measured[-1], true[-1]),
-            [*self._lines(), *histories],
-            [overlay],
-            crops={self.camera: crops(self.marker, points, moved)},
-        )
+            self._measurements(measured[-1], true[-1]), [*self._lines(), *histories], overlays,
+            crops=crops,
+        )  # fmt: skip
 
     def _along(self) -> tuple[int, float]:
         """Which image axis the measure's direction is, and its sign against that axis."""
@@ -147,46 +142,34 @@ class DeflectionResult(MarkerResult):
 
     def _measurements(self, measured: Array, truth: Array) -> list[Measurement]:
         """``measured`` and ``truth`` (M,) along the measure's direction."""
-        tip = len(measured) - 1
-        name = f"{self.name}: {self.marker[tip]}, {self.direction}"
-        rows = [
-            Measurement.compare(name, "mm", float(measured[tip]), float(truth[tip]),
-                                tolerance_relative=GOAL)
-        ]  # fmt: skip
+        name, marker = self.name, self.marker
+        rows = [(f"{marker[-1]}, {self.direction}", "mm", measured[-1], truth[-1])]
         length = np.linalg.norm(self.true_mm, axis=1)
         most = int(np.argmax(length))
-        if most != tip:
-            rows.append(
-                Measurement.compare(
-                    f"{self.name}: {self.marker[most]}, total", "mm",
-                    float(np.linalg.norm(self.measured_mm[most])), float(length[most]),
-                    tolerance_relative=GOAL,
-                )
-            )  # fmt: skip
-        rows.append(
+        if most != len(length) - 1:
+            total = np.linalg.norm(self.measured_mm[most])
+            rows.append((f"{marker[most]}, total", "mm", total, length[most]))
+        rows.append(("scale coefficient", "mm/px", self.mm_per_px, self.mm_per_px_true))
+        found = [
             Measurement.compare(
-                f"{self.name}: scale coefficient", "mm/px", self.mm_per_px, self.mm_per_px_true,
-                tolerance_relative=GOAL,
+                f"{name}: {what}", unit, float(one), float(true), tolerance_relative=GOAL
             )
-        )  # fmt: skip
-        error = self.measured_mm - self.true_mm
-        fine = np.isfinite(error).all(axis=1)
-        if fine.any():
-            rms = float(np.sqrt(np.mean(np.sum(error[fine] ** 2, axis=1))))
-            rows.append(Measurement.noise(f"{self.name}: RMS error of all markers", "mm", rms))
-        still = self.static_px[-1]
-        still = still[np.isfinite(still).all(axis=1)]
+            for what, unit, one, true in rows
+        ]
+        found += self.rms_error()
+        still = self.static_px[-1][np.isfinite(self.static_px[-1]).all(axis=1)]
         if len(still):
             drift = float(np.linalg.norm(still, axis=1).max())
-            name = f"{self.name}: largest motion of a static marker"
-            rows.append(Measurement.noise(name, "px", drift))
-        return rows
+            found.append(
+                Measurement.noise(f"{name}: largest motion of a static marker", "px", drift)
+            )
+        return found
 
     def _lines(self) -> list[Series]:
         """The deflection line of each group in the last frame."""
         lines = []
         for group, curve in zip(dict.fromkeys(self.group), self.curves, strict=True):
-            rows = np.flatnonzero(self.group == group)
+            rows = np.flatnonzero(np.array(self.group) == group)
             own = self.position_mm[rows]
             # across the member: the image axis along which the markers spread least
             spread = [np.ptp(own[:, "xyz".index(axis[1])]) for axis in self.axes]

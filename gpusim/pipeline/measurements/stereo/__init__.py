@@ -9,6 +9,6 @@ In the order in which data passes:
 """
 
 from gpusim.pipeline.measurements.stereo.measuring import measure_stereo
-from gpusim.pipeline.measurements.stereo.result import CalibratedCamera, StereoResult
+from gpusim.pipeline.measurements.stereo.result import StereoResult
 
-__all__ = ["CalibratedCamera", "StereoResult", "measure_stereo"]
+__all__ = ["StereoResult", "measure_stereo"]
