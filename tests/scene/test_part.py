@@ -125,7 +125,8 @@ BAR, MESHES = {"body", "body.bar"}, {"body.*.mesh"}
 CHANGES: Mapping[str, tuple[Callable[[dict[str, Any]], None], set[str]]] = {
     "name": (set_at("name", "other"), {"name"}),
     "description": (set_at("description", "other"), set()),
-    "factor": (set_at("analysis", "load_factors", [0.0, 0.5, 2.0]), {"analysis", *BAR, "body.block"}),
+    "factor": (set_at("analysis", "load_factors", [0.0, 0.5, 2.0]),
+               {"analysis", *BAR, "body.block"}),
     "rate": (set_at("analysis", "frame_rate_Hz", 60.0), {"analysis"}),
     "tolerance": (set_at("solver", "tolerance", 1e-7), {"solver"}),
     "lamp": (set_at("light", 0, "power_W", 61.0), {"light", "light.lamp"}),
