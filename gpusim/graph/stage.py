@@ -14,7 +14,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Output", "Stage", "StageResult", "Which", "digest", "every", "first", "same"]
+__all__ = [
+    "Output",
+    "Stage",
+    "StageResult",
+    "Which",
+    "digest",
+    "every",
+    "first",
+    "plain_text",
+    "same",
+]
 
 Which = Callable[[int], Sequence[int]]
 """The records of a need that a record needs."""
@@ -81,7 +91,10 @@ class StageResult:
     words: str = ""
 
 
+plain_text: Callable[[Any], str] = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
+"""Plain data as a text that is the same for what is the same."""
+
+
 def digest(value: Any) -> str:
     """SHA-256 of plain data."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(plain_text(value).encode()).hexdigest()
