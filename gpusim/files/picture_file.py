@@ -55,7 +55,7 @@ _DENSEST = {b"\x89PNG": 8300, b"\xff\xd8": 1000, b"BM": 130, b"#?": 16, b"P": 8}
 _OPENEXR = b"\x76\x2f\x31\x01"
 
 
-def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) -> npt.NDArray[Any]:
+def decode(source: Source, page: int = 0) -> npt.NDArray[Any]:
     """The picture in a file as it is stored, (H, W) or (H, W, C), colours blue, green, red.
 
     It isn't turned or mirrored, whatever the file says of its orientation: that is a warning. Where
@@ -65,7 +65,6 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
     ----------
     source : a PNG, TIFF, JPEG, BMP, PBM, PGM, PPM, PAM, Radiance or OpenEXR file.
     page : of a TIFF with several, from 0.
-    flags : OpenCV's ``IMREAD_...``.
 
     Raises
     ------
@@ -78,7 +77,7 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
     with decoding(file):
         if file.data[:4] in TIFF_MAGIC:
             tiff = tiff_pages(file)[page]
-            turned, image = tiff.orientation, _tiff(file, tiff, flags)
+            turned, image = tiff.orientation, _tiff(file, tiff)
         elif file.data[:4] == _OPENEXR:
             image = _openexr(file)
         elif size := _claimed(file.data):
@@ -86,8 +85,8 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
             _check_size(file, size, densest * len(file.data))
             radiance = RadianceHeader.of(file.data)
             data = _plain_pam(file.data) if radiance is None else radiance.plain()
-            image = _by_opencv(data, 0, flags)
-            if radiance is not None and image is not None and image.dtype.kind == "f":
+            image = _by_opencv(data, 0)
+            if radiance is not None and image is not None:
                 image = radiance.radiances(image[..., ::-1])[..., ::-1]
             turned = exif_orientation(file.data)
     if image is None or 0 in image.shape:
@@ -139,9 +138,9 @@ def decoding(file: InputFile) -> Iterator[None]:
         ) from None
 
 
-def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
+def _by_opencv(data: bytes, page: int) -> npt.NDArray[Any] | None:
     buffer = np.frombuffer(data, np.uint8)
-    flags |= cv2.IMREAD_IGNORE_ORIENTATION
+    flags = cv2.IMREAD_UNCHANGED  # never turned by EXIF, which OpenCV's other flags do
     level = messages.getLogLevel()
     messages.setLogLevel(messages.LOG_LEVEL_SILENT)  # what is wrong is said once, by the error
     try:
@@ -155,14 +154,14 @@ def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
     return None if image is None else np.asarray(image)
 
 
-def _tiff(file: InputFile, page: Page, flags: int) -> npt.NDArray[Any] | None:
+def _tiff(file: InputFile, page: Page) -> npt.NDArray[Any]:
     """A page, by tifffile where OpenCV reads other numbers than are stored, or none: grey beside
     opacity, channels apart, more than four of them, floats of 16 bits."""
     _check_size(file, page.size)
     data = plain_tiff(file, page)
     plain = not page.apart and page.channels <= (1 if page.grey else 4)
-    image = _by_opencv(data, page.index, flags) if plain else None
-    if image is None and flags == cv2.IMREAD_UNCHANGED:
+    image = _by_opencv(data, page.index) if plain else None
+    if image is None:
         import tifffile
 
         image = np.asarray(tifffile.imread(io.BytesIO(data), key=page.index))
@@ -170,7 +169,7 @@ def _tiff(file: InputFile, page: Page, flags: int) -> npt.NDArray[Any] | None:
         image = image[..., : page.colors] if page.channels > 1 else image
         colors = image.ndim == 3 and image.shape[2] in (3, 4)
         image = image[..., [2, 1, 0, 3][: image.shape[2]]] if colors else image
-    return ~image if image is not None and page.white_is_zero else image
+    return ~image if page.white_is_zero else image
 
 
 def _openexr(file: InputFile) -> npt.NDArray[Any]:
