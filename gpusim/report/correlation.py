@@ -17,6 +17,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
 from gpusim.arrays.grey import grey_of
+from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.html import page_template
@@ -293,9 +294,7 @@ def draw_map(
             most = max(-low, high)
             norm, colours = TwoSlopeNorm(0.0, -most, most), "RdBu_r"
         if limited:
-            norm = style.pop("norm", None) or Normalize(
-                style.pop("vmin", low), style.pop("vmax", high)
-            )
+            norm = style.pop("norm", None) or _limits(style, low, high)
         shown = _lattice(points, one.values)
         if shown is not None:
             grid, extent = shown
@@ -324,6 +323,17 @@ def draw_map(
     axes.set_xlim(left, right)
     axes.set_ylim(lower, upper)
     axis_title(axes, one.title)
+
+
+def _limits(style: dict[str, Any], low: float, high: float) -> Normalize:
+    """Those of ``style``, which loses them, else ``low`` and ``high``. Raises InputError."""
+    given = style.pop("vmin", None), style.pop("vmax", None)
+    low, high = (
+        one if one is not None else usual for one, usual in zip(given, (low, high), strict=True)
+    )
+    if not low < high:
+        raise InputError(f"plot: vmin, vmax; got {low} and {high}; expected growing numbers")
+    return Normalize(low, high)
 
 
 def _frame_of(points: npt.NDArray[np.float64]) -> Frame:
