@@ -159,14 +159,13 @@ def _tiff(file: InputFile, page: Page) -> npt.NDArray[Any]:
     opacity, channels apart, more than four of them, floats of 16 bits."""
     _check_size(file, page.size)
     data = plain_tiff(file, page)
-    plain = not page.apart and page.channels <= (1 if page.grey else 4)
-    image = _by_opencv(data, page.index) if plain else None
+    image = _by_opencv(data, page.index) if page.plain else None
     if image is None:
         import tifffile
 
         image = np.asarray(tifffile.imread(io.BytesIO(data), key=page.index))
         image = np.moveaxis(image, 0, -1) if page.apart else image
-        image = image[..., : page.colors] if page.channels > 1 else image
+        image = image[..., : page.colors] if image.ndim == 3 else image
         colors = image.ndim == 3 and image.shape[2] in (3, 4)
         image = image[..., [2, 1, 0, 3][: image.shape[2]]] if colors else image
     return ~image if page.white_is_zero else image

@@ -39,10 +39,10 @@ class Page:
     floats: bool
     apart: bool
     """Whether its channels lie one after the other, each a whole picture."""
-    channels: int
     colors: int
-    """How many of the channels, the first ones, aren't said to be something else, as opacity is."""
-    grey: bool
+    """How many of its channels, the first ones, aren't said to be something else, as opacity is."""
+    plain: bool
+    """Whether OpenCV reads its numbers as they are stored, if it reads them."""
     edits: Sequence[tuple[int, bytes]]
     """Where in the file it is said, and what would say: as stored, black is zero, colours are
     already multiplied by their opacity."""
@@ -74,10 +74,9 @@ def tiff_pages(file: InputFile) -> list[Page]:
                     orientation,
                     white,
                     page.dtype is not None and page.dtype.kind == "f",
-                    page.samplesperpixel > 1 and _number(page, _PLANAR, 1) == 2,
-                    page.samplesperpixel,
+                    apart := page.samplesperpixel > 1 and _number(page, _PLANAR, 1) == 2,
                     page.samplesperpixel - len(page.extrasamples),
-                    photometric < 2,
+                    not apart and page.samplesperpixel <= (1 if photometric < 2 else 4),
                     [_says_one(page.tags[tag], tiff.byteorder) for tag in wrong],
                 )
             )
