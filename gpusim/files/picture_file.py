@@ -11,7 +11,6 @@ import logging
 import os
 import re
 import struct
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -22,7 +21,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from cv2.utils import logging as messages
 
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
@@ -30,6 +28,7 @@ from gpusim.files.atomic_files import PathLike
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_tags import TIFF_MAGIC, Page, exif_orientation, plain_tiff, tiff_pages
 from gpusim.files.radiance_file import RadianceHeader, to_srgb
+from gpusim.files.silence import silence
 from gpusim.parallel.machine import memory_limit
 
 __all__ = [
@@ -141,16 +140,12 @@ def decoding(file: InputFile) -> Iterator[None]:
 def _by_opencv(data: bytes, page: int) -> npt.NDArray[Any] | None:
     buffer = np.frombuffer(data, np.uint8)
     flags = cv2.IMREAD_UNCHANGED  # never turned by EXIF, which OpenCV's other flags do
-    level = messages.getLogLevel()
-    messages.setLogLevel(messages.LOG_LEVEL_SILENT)  # what is wrong is said once, by the error
-    try:
+    with silence():  # what is wrong is said once, by the error
         if page == 0:
             image = cv2.imdecode(buffer, flags)
         else:
             read, images = cv2.imdecodemulti(buffer, flags, range=(page, page + 1))
             image = images[0] if read and images else None
-    finally:
-        messages.setLogLevel(level)
     return None if image is None else np.asarray(image)
 
 
@@ -179,7 +174,7 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
             f"image file: {file.path}: got no package OpenEXR; expected it for .exr files: "
             "pip install 'gpusim[exr]'"
         ) from None
-    with file.on_disk() as path, _silenced():
+    with file.on_disk() as path, redirect_stdout(io.StringIO()), silence():
         (part,) = OpenEXR.File(str(path), header_only=True).parts
         low, high = part.header["dataWindow"]
         _check_size(file, (int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1))
@@ -194,19 +189,6 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
         matrix = to_srgb(part.header["chromaticities"])
         pixels = np.maximum(pixels[..., :3] @ matrix.T, 0.0).astype(pixels.dtype)
     return pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
-
-
-@contextmanager
-def _silenced() -> Iterator[None]:
-    """Without what OpenEXR prints of damaged files, by Python and past it: the error says it."""
-    kept = os.dup(2)
-    with tempfile.TemporaryFile() as unread, redirect_stdout(io.StringIO()):
-        os.dup2(unread.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
 
 
 def _check_size(file: InputFile, size: Size, most: int = LARGEST) -> None:

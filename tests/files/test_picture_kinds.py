@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import os
 import resource
 import struct
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -258,3 +260,26 @@ def test_panoramas_in_openexr(
     openexr.File({}, {"Z": green[..., 0].copy()}).write(str(path))
     with pytest.raises(InputError, match=r"sky\.exr: .*channels Z"):
         read_panorama(path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".hdr", ".bmp"])
+def test_decoders_say_nothing_of_damage(
+    suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """In any number of threads; what is printed afterwards is seen."""
+    pixels = np.random.default_rng(5).integers(1, 256, (33, 57, 3), dtype=np.uint8)
+    data = cv2.imencode(suffix, pixels.astype(np.float32) if suffix == ".hdr" else pixels)[1]
+    path = tmp_path / f"cut{suffix}"
+    path.write_bytes(data.tobytes()[: data.size // 2])
+    capfd.readouterr()
+
+    def refused(_: int) -> bool:
+        with pytest.raises(InputError, match=rf"cut\{suffix}"):
+            read_picture(path)
+        return True
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(refused, range(20)))
+    assert capfd.readouterr() == ("", "")
+    os.write(2, b"seen")
+    assert capfd.readouterr().err == "seen"
