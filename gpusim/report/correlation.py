@@ -295,27 +295,18 @@ def draw_map(
             norm, colours = TwoSlopeNorm(0.0, -most, most), "RdBu_r"
         if limited:
             norm = style.pop("norm", None) or _limits(style, low, high)
+        style = {"cmap": colours, "norm": norm} | style
         shown = _lattice(points, one.values)
         if shown is not None:
             grid, extent = shown
-            drawn: Any = axes.imshow(
-                grid,
-                **{
-                    "cmap": colours,
-                    "norm": norm,
-                    "interpolation": "nearest",
-                    "extent": extent,
-                    "alpha": 0.85 if backdrop is not None else 1.0,
-                    **style,
-                },
-            )
+            cells: dict[str, Any] = {
+                "alpha": 0.85 if backdrop is not None else 1.0,
+                "interpolation": "nearest",
+            }
+            drawn: Any = axes.imshow(grid, **(cells | {"extent": extent} | style))
         else:
-            drawn = axes.scatter(
-                points[known, 0],
-                points[known, 1],
-                c=one.values[known],
-                **{"s": 14, "cmap": colours, "norm": norm, "linewidths": 0, **style},
-            )
+            dots: dict[str, Any] = {"s": 14, "linewidths": 0} | style
+            drawn = axes.scatter(points[known, 0], points[known, 1], c=one.values[known], **dots)
         bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02, extend="both")
         bar.outline.set_visible(False)
         bar.ax.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
