@@ -75,7 +75,17 @@ def test_a_picture_that_is_clamped(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "option", ["-mm 0.2 0.5", "-cc on", "-t 1 1 1", "-imfchan r", "-boost 2", "-type sphere"]
+    "option",
+    [
+        "-mm 0.2 0.5",
+        "-cc on",
+        "-t 1 1 1",
+        "-imfchan r",
+        "-boost 2",
+        "-type sphere",
+        "-s 1e999 1",
+        "-o 0 1e999",
+    ],
 )
 def test_options_that_are_not_done_are_refused(option: str, tmp_path: Path) -> None:
     picture(tmp_path / "q.png")

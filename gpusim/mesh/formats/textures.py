@@ -162,9 +162,10 @@ def _picture_name(mtl: InputFile, rest: str, look: _Look, line: int) -> str:
             values.append(word[1])
             rest = rest[word.end() :]
         u, v, *_ = [*map(float, values), *(1.0, 1.0)[len(values) :]] if most > 1 else (0.0, 0.0)
-        if option == "-s" and values:
+        finite = bool(values) and bool(np.isfinite([u, v]).all())
+        if option == "-s" and finite:
             look.scale = u, v
-        elif option == "-o" and values:
+        elif option == "-o" and finite:
             look.offset = u, v if len(values) > 1 else 0.0
         elif option == "-clamp" and values == ["on"]:
             look.fields["wrap"] = "clamp", "clamp"
