@@ -115,6 +115,12 @@ def test_names_of_pictures(written: str, there: str, keyword: str, tmp_path: Pat
     assert found.picture.data == (tmp_path / there).read_bytes()
 
 
+@pytest.mark.parametrize("rest", ["", "   ", " # none"])
+def test_a_picture_without_a_name(rest: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.mtl:2: map_Kd without a name"):
+        read(tmp_path, f"newmtl A\nmap_Kd{rest}\n")
+
+
 def test_a_colour_beside_a_picture_multiplies_it(tmp_path: Path) -> None:
     picture(tmp_path / "q.png")
     for text in ("Kd 0.5 0.25 0.125\nmap_Kd q.png\n", "map_Kd q.png\nKd 0.5 0.25 0.125\n"):

@@ -148,6 +148,8 @@ def _library(mtl: InputFile) -> dict[str, _Look]:
             look.fields.setdefault("color", (1.0, 1.0, 1.0))
             name = _picture_name(mtl, rest, look, line)
             path = _name_beside(mtl, name)
+            if not name:
+                fail(mtl, "map_Kd without a name; expected a picture's", line)
             look.fields |= {"picture": mtl.beside(path, "a picture")} if path else {"missing": name}
     return looks
 
