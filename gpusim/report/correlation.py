@@ -17,11 +17,8 @@ from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
 from gpusim.arrays.grey import grey_of
-<<<<<<< HEAD
-from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, FieldMap, field_maps
-=======
 from gpusim.errors import InputError
->>>>>>> w-files
+from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.html import page_template

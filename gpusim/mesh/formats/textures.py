@@ -16,12 +16,7 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import fail, numbers, statements
 from gpusim.mesh.formats.gltf.base_colors import gltf_looks
 from gpusim.mesh.formats.obj import ObjFile, read_obj
-<<<<<<< HEAD
-from gpusim.mesh.formats.surfaces import merged, numbered_surface
-=======
 from gpusim.mesh.formats.surfaces import numbered_surface, welded
-from gpusim.mesh.formats.text import fail, numbers, statements
->>>>>>> w-files
 
 __all__ = ["TEXTURED_SUFFIXES", "FileMaterial", "TexturedSurface", "read_textured"]
 
