@@ -22,6 +22,7 @@ Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, Mapping[str, Any]]
 _BITS = 31  # of a truth layer
+_SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
 _NEEDS = {
     "gravity": ("density_kg_m3", "gravity on a material without density"),
@@ -44,6 +45,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.truth_layers()
     checks.deflection_is_seen()
     checks.shutters()
+    checks.shadows()
     return checks.found
 
 
@@ -294,6 +296,20 @@ class _Checks:
             if abs(view["xyz".index(direction[1])]) > 0.7 * norm(view):
                 self.add(("measure", index, "direction"), "is along the camera's view", direction,
                          "a direction that its image shows")  # fmt: skip
+
+    def shadows(self) -> None:
+        """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""
+        casting = [
+            index
+            for index, light in _items(self.document, "light")
+            if light.get("type") in ("point", "spot", "area", "sun") and light.get("shadows", True)
+        ]
+        if len(casting) > _SHADOWS:
+            self.add(
+                ("light", casting[_SHADOWS]), "too many lamps that cast shadows",
+                Words(str(len(casting))), f"at most {_SHADOWS}",
+                "set shadows = false for lamps whose shadows don't matter",
+            )  # fmt: skip
 
     def shutters(self) -> None:
         """What moves while a shutter is open depends on how fast frames follow each other."""
