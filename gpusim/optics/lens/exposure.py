@@ -18,7 +18,6 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.geometry.culling import wound_inwards
 from gpusim.optics.lens.convolution import (
     ConvolvePass,
     Target,
@@ -40,7 +39,13 @@ from gpusim.optics.lens.thin_lens import Focus, Lens, focus_of, seen_through
 from gpusim.optics.lens.tiles import Tile, largest_tile
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.local_origin import local_view
-from gpusim.optics.rendering.renderer import MIN_ERROR, backdrop, is_coloured, render
+from gpusim.optics.rendering.renderer import (
+    MIN_ERROR,
+    backdrop,
+    is_coloured,
+    picture_warnings,
+    render,
+)
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
@@ -144,7 +149,7 @@ def photograph(
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])
     frame.facts = dict(exposure.facts)
-    frame.warnings = (*wound_inwards(*exposure.sight), *exposure.warnings)
+    frame.warnings = (*picture_warnings(*exposure.sight, lights), *exposure.warnings)
     return frame
 
 

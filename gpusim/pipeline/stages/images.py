@@ -101,13 +101,13 @@ def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "")
 
 
 def read_exposure(file: InputFile) -> float:
-    """The full scale of a camera's sensor that an earlier run chose. Raises InputError."""
+    """The exposure that an earlier run chose, as `[sensor] exposure`. Raises InputError."""
     try:
-        value = float(json.loads(file.data)["full_scale_radiance"])
+        value = float(json.loads(file.data)["exposure"])
     except (ValueError, KeyError, TypeError, RecursionError):
         value = 0.0
     if not 0.0 < value < float("inf"):
-        raise InputError(f"{file.path}: no exposure; expected full_scale_radiance > 0")
+        raise InputError(f"{file.path}: no exposure; expected exposure > 0")
     return value
 
 
@@ -165,7 +165,7 @@ class FrameCapture:
         self.surfaces, self.kind = surfaces, kind
         self._last: tuple[str, int, Frame] | None = None
         self._shown: Sequence[Surface] = ()
-        self._full_scale: dict[str, float] = {}
+        self._exposure: dict[str, float] = {}
         self._badly: set[str] = set()
         self._warnings: list[str] = []
 
@@ -317,12 +317,11 @@ class FrameCapture:
                     f"camera {camera.name!r}: image {self.kind}{frame:04d} is black, there is "
                     f"nothing to expose it for: {why}, or it sees nothing"
                 ) from None
-            self._full_scale[camera.name] = sensor.full_scale
-            write_text(file, json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n")
-            return sensor
-        if camera.name not in self._full_scale:
-            self._full_scale[camera.name] = read_exposure(self.read(str(file)))
-        return build_sensor(spec, camera, self._full_scale[camera.name])
+            self._exposure[camera.name] = 1.0 / sensor.full_scale
+            write_text(file, json.dumps({"exposure": self._exposure[camera.name]}) + "\n")
+        elif camera.name not in self._exposure:
+            self._exposure[camera.name] = read_exposure(self.read(str(file)))
+        return build_sensor(spec, camera, 1.0 / self._exposure[camera.name])
 
     def _exposure_file(self, camera: m.Camera) -> Path:
         return inside(self.out, "images", camera.name, f"{self.kind}exposure.json")
