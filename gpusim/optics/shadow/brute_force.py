@@ -90,7 +90,7 @@ def shares_of(
     row, face = row[other], face[other]
     pairs = receivers[row]
     seen = edge_functions(
-        lamp, pairs, corners[face], planes[face], occluders.open[face],
+        space, pairs, corners[face], planes[face], occluders.open[face],
         visible_footprint(lamp, occluders, corners, planes, pairs, face),
     )  # fmt: skip
     some = np.flatnonzero(seen.may_hide)
@@ -191,7 +191,7 @@ class EdgeFunctions:
 
 
 def edge_functions(
-    lamp: Lamp,
+    space: LightSpace,
     receivers: Receivers,
     corners: Array,
     planes: Array,
@@ -200,6 +200,7 @@ def edge_functions(
 ) -> EdgeFunctions:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
     (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, by `visible_footprint`."""
+    lamp = space.lamp
     near = 0.0 if lamp.far else 1.0
     at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
     to = lamp.centre - near * at
@@ -211,7 +212,7 @@ def edge_functions(
     side = np.where((height > 0.0) & ~against, 1.0, -1.0)
     apart = side * (_dot(normal, to) - near * height)
     counts = (np.where(is_open, np.abs(height), -height) > tolerance) | against
-    counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > 0.0
+    counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > near * space.on_face
     passes = np.abs(height) < np.abs(_dot(normal, across)) + np.abs(_dot(normal, down))
     over = np.cross(across, down)
     over *= np.where(_dot(over, looks) > 0.0, 1.0, -1.0)[:, None]

@@ -79,6 +79,11 @@ class LightSpace:
         return ROUNDING * self.scale
 
     @property
+    def on_face(self) -> float:
+        """Distance below a face within which a near lamp lies on it, and isn't hidden by it."""
+        return 4.0 * self.rounding
+
+    @property
     def begin(self) -> float:
         """Distance before the lamp's plane at which the space begins."""
         return BEGIN * self.scale

@@ -49,6 +49,9 @@ fn rounding_at(at: vec3f) -> vec3f {
 // A length, as functions of light space have it at some s.
 fn scaled(length: f32, s: f32) -> f32 { return length * select(1.0, s, is_near()); }
 
+// Distance below a face within which a near lamp lies on it, and isn't hidden by it.
+fn on_face() -> f32 { return 4.0 * light.rounding; }
+
 // A plane as a function of p, q and s: the height over it, `scaled`. z: the height of the lamp.
 fn plane_in_light_space(plane: vec4f) -> vec4f {
     let u = dot(plane.xyz, light.across.xyz);

@@ -103,7 +103,7 @@ fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
     let above = select(-height, abs(height), o.open);
     let apart = side * (dot(n, k.to) - lamp.centre.w * height);
     let extent = lamp.u.w * abs(dot(n, lamp.u.xyz)) + abs(dot(n, lamp.v.xyz));
-    var counts = (above > k.tolerance || against) && apart + extent > 0.0;
+    var counts = (above > k.tolerance || against) && apart + extent > lamp.centre.w * on_face();
     let passes = abs(height) < abs(dot(n, r.dx)) + abs(dot(n, r.dy));
     // seen edge-on, a face would seem to hide what lies on its other side
     if (passes && !against) {
