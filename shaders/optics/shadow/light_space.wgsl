@@ -71,6 +71,7 @@ struct Occluder {
     b: vec3f,
     c: vec3f,
     open: bool,
+    sheet: f32,      // number of the open surface that it is of, or 0
     plane: vec4f,
 }
 // Number of the open surface that a triangle is of, or 0.
@@ -82,7 +83,7 @@ fn occluder(i: u32) -> Occluder {
     let a = textureLoad(occluders, texel(4u * i));
     return Occluder(
         a.xyz, textureLoad(occluders, texel(4u * i + 1u)).xyz,
-        textureLoad(occluders, texel(4u * i + 2u)).xyz, a.w > 0.0,
+        textureLoad(occluders, texel(4u * i + 2u)).xyz, a.w > 0.0, a.w,
         textureLoad(occluders, texel(4u * i + 3u)),
     );
 }
