@@ -96,8 +96,20 @@ def shares_of(
     some = np.flatnonzero(seen.may_hide)
     covered = np.zeros((len(receivers.at), ROWS), np.uint32)
     np.bitwise_or.at(covered, row[some], seen.hidden(lamp, some))
-    count = np.bitwise_count(masks & ~covered).sum(axis=1)
-    return np.asarray(count / np.bitwise_count(masks).sum())
+    above = masks & above_horizon(lamp, receivers)
+    above = np.where(above.any(axis=1)[:, None], above, masks)
+    return np.asarray(
+        np.bitwise_count(above & ~covered).sum(axis=1) / np.bitwise_count(above).sum(axis=1)
+    )
+
+
+def above_horizon(lamp: Lamp, receivers: Receivers) -> npt.NDArray[np.uint32]:
+    """(n, 16) words: the samples above the planes of ``receivers``, which alone light them."""
+    over, near = receivers.upright(), 0.0 if lamp.far else 1.0
+    none = np.zeros(len(over))
+    height = _dot(over, lamp.centre - near * receivers.at)
+    horizon = np.stack([height, over @ lamp.u, over @ lamp.v, none, none])[None]
+    return EdgeFunctions(horizon, none > 0.0).hidden(lamp, np.arange(len(over)))
 
 
 def visible_footprint(
@@ -176,7 +188,7 @@ def _passes(height: Array, normal: Array, receivers: Receivers) -> Flags:
 
 @dataclass(frozen=True, eq=False)
 class EdgeFunctions:
-    """Pairs of receivers and occluders: ``edges`` (4, 5, P): the functions of the lamp that have to
+    """Pairs of receivers and occluders: ``edges`` (E, 5, P): the functions of the lamp that have to
     be positive, their value in its middle and what they change by per a, b, and pixel in x and y;
     ``may_hide`` (P,): whether some samples may be behind the occluder."""
 

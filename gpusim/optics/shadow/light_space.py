@@ -156,7 +156,7 @@ class LightSpace:
         return {
             "centre": np.array([*lamp.centre, 0.0 if lamp.far else 1.0]),
             "u": np.array([*across, float(lamp.extended)]),
-            "v": np.array([*lamp.v, float(np.bitwise_count(masks).sum())]),
+            "v": np.array([*lamp.v, 0.0]),
             "mask": masks.reshape(4, 4),
         }
 

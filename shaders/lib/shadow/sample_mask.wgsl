@@ -3,7 +3,7 @@
 // one side `EdgeFunctions.hidden` in gpusim/optics/shadow/brute_force.py.
 
 // centre (w: 1 if it is near, 0 for a direction), half sides u (w: 1 if it has a size, else a
-// direction across its axis) and v (w: the number of its samples), samples on its face.
+// direction across its axis) and v, samples on its face.
 struct LampFace {
     centre: vec4f,
     u: vec4f,
