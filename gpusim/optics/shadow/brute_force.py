@@ -97,7 +97,7 @@ def shares_of(
     covered = np.zeros((len(receivers.at), ROWS), np.uint32)
     np.bitwise_or.at(covered, row[some], seen.hidden(lamp, some))
     above = masks & above_horizon(lamp, receivers)
-    above = np.where(above.any(axis=1)[:, None], above, masks)
+    above = np.where(above.any(axis=1, keepdims=True), above, masks)
     return np.asarray(
         np.bitwise_count(above & ~covered).sum(axis=1) / np.bitwise_count(above).sum(axis=1)
     )
