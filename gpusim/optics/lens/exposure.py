@@ -53,6 +53,9 @@ from gpusim.validation import checked
 __all__ = ["Exposure", "photograph", "plan_exposure"]
 
 Array = npt.NDArray[np.float64]
+PLACE_ERROR = 1.0 / 8.0
+"""Over w n^2: how far the centroid of what is w px wide moves at most, as cells of 1 / n px that it
+fills in part on one side don't tell where."""
 SAME_IMAGE = SampledKernel(1, 0, ((np.ones(1), np.ones(1)),), 0.0)
 
 
@@ -285,7 +288,8 @@ def _point_spread(
         )
         notes.facts["point spread"] = (
             f"{kernel.n} x {kernel.n} cells a pixel, {kernel.taps} across the kernel, edge error "
-            f"{kernel.edge_error:.1e}"
+            f"{kernel.edge_error:.1e}, what is w px wide in place to "
+            f"{PLACE_ERROR / kernel.n**2:.2g} / w px"
         )
         return kernel, 1.0
     side = float(np.sqrt(lens.fill_factor))
