@@ -25,7 +25,7 @@ from gpusim.pipeline.checks.warnings import scene_warnings
 from gpusim.pipeline.measurements.deflection import DeflectionResult
 from gpusim.pipeline.measurements.projection_error import projection_error
 from gpusim.pipeline.stages.images import level_warnings
-from gpusim.scene import Scene, load_scene
+from gpusim.scene import Scene
 
 Float = npt.NDArray[np.float64]
 TOWARDS = {"body.crane.load.weight.force_N": [0.0, -8000.0, -2000.0]}
@@ -393,36 +393,3 @@ def test_plan_prints_warnings_and_one_line_per_calibration(checkout: Path, tmp_p
     lines = runner.invoke(app, ["plan", stereo]).stdout.splitlines()
     (left,) = [line for line in lines if line.startswith("render/left/calib")]
     assert left.startswith("render/left/calib-0000..0020") and "21 pictures" in left
-
-
-@pytest.mark.parametrize(
-    ("sensor", "moved"),
-    [
-        ({"gamma": "srgb"}, {"gamma 'srgb'": 0.02}),
-        ({"bayer": "RGGB", "demosaic": "malvar"}, {"'malvar'": 0.04}),
-        ({"bayer": "RGGB", "demosaic": "bilinear", "gamma": "srgb"},
-         {"'bilinear'": 0.1, "gamma 'srgb'": 0.02}),
-    ],
-)  # fmt: skip
-def test_pictures_for_the_eye_move_markers(
-    sensor: dict[str, Any], moved: dict[str, float], checkout: Path, tmp_path: Path
-) -> None:
-    """Of 15 px, in a run, by what is told."""
-    scene = load_scene(checkout / "examples" / "cantilever.toml")
-    for key, value in (
-        ("camera.side.resolution_px", [900, 360]), ("body.bar.paint.side.size_mm", 5.0),
-        ("prop.wall.paint.static.size_mm", 5.0), ("output", {}),
-    ):  # fmt: skip
-        scene = scene.replace(key, value)
-    assert not any("centres" in text for text in scene_warnings(scene))
-    if "bayer" in sensor:
-        scene = scene.replace("camera.side.channels", "rgb")
-    scene = scene.replace("sensor", {"bits": 8, **sensor})
-    (text,) = (text for text in scene_warnings(scene) if "centres" in text)
-    assert text.startswith("measure 'deflection': camera 'side'")
-    for word, pixels in moved.items():
-        assert f"{word} by about {pixels} px" in text.replace(")", "")
-    report = run(scene, tmp_path / "out")
-    assert text in report.warnings
-    (error,) = (one.error for one in report.measurements if "RMS error" in one.name)
-    assert 0.5 * sum(moved.values()) < 3.0 * error < 1.5 * sum(moved.values())  # 3 px per mm

@@ -139,14 +139,10 @@ def picture_warnings(
 ) -> tuple[str, ...]:
     """What is doubtful of a picture, before it is looked at."""
     wound = wound_inwards(surfaces, camera)
-    if lights is None or any(not _is_dark(light) for light in lights):
+    if lights is None or not all(map(_is_dark, lights)):
         return wound
-    given = f"{len(lights)} that shine nothing" if lights else "an empty list"
-    return (
-        f"lights: got {given}: every surface is black; expected some light, or None, which "
-        "shows the paints' albedo",
-        *wound,
-    )
+    text = f"lights: got {lights!r}: every surface is black; expected some that shines, or None"
+    return (f"{text}, which shows the paints' albedo", *wound)
 
 
 def _is_dark(light: Light) -> bool:
