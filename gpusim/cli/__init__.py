@@ -47,6 +47,7 @@ from gpusim.cli.console import (
     size_text,
     starting,
     time_text,
+    waiting,
 )
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.view import view
@@ -248,20 +249,22 @@ def plan(
         if output is not None:
             check_folder(output)
         loaded = _load(scene, sets)
-        from gpusim.pipeline.checks.resources import check_files, check_mesher, memory_fault
+        from gpusim.pipeline.checks.resources import check_files, memory_fault
         from gpusim.pipeline.checks.warnings import scene_warnings
         from gpusim.plan.machine_speed import Speed
         from gpusim.plan.plan import make_plan
 
         strange = check_files(loaded) if loaded.reads_files else []
-        beforehand = scene_warnings(loaded)
         speed = Speed.read(backend.value).measured()
         made = make_plan(
             loaded, output, backend.value, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
-        if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            check_mesher(loaded)
+        beforehand: list[str] = []
+        # a part that needs no mesh any more is left alone
+        if not loaded.has_cad or any(s.runs and s.name.endswith("mesh") for s in made.stages):
+            with waiting("meshing CAD with Gmsh" if loaded.has_cad else ""):
+                beforehand = scene_warnings(loaded)
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))

@@ -44,6 +44,7 @@ __all__ = [
     "size_text",
     "starting",
     "time_text",
+    "waiting",
 ]
 
 
@@ -108,6 +109,17 @@ def importing() -> Iterator[None]:
         gc.freeze()
         if enabled:
             gc.enable()
+
+
+@contextmanager
+def waiting(reason: str) -> Iterator[None]:
+    """Say on a terminal meanwhile what is waited for; "": nothing."""
+    console = Console(stderr=True, highlight=False)
+    if not reason or not console.is_terminal:
+        yield
+        return
+    with console.status(reason):
+        yield
 
 
 @dataclass(frozen=True)
