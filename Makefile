@@ -1,6 +1,6 @@
 # Each target is complete in itself, also as the first command on a bare machine.
 QUICK = $(addprefix tests/,api export files mesh report scene surface measure/structures \
-    optics/calibration optics/raster optics/sensor)
+    optics/calibration optics/geometry optics/sensor)
 
 .PHONY: help demo test quick slow hostile check bench setup clean
 
@@ -23,7 +23,7 @@ test: setup
 	HOSTILE_SHARE=0.05 SEED=34 scripts/test.sh -m hostile --dist load tests/hostile
 
 quick: setup
-	scripts/test.sh --without-device --ignore tests/mesh/test_cad.py $(QUICK)
+	scripts/test.sh --without-device --ignore tests/mesh/formats/test_cad.py $(QUICK)
 
 slow: setup
 	scripts/test.sh -m slow

@@ -20,6 +20,7 @@ from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.triangle_records import triangle_records
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.surfaces import build_body, build_prop
@@ -129,7 +130,7 @@ def _host(
 ) -> None:
     """What `gs.render` does in NumPy before the device starts."""
     view = look(surfaces, camera, lit=lights is not None)
-    Setup.build(view, lights, 0.0).records()
+    triangle_records(Setup.build(view, lights, 0.0))
     find_edge_pixels(view)
 
 

@@ -31,6 +31,7 @@ Its parts, in the order in which they import each other:
 - `optics`: Images: cameras, lights, shading, shadows, sensor, ground truth.
 - `measure`: Measuring images; sees pictures only.
 - `export`: Files that other programs read.
+- `applications`: Files in, results and a page out: correlation, calibration, decks.
 - `plan`: The stages of a run, and their costs.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.
@@ -48,6 +49,7 @@ import typing as _typing
 from gpusim._version import __version__ as __version__
 
 if _typing.TYPE_CHECKING:
+    from gpusim import applications as applications
     from gpusim import errors as errors
     from gpusim import export as export
     from gpusim import fem as fem
@@ -70,6 +72,8 @@ if _typing.TYPE_CHECKING:
     from gpusim.fem import Solution as Solution
     from gpusim.field import Field as Field
     from gpusim.field import read_field as read_field
+    from gpusim.files.frame_source import FrameSource as FrameSource
+    from gpusim.files.frame_source import read_frames as read_frames
     from gpusim.gpu import Device as Device
     from gpusim.mesh import Mesh as Mesh
     from gpusim.mesh import mesh_cad as mesh_cad
@@ -94,7 +98,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics.calibration.formats import read_calibration as read_calibration
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
     from gpusim.pipeline import run as run
-    from gpusim.pipeline.stages.mechanics import solve as solve
+    from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
     from gpusim.scene import load_scene as load_scene
@@ -105,7 +109,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.surface import Surface as Surface
     from gpusim.surface import paint as paint
 
-_MODULES = ("errors", "export", "fem", "measure", "mesh")
+_MODULES = ("applications", "errors", "export", "fem", "measure", "mesh")
 _HOMES = {
     "gpusim.deck": "Deck load_deck",
     "gpusim.errors": (
@@ -114,6 +118,7 @@ _HOMES = {
     ),
     "gpusim.fem": "Isotropic Model Orthotropic Solution",
     "gpusim.field": "Field read_field",
+    "gpusim.files.frame_source": "FrameSource read_frames",
     "gpusim.gpu": "Device",
     "gpusim.mesh": "Mesh mesh_cad read_mesh",
     "gpusim.optics": (
@@ -122,7 +127,7 @@ _HOMES = {
     ),
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
     "gpusim.pipeline": "run",
-    "gpusim.pipeline.stages.mechanics": "solve",
+    "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",
     "gpusim.surface": "Atlas CylinderFrame PaintFrame Skin Surface paint",

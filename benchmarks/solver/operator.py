@@ -11,12 +11,12 @@ import numpy.typing as npt
 from gpusim.bench.solver_cases import Case
 from gpusim.fem import Model
 from gpusim.fem.assembly.assembly import assemble, model_lattice
-from gpusim.fem.assembly.block_rows import block_matrix
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.system import make_system
 from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.model.model import resolve_formulation
+from gpusim.fem.sparse.block_rows import block_matrix
+from gpusim.fem.sparse.matrix_product import Product, RowsProduct
 from gpusim.gpu import Device
 
 __all__ = ["Probe", "host_probe", "operator_probe"]

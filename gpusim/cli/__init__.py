@@ -7,10 +7,8 @@ them, so that help and plan are quick.
 The other commands are below. Its modules:
 
 - `console`: Options, messages, progress, and errors as one message with an exit code.
-- `decks`: ``gpusim solve``.
-- `measuring`: The commands that measure pictures, as they are typed.
-- `correlation`: What ``gpusim dic`` does.
-- `calibrating`: What ``gpusim calibrate`` does.
+- `tables`: Tables that commands print of what applications have found.
+- `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -34,7 +32,6 @@ from gpusim.cli.console import (
     INTERRUPTED,
     Backend,
     BackendOption,
-    Destination,
     Json,
     Output,
     PrintableGroup,
@@ -50,9 +47,10 @@ from gpusim.cli.console import (
     waiting,
 )
 from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.tables import print_deck
 from gpusim.cli.view import view
-from gpusim.errors import Fault, SceneError
-from gpusim.files.output_folder import check_folder, claim
+from gpusim.errors import Fault, NotConverged, SceneError
+from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
     from gpusim.plan.plan import Plan, PlannedStage
@@ -215,11 +213,18 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
-    with exit_codes(), claim(output):
-        from gpusim.cli.decks import solve_deck
+    with exit_codes():
+        from gpusim.applications import solve_deck
 
-        there = Destination(output, quiet, as_json)
-        solve_deck(deck, there, backend.value, tolerance, stress)
+        options: dict[str, Any] = {"backend": backend.value, "tolerance": tolerance}
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            done = solve_deck(deck, output, stress=stress, progress=progress, **options)
+        if as_json:
+            out(json.dumps(done.report, indent=2))
+        elif not quiet:
+            print_deck(done.report, output)
+        if done.failure:
+            raise NotConverged(done.failure)
 
 
 app.command()(dic)

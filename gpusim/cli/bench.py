@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -18,21 +17,15 @@ Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Whe
 Cache = Annotated[
     Path | None, typer.Option(metavar="DIR", help="References; default DIR/work.")
 ]  # fmt: skip
-
-
-class Size(StrEnum):
-    """How large the models get."""
-
-    small = "small"
-    standard = "standard"
-    full = "full"
+Size = Literal["small", "standard", "full"]
+"""How large the models get."""
 
 
 @bench_app.command()
 def solver(
     sizes: Annotated[
         Size, typer.Option(help="small: to 30k unknowns; standard: 350k; full: 3M.")
-    ] = Size.small,
+    ] = "small",
     case: Annotated[
         str | None, typer.Option("--case", metavar="NAME", help="One case, or family of cases.")
     ] = None,
@@ -44,7 +37,7 @@ def solver(
         from gpusim.bench.solver import run_solver_bench, write_solver
         from gpusim.bench.solver_cases import find_cases
 
-        cases = find_cases(sizes.value, case)
+        cases = find_cases(sizes, case)
         results = run_solver_bench(
             cases, cache or output / "work", out, lambda found: write_solver(found, output)
         )
@@ -55,7 +48,7 @@ def solver(
 def render(
     size: Annotated[
         Size, typer.Option(help="small: up to 1.3 megapixels; standard: 5; full: 21.")
-    ] = Size.small,
+    ] = "small",
     case: Annotated[
         list[str] | None,
         typer.Option("--case", metavar="NAME", help="Cases that begin with NAME (repeatable)."),
@@ -70,7 +63,7 @@ def render(
 
         names = dict.fromkeys(name for text in case or [""] for name in find_image_cases(text))
         results = run_image_bench(
-            list(names), size.value, cache or output / "work", out,
+            list(names), size, cache or output / "work", out,
             lambda found: write_images(found, output),
         )  # fmt: skip
         out(str(write_images(results, output)))

@@ -13,7 +13,6 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,7 +30,6 @@ __all__ = [
     "INTERRUPTED",
     "Backend",
     "BackendOption",
-    "Destination",
     "Json",
     "Output",
     "PrintableGroup",
@@ -120,19 +118,6 @@ def waiting(reason: str) -> Iterator[None]:
         return
     with console.status(reason):
         yield
-
-
-@dataclass(frozen=True)
-class Destination:
-    """Where a command's results go, and what it prints: all, nothing, or JSON alone."""
-
-    folder: Path
-    quiet: bool
-    as_json: bool
-
-    def progress(self) -> ProgressDisplay:
-        """The display of what is done."""
-        return ProgressDisplay(self.quiet, stream_is_result=self.as_json)
 
 
 def out(text: str = "") -> None:

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gpusim.cli.console import Backend, BackendOption, Destination, Json, Output, Quiet, exit_codes
-from gpusim.files.output_folder import claim
+from gpusim.cli.console import (
+    Backend,
+    BackendOption,
+    Json,
+    Output,
+    ProgressDisplay,
+    Quiet,
+    exit_codes,
+    out,
+)
+from gpusim.cli.tables import print_calibration, print_correlation
+from gpusim.errors import InputError, NotConverged
+
+if TYPE_CHECKING:
+    from gpusim import measure
 
 __all__ = ["calibrate", "dic"]
 
@@ -17,21 +34,15 @@ Shape = Literal["translation", "rigid", "affine", "quadratic"]
 Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]
 Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
+Board = Literal["chessboard", "charuco"]
 
 
 class Format(StrEnum):
-    """How tables are written."""
+    """How tables are written; options that are given repeatedly take no Literal."""
 
     csv = "csv"
     npz = "npz"
     h5 = "h5"
-
-
-class Board(StrEnum):
-    """What a camera is calibrated from."""
-
-    chessboard = "chessboard"
-    charuco = "charuco"
 
 
 def dic(
@@ -93,21 +104,36 @@ def dic(
 
     gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
     """
-    with exit_codes(), claim(output):
-        from gpusim.cli.correlation import Choices, correlate_files, correlate_pairs
+    with exit_codes(), options_named():
+        from gpusim.applications import CorrelationSettings, correlate_files, correlate_pairs
 
-        choices = Choices(
-            subset=subset, step=step, shape=shape, roi=roi, mask=mask, calibration=calibration,
-            calibration_unit=calibration_unit, update=update, start=start, search_px=search_px,
-            blur_px=blur_px, min_zncc=min_zncc, apart_px=apart_px, tolerance=tolerance,
-            strain=strain, strain_window=strain_window, backend=backend.value,
+        settings = CorrelationSettings(
+            subset=subset, step=step, shape=shape, roi=_roi(roi), mask=mask,
+            calibration=calibration, calibration_unit=calibration_unit, update=update, start=start,
+            search_px=search_px, blur_px=blur_px, min_zncc=min_zncc, apart_px=apart_px,
+            tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend.value,
             formats=tuple(one.value for one in formats or [Format.csv]),
         )  # fmt: skip
-        there = Destination(output, quiet, as_json)
-        if stereo is None:
-            correlate_files(reference, deformed, choices, there)
-        else:
-            correlate_pairs([reference, *deformed], stereo, choices, there)
+        files = [reference, *deformed]
+        if stereo is not None and len(files) % 2:
+            raise InputError(
+                f"--stereo: got {len(files)} pictures; expected pairs: LEFT_REF RIGHT_REF "
+                "LEFT_1 RIGHT_1 …"
+            )
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            if stereo is None:
+                done = correlate_files(
+                    reference, deformed, output, settings, progress=progress, keep_results=False
+                )
+            else:
+                lefts, rights = files[::2], files[1::2]
+                done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
+        if as_json:
+            out(json.dumps(done.report, indent=2))
+        elif not quiet:
+            print_correlation(done.report, output)
+        if done.failure:
+            raise NotConverged(done.failure)
 
 
 def calibrate(
@@ -117,7 +143,7 @@ def calibrate(
     output: Output,
     board: Annotated[str, typer.Option(metavar="COLSxROWS", help="Fields, not inner corners.")],
     square_mm: Annotated[float, typer.Option(help="Side of a field.")],
-    kind: Annotated[Board, typer.Option(help="What is on the board.")] = Board.chessboard,
+    kind: Annotated[Board, typer.Option(help="What is on the board.")] = "chessboard",
     marker_mm: Annotated[
         float | None, typer.Option(help="Side of a marker of a ChArUco board.")
     ] = None,
@@ -146,13 +172,63 @@ def calibrate(
 
     gpusim calibrate photos/ --kind charuco --board 7x5 --square-mm 30 --marker-mm 22 -o out
     """
-    with exit_codes(), claim(output):
-        from gpusim.cli.calibrating import Settings, calibrate_files
+    with exit_codes(), options_named():
+        from gpusim.applications import calibrate_files
 
-        settings = Settings(
-            board=board, square_mm=square_mm, kind=kind.value, marker_mm=marker_mm,
-            dictionary=dictionary, lens=lens, square_pixels=square_pixels,
-            formats=tuple(formats or ["opencv"]),
-        )  # fmt: skip
-        there = Destination(output, quiet, as_json)
-        calibrate_files(images, others or [], settings, there)
+        pictures = [images, *([folder] for folder in others or [])]
+        target = _board(board, square_mm, kind, marker_mm, dictionary)
+        options: dict[str, Any] = {
+            "lens": lens,
+            "square_pixels": square_pixels,
+            "formats": formats or ["opencv"],
+        }
+        done = calibrate_files(pictures, target, output, **options)
+        if as_json:
+            out(json.dumps(done.content, indent=2))
+        elif not quiet:
+            print_calibration(done.report, done.missed, output)
+
+
+OPTIONS = {"formats": "format", "rig": "stereo"}
+"""Options that have another name than the argument of the application."""
+
+
+@contextmanager
+def options_named() -> Iterator[None]:
+    """Errors name options, where those of the applications name `arguments`."""
+    try:
+        yield
+    except InputError as error:
+
+        def option(found: re.Match[str]) -> str:
+            return "--" + OPTIONS.get(found[1], found[1]).replace("_", "-")
+
+        raise InputError(re.sub(r"`(\w+)`", option, str(error))) from error
+
+
+def _roi(text: str | None) -> tuple[int, int, int, int] | None:
+    if text is None:
+        return None
+    try:
+        x0, y0, x1, y1 = (int(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--roi: got {text!r}; expected X0,Y0,X1,Y1 in whole pixels") from None
+    return x0, y0, x1, y1
+
+
+def _board(
+    fields: str, square_mm: float, kind: Board, marker_mm: float | None, dictionary: str
+) -> measure.Chessboard | measure.CharucoBoard:
+    from gpusim import measure
+
+    match = re.fullmatch(r"(\d+)[xX](\d+)", fields)
+    if not match:
+        raise InputError(f"--board: got {fields!r}; expected fields, COLUMNSxROWS like 9x8")
+    columns, rows = int(match[1]), int(match[2])
+    if kind == "chessboard":
+        if marker_mm is not None:
+            raise InputError("--marker-mm: a chessboard has no markers; expected --kind charuco")
+        return measure.Chessboard(columns, rows, square_mm)
+    if marker_mm is None:
+        raise InputError("--marker-mm: missing; a ChArUco board needs the side of its markers")
+    return measure.CharucoBoard(columns, rows, square_mm, marker_mm, dictionary)

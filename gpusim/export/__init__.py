@@ -7,6 +7,7 @@ Its modules:
 - `meshes`: Surfaces as STL, solids and results as VTU.
 - `layers`: The truth layers: what each one holds, and how it is stored.
 - `truth`: truth.h5: the exact fields behind every pixel.
+- `measured_fields`: What a correlation has of each point: values, unit, title, by name.
 - `correlation`: Measured displacements and strains as CSV, NPZ and HDF5.
 """
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, write_text
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
@@ -24,71 +25,26 @@ __all__ = [
     "FORMATS",
     "csv_names",
     "result_columns",
-    "stereo_columns",
     "unit_of",
     "write_correlation",
     "write_stereo",
 ]
 
 FORMATS = ("csv", "npz", "h5")
-UNITS = dict.fromkeys(("x", "y", "u", "v", "sigma", "x_right", "y_right", "residual"), "px")
-UNITS |= dict.fromkeys(("X", "Y", "Z", "U", "V", "W", "sigma_X", "sigma_Y", "sigma_Z"), "mm")
+UNITS = {name: one.unit for fields in (PICTURE, SPACE, STRAIN) for name, one in fields.items()}
 PICTURE_FRAME = "pixels of the reference image, x right, y down"
 RIG_FRAME = "x, y: pixels of the left picture; X, Y, Z: left camera, x right, y down, z forward"
 
 
 def result_columns(
-    result: DicResult, strain: StrainResult | None = None
+    result: DicResult | StereoResult, strain: StrainResult | None = None
 ) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a table, (M,) each: position, displacement, gradient, quality, strain."""
-    gradient = result.gradient
-    columns: dict[str, npt.NDArray[Any]] = {
-        "x": result.points[:, 0],
-        "y": result.points[:, 1],
-        "u": result.displacement[:, 0],
-        "v": result.displacement[:, 1],
-        "du_dx": gradient[:, 0, 0],
-        "du_dy": gradient[:, 0, 1],
-        "dv_dx": gradient[:, 1, 0],
-        "dv_dy": gradient[:, 1, 1],
-        "zncc": result.zncc,
-        "sigma": result.sigma,
-        "iterations": result.iterations,
-    }
-    return columns | _strain_columns(strain) | {"status": result.status}
-
-
-def stereo_columns(
-    result: StereoResult, strain: StrainResult | None = None
-) -> dict[str, npt.NDArray[Any]]:
-    """The columns of a table in space, (M,) each: where a point is seen and was, how it moved."""
-    columns: dict[str, npt.NDArray[Any]] = {
-        "x": result.points[:, 0],
-        "y": result.points[:, 1],
-        "x_right": result.right[:, 0],
-        "y_right": result.right[:, 1],
-    }
-    for names, values in (
-        (("X", "Y", "Z"), result.shape),
-        (("U", "V", "W"), result.displacement),
-        (("sigma_X", "sigma_Y", "sigma_Z"), result.sigma),
-    ):
-        columns |= dict(zip(names, values.T, strict=True))
-    columns["residual"] = result.residual
-    return columns | _strain_columns(strain) | {"status": result.status}
-
-
-def _strain_columns(strain: StrainResult | None) -> dict[str, npt.NDArray[Any]]:
-    if strain is None:
-        return {}
-    return {
-        "exx": strain.tensor[:, 0, 0],
-        "eyy": strain.tensor[:, 1, 1],
-        "exy": strain.tensor[:, 0, 1],
-        "e1": strain.principal[:, 0],
-        "e2": strain.principal[:, 1],
-        "strain_residual": strain.residual,
-    }
+    """The columns of a table, (M,) each: position, displacement, quality, strain; ``status``."""
+    fields = SPACE if isinstance(result, StereoResult) else PICTURE
+    columns = {k: one.values(result) for k, one in fields.items() if k != "magnitude"}
+    if strain is not None:
+        columns |= {name: one.values(strain) for name, one in STRAIN.items()}
+    return columns | {"status": result.status}
 
 
 def write_correlation(
@@ -114,7 +70,7 @@ def write_stereo(
 ) -> Path:
     """Write a result in space as ``write_correlation`` does one in the picture; lengths in mm."""
     notes = _notes(result.subset, strain, attributes)
-    return _write(Path(path), stereo_columns(result, strain), notes, RIG_FRAME)
+    return _write(Path(path), result_columns(result, strain), notes, RIG_FRAME)
 
 
 def _notes(

@@ -18,7 +18,7 @@ from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
 from gpusim.files.output_folder import inside
-from gpusim.mesh.formats.numbering import NODES
+from gpusim.mesh.file_content.numbering import NODES
 from gpusim.mesh.polygons import cut_at_dents
 
 __all__ = ["write_pvd", "write_region_stls", "write_stl", "write_vtu"]

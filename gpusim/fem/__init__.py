@@ -5,13 +5,14 @@ In the order in which data passes:
 - `elements`: Formulations and their rules (shape functions are in `gpusim.mesh`), stiffness,
   strain.
 - `model`: Material, supports, loads, and the solution.
-- `assembly`: From elements to a matrix of 3x3 blocks, and its products.
+- `sparse`: Matrices of 3x3 blocks, and their products.
 - `lattice`: Rectilinear bricks, whose rows repeat.
+- `assembly`: From elements to a matrix of 3x3 blocks, and its system.
 - `multigrid`: Levels, transfer, smoothers, the coarsest level.
 - `incompressibility`: Displacements and pressures.
 - `direct_solvers`: Direct solvers, and the choice between them and multigrid.
-- `krylov`: Krylov iterations, and what is known of their error.
 - `device`: The solver on a device: texels, operators, smoothing, the V-cycle.
+- `krylov`: Krylov iterations, and what is known of their error.
 - `solve_plan`: Every choice of a solve, made once before work, each with its reason.
 - `methods`: A system solved as a plan says.
 - `statics`: Linear statics: K u = f to a stated displacement error.
@@ -35,7 +36,8 @@ from gpusim.fem.model.material import Isotropic, Material, Orthotropic
 from gpusim.fem.model.model import Model, Solution
 from gpusim.fem.model.supports import symmetry
 from gpusim.fem.model.thermal_loads import thermal
-from gpusim.fem.statics import METHODS, solve
+from gpusim.fem.solve_plan import METHODS
+from gpusim.fem.statics import solve
 from gpusim.fem.stress import Stress, principal, stress, von_mises
 
 __all__ = [

@@ -22,15 +22,12 @@ from gpusim.fem.direct_solvers.iterative_refinement import refine
 from gpusim.fem.incompressibility.mixed_formulation import mixed_solver
 from gpusim.fem.krylov.cg import DeviceCG, NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm, RoundingError
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.krylov.outer_iteration import Outcome, Progress, each_case, iterate
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
 from gpusim.fem.solve_plan import Direct, Options, SolvePlan
 from gpusim.gpu import Device
-
-__all__ = ["solve_system"]
-
 
 # of conjugate gradients with pressures; with more something is wrong
 _MOST_WITH_PRESSURES = 600
@@ -171,8 +168,8 @@ def _ask(device: Device, nbytes: int, system: System) -> None:
     try:
         device.require_memory(nbytes, "solve")
     except OutOfDeviceMemory as error:
-        left = (device.memory_limit or 0) - device.allocated
-        fitting = max(0, int(system.free.sum() * (left / nbytes)))
+        free_bytes = (device.memory_limit or 0) - device.allocated
+        fitting = max(0, int(system.free.sum() * (free_bytes / nbytes)))
         raise OutOfDeviceMemory(
             f"{error}; expected at most about {fitting} unknowns of this kind (the model has "
             f"{int(system.free.sum())}), fewer load cases at once, or backend 'numpy'"

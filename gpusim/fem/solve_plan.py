@@ -25,19 +25,6 @@ from gpusim.fem.model.model import Model
 from gpusim.gpu import Device, default_device, software_adapter
 from gpusim.parallel.machine import host_memory
 
-__all__ = [
-    "METHODS",
-    "Clock",
-    "Direct",
-    "Options",
-    "SolvePlan",
-    "direct_solver",
-    "least_seconds",
-    "multigrid_seconds",
-    "plan_solve",
-]
-
-
 # operations per second
 _CHAIN_RATE = 1.2e10
 _BAND_RATE = 8.0e9
@@ -86,7 +73,7 @@ def direct_solver(
 ) -> Direct | None:
     """The cheaper of the direct solvers, or None where neither is to be thought of."""
     unknowns = int(free.sum())
-    found = []
+    solvers = []
     lattice = assembled.lattice
     widest, planes = 0, 0.0
     if lattice is not None:
@@ -96,7 +83,7 @@ def direct_solver(
             sizes = [len(one) for one in slabs.planes]
             if _filled(lattice):
                 widest, planes = max(sizes), sum(float(size) ** 3 for size in sizes)
-            found.append(
+            solvers.append(
                 Direct(
                     slabs.operations / _CHAIN_RATE + _PER_UNKNOWN * unknowns,
                     slabs.nbytes,
@@ -108,10 +95,10 @@ def direct_solver(
     # a bandwidth that isn't worth a closer look; that of a lattice is about its widest plane
     hopeless = np.sqrt(_HOPELESS * multigrid_seconds(unknowns) * _BAND_RATE / max(unknowns, 1))
     # no numbering of a lattice has a band much narrower than its planes
-    beaten = bool(found) and found[0].seconds < _NARROWER * planes / _BAND_RATE
+    beaten = bool(solvers) and solvers[0].seconds < _NARROWER * planes / _BAND_RATE
     if unknowns <= _MOST_BANDED and widest <= hopeless and not beaten:
         ordering = band_ordering(assembled.rows, free, points, float(hopeless))
-        found.append(
+        solvers.append(
             Direct(
                 ordering.operations / _BAND_RATE + _PER_UNKNOWN * unknowns,
                 ordering.nbytes,
@@ -119,7 +106,7 @@ def direct_solver(
                 lambda: BandedFactor(assembled.rows, ordering, scale),
             )
         )
-    return min(found, key=lambda one: one.seconds, default=None)
+    return min(solvers, key=lambda one: one.seconds, default=None)
 
 
 def least_seconds(assembled: Assembled, free: Bool) -> float:
@@ -255,13 +242,13 @@ def _cheaper(
     least = least_seconds(assembled, system.free)
     if least > patience:
         return ("multigrid", "direct"), _slower(least / patience, "at least ")
-    found = direct()
-    if found is None:
+    solver = direct()
+    if solver is None:
         return ("multigrid", "direct"), "multigrid: no direct solver is to be thought of"
-    if found.seconds <= patience and found.fits:
-        share = found.seconds / patience
-        return ("direct",), f"direct: {share:.2g} of multigrid's time; {found.description}"
-    why = f"{_slower(found.seconds / patience)} and {found.nbytes / 1e9:.2g} GB"
+    if solver.seconds <= patience and solver.fits:
+        share = solver.seconds / patience
+        return ("direct",), f"direct: {share:.2g} of multigrid's time; {solver.description}"
+    why = f"{_slower(solver.seconds / patience)} and {solver.nbytes / 1e9:.2g} GB"
     return ("multigrid", "direct"), why
 
 

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
-from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
 from gpusim.fem.assembly.system import System, make_system
@@ -21,11 +20,10 @@ from gpusim.fem.methods import solve_system
 from gpusim.fem.model.model import Model, Solution, resolve_formulation
 from gpusim.fem.model.supports import check_supports
 from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
+from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
-
-__all__ = ["METHODS", "solve"]
 
 
 @unmasked()

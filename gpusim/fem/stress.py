@@ -13,20 +13,17 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.fem.elements.strain import point_stress
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shape_functions import reference_nodes, shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
-
-__all__ = ["Stress", "principal", "stress", "von_mises"]
-
 
 _CHUNK = 4096
 # up to here a table over all keys is faster than sorting them
@@ -254,8 +251,10 @@ class _Recovery:
 
     def _of_cells(self, table: Float, part: _Part) -> Float:
         """Rows of a table by material: one row if all cells have the same, else (M,…)."""
-        own = self.material[part.numbers]
-        return np.asarray(table[own[0]] if (own == own[0]).all() else table[own])
+        materials = self.material[part.numbers]
+        return np.asarray(
+            table[materials[0]] if (materials == materials[0]).all() else table[materials]
+        )
 
     def _recover(self, part: _Part) -> Float:
         """Everything of some cells; returns their stress at the nodes (M,k,6)."""
@@ -307,12 +306,12 @@ class _Recovery:
 
     def _error(self, averages: Float, part: _Part) -> Float:
         element = ELEMENTS[part.kind]
-        own = element.rule(self.formulation[part.kind])
+        stress_rule = element.rule(self.formulation[part.kind])
         # finer than the stiffness rule where that one sees too little (one point in tet4)
-        rule = element.mass if len(element.mass.weight) > len(own.weight) else own
+        rule = element.mass if len(element.mass.weight) > len(stress_rule.weight) else stress_rule
         values = self.points[part.kind][part.cells]
-        if rule is not own:
-            values = np.matmul(_to_points(part.kind, own, rule.points), values)
+        if rule is not stress_rule:
+            values = np.matmul(_to_points(part.kind, stress_rule, rule.points), values)
         smooth = np.matmul(rule.shape, averages[self.pairs[part.kind][part.cells]])
         weight = volumes(self.model.mesh.points[part.block], rule)
         return np.asarray(np.sqrt(np.maximum(self._energy(part, smooth - values, weight), 0.0)))

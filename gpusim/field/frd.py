@@ -17,8 +17,8 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
-from gpusim.mesh.formats.numbering import from_upright_first
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
+from gpusim.mesh.file_content.numbering import from_upright_first
 
 __all__ = ["read_frd"]
 

@@ -32,7 +32,7 @@ from gpusim.field.field import Field
 from gpusim.field.frd import read_frd
 from gpusim.files.input_file import SERIES_SUFFIXES, InputFile, read_input, read_series
 from gpusim.mesh import Mesh
-from gpusim.mesh.formats.cell_blocks import assemble, solid_nodes
+from gpusim.mesh.file_content.cell_blocks import assemble, solid_nodes
 from gpusim.mesh.formats.exodus import read_exodus_steps
 from gpusim.mesh.formats.reader import PARALLEL
 from gpusim.mesh.formats.vtu import VtuFile

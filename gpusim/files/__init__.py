@@ -6,6 +6,7 @@ In the order in which data passes:
 - `picture_tags`: What the header of a picture's file says: size, pages, white as zero, orientation.
 - `radiance_file`: Radiance pictures: the radiances, whatever was done to the numbers.
 - `picture_file`: Pictures in files, decoded by one function, as they are stored or as grey images.
+- `frame_source`: Pictures of one camera as a sequence: a folder, files, pages of a TIFF, arrays.
 - `hdf5_file`: HDF5 files: read whole, as arrays and attributes, and written to full disks.
 - `output_folder`: The output folder: what may be written and deleted in it, and who is writing.
 - `atomic_files`: Files that are either whole or absent.

@@ -11,6 +11,7 @@ import re
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from gpusim.errors import InputError
@@ -48,6 +49,7 @@ class Page:
     already multiplied by their opacity."""
 
 
+@lru_cache(maxsize=1)  # all pages are looked through to find one of them
 def tiff_pages(file: InputFile) -> list[Page]:
     """Every page of a TIFF but the smaller copies that some programs add."""
     import tifffile

@@ -27,6 +27,8 @@ __all__ = ["CompiledPrograms", "prime"]
 UNIFORM_BYTES = 1 << 16
 STORAGE_BYTES = 1 << 16
 
+_MOST_BYTES = 10_000_000  # of the list of programs
+
 TEXELS = (4096, 3)
 """Width and height of textures that hold arrays: drivers compile for powers of two apart."""
 

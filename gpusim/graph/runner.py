@@ -19,6 +19,7 @@ from queue import SimpleQueue
 from typing import Any, BinaryIO
 
 from gpusim.files.input_file import InputFile
+from gpusim.files.output_folder import inside
 from gpusim.graph.folder import Folder
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.schedule import Schedule
@@ -97,15 +98,23 @@ class Inputs:
         """What was said of the results of a stage."""
         return [record.notes for record in self._records[stage]]
 
-    @property
-    def scratch(self) -> Path:
-        """A folder for files to be kept; it is deleted afterwards."""
+    def new_file(self, name: str) -> Path:
+        """Where a file may be written that is to be kept under a name."""
         if self._scratch is None:
             self._scratch = self._store.scratch()
-        return self._scratch
+        path = inside(self._scratch, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path
+
+    def new_files(self) -> dict[str, Path]:
+        """What was written, by name."""
+        if self._scratch is None:
+            return {}
+        found = sorted(path for path in self._scratch.rglob("*") if path.is_file())
+        return {path.relative_to(self._scratch).as_posix(): path for path in found}
 
     def forget(self) -> None:
-        """Delete the scratch."""
+        """Delete what was written and isn't kept."""
         if self._scratch is not None:
             shutil.rmtree(self._scratch, ignore_errors=True)
             with suppress(OSError):

@@ -19,7 +19,7 @@ __all__ = ["Made", "Output", "Stage", "Which", "digest", "every", "first", "same
 Which = Callable[[int], Sequence[int]]
 """The records of a need that a record needs."""
 Output = bytes | Path | Callable[[Path], object]
-"""A file's content, a file in `Inputs.scratch`, or what writes one at a path (whose ending is that
+"""A file's content, a file that `Inputs.new_file` has named, or what writes one at a path (whose ending is that
 of the result's name)."""
 
 

@@ -21,18 +21,6 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.validation import unmasked
 
-__all__ = [
-    "SplineImage",
-    "check_image",
-    "check_points",
-    "crop_float",
-    "eight_bit",
-    "pixels_of",
-    "point_spacing",
-    "quintic_slopes",
-    "quintic_weights",
-]
-
 Image = npt.NDArray[Any]
 FloatArray = npt.NDArray[np.float64]
 MARGIN = 32  # pixels around a crop, so that its border isn't felt

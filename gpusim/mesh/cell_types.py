@@ -54,6 +54,11 @@ class CellType:
     __repr__ = field_summary
 
     @property
+    def has_midsides(self) -> bool:
+        """Whether there are nodes between its corners."""
+        return self.linear != self.name
+
+    @property
     def serendipity(self) -> bool:
         """Whether all further nodes lie on edges, none within faces or the cell."""
         return all(len(group) == 2 for group in self.parents)
@@ -150,4 +155,5 @@ CELL_TYPES: dict[str, CellType] = {
 """By name. What else belongs to a type stands in tables beside what uses it: shape functions
 (`_POWERS` of `gpusim.mesh.shape_functions`), integration rules (`FULL_POINTS` of
 `gpusim.mesh.quadrature`; formulations and mass in `gpusim.fem.elements.element`), partners
-(`gpusim.mesh.builders.conversion`), orders of other programs (`gpusim.mesh.formats.numbering`)."""
+(`gpusim.mesh.builders.conversion`), orders of other programs
+(`gpusim.mesh.file_content.numbering`)."""

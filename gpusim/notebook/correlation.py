@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.export.measured_fields import (
+    MAPPED,
+    PICTURE,
+    SPACE,
+    STRAIN,
+    FieldMap,
+    MeasuredField,
+    field_maps,
+)
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity, span
@@ -26,67 +34,19 @@ Array = npt.NDArray[np.float64]
 Result = DicResult | StereoResult | MappedResult | StrainResult
 _DPI = 110
 _INCHES = 5.4
-
-
-@dataclass(frozen=True)
-class Component:
-    """A value per point: its ``label`` with the unit; ``centred``: zero is special."""
-
-    label: str
-    values: Callable[[Any], Array]
-    centred: bool = False
-
-
-def _axis(k: int) -> Callable[[Any], Array]:
-    return lambda result: result.displacement[:, k]
-
-
-def _length(result: Any) -> Array:
-    squares: Array = (result.displacement**2).sum(axis=1)
-    return np.sqrt(squares)
-
-
-def _measured(name: str) -> Callable[[Any], Array]:
-    return lambda result: np.where(result.ok, getattr(result, name), np.nan)
-
-
-_PICTURE = {
-    "u": Component("u (px, to the right)", _axis(0)),
-    "v": Component("v (px, down)", _axis(1)),
-    "magnitude": Component("displacement (px)", _length),
-    "sigma": Component("standard uncertainty (px)", _measured("sigma")),
-    "zncc": Component("correlation coefficient", _measured("zncc")),
+SHOWN: dict[type, tuple[Mapping[str, MeasuredField], tuple[str, ...], str]] = {
+    DicResult: (PICTURE, ("u", "v", "magnitude", "sigma", "zncc"), "px"),
+    StereoResult: (SPACE, ("W", "U", "V", "magnitude", "Z", "residual"), "unit of the rig"),
+    MappedResult: (MAPPED, ("u", "v", "magnitude", "sigma"), "unit of the mapping"),
+    StrainResult: (STRAIN, ("exx", "eyy", "exy", "e1", "e2"), ""),
 }
-_SPACE = {
-    "W": Component("W (away from the left camera, unit of the rig)", _axis(2)),
-    "U": Component("U (to the right, unit of the rig)", _axis(0)),
-    "V": Component("V (down, unit of the rig)", _axis(1)),
-    "magnitude": Component("displacement (unit of the rig)", _length),
-    "Z": Component("Z (from the left camera, unit of the rig)", lambda r: r.shape[:, 2]),
-    "residual": Component("distance to the rays (px)", _measured("residual")),
-}
-_MAPPED = {
-    "u": Component("displacement along x (unit of the mapping)", _axis(0)),
-    "v": Component("displacement along y (unit of the mapping)", _axis(1)),
-    "magnitude": Component("displacement (unit of the mapping)", _length),
-    "sigma": Component("standard uncertainty (unit of the mapping)", _measured("sigma")),
-}
-_STRAIN = {
-    "exx": Component("exx", lambda r: r.tensor[:, 0, 0], centred=True),
-    "eyy": Component("eyy", lambda r: r.tensor[:, 1, 1], centred=True),
-    "exy": Component("exy (half the shear angle)", lambda r: r.tensor[:, 0, 1], centred=True),
-    "e1": Component("larger principal strain", lambda r: r.principal[:, 0], centred=True),
-    "e2": Component("smaller principal strain", lambda r: r.principal[:, 1], centred=True),
-}
+"""What a result can be drawn by, the first one unless one is chosen; its unit of lengths."""
 
 
-def components(result: Result) -> dict[str, Component]:
+def components(result: Result) -> dict[str, FieldMap]:
     """What a result can be drawn by; the first one unless one is chosen."""
-    if isinstance(result, DicResult):
-        return _PICTURE
-    if isinstance(result, StereoResult):
-        return _SPACE
-    return _MAPPED if isinstance(result, MappedResult) else _STRAIN
+    ((fields, names, unit),) = (row for kind, row in SHOWN.items() if isinstance(result, kind))
+    return field_maps(fields, result, names, unit)
 
 
 def html(result: Result) -> str:
@@ -103,7 +63,7 @@ def html(result: Result) -> str:
         rows.append(("strain", result.kind))
         rows.append(("virtual strain gauge", quantity(result.gauge_px, "px", 3)))
     for component in components(result).values():
-        rows.append((component.label, span(component.values(result))))
+        rows.append((component.title, span(component.values)))
     title = type(result).__name__
     return page(title, rows, [partial(_picture, result)] if known else [])
 
@@ -117,7 +77,7 @@ def plot(
     **style: Any,
 ) -> Axes:
     """A map of one component, over the reference ``image`` where one is given."""
-    from gpusim.report.correlation import FieldMap, draw_map, grey_picture
+    from gpusim.report.correlation import draw_map, grey_picture
 
     known = components(result)
     name = next(iter(known)) if component is None else component
@@ -131,9 +91,8 @@ def plot(
     if image is not None:
         _check_picture(f"{type(result).__name__}.plot: image", image, result.points, mapped)
     ax = flat_axes(ax)
-    one = known[name]
-    shown = FieldMap(one.values(result), one.label, one.centred)
-    draw_map(ax, None if image is None else grey_picture(image), result.points, shown, **style)
+    backdrop = None if image is None else grey_picture(image)
+    draw_map(ax, backdrop, result.points, known[name], **style)
     unit = "unit of the mapping" if mapped else "px"
     ax.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", aspect="equal")
     ax.grid(visible=False)

@@ -10,8 +10,6 @@ import numpy.typing as npt
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.surface.surface import Surface
 
-__all__ = ["same_surfaces", "unseen_change"]
-
 Array = npt.NDArray[np.float64]
 
 MARGIN = 2.0

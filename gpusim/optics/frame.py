@@ -20,8 +20,6 @@ from gpusim.optics.visibility_buffer import VisibilityBuffer, visibility_twin
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Band", "Frame", "scatter", "scatter_twin", "write_pixels"]
-
 
 @dataclass(frozen=True, eq=False)
 class Band:

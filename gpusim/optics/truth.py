@@ -14,8 +14,6 @@ from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
 from gpusim.optics.geometry.view import View
 
-__all__ = ["BAND", "Truth", "TruthMap", "seen_in", "truth_of"]
-
 Array = npt.NDArray[np.float64]
 
 DEPTH_TOLERANCE = 1e-3

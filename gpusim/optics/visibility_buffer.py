@@ -19,8 +19,6 @@ from gpusim.gpu import Buffer, Device, Recording
 from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.checker_lines import BoardLines
 
-__all__ = ["NONE", "VertexBuffers", "VisibilityBuffer", "visibility_twin"]
-
 CHUNK = 4_000_000
 
 NONE = np.zeros(1, np.uint32)
@@ -71,8 +69,8 @@ class VertexBuffers:
 def _corners_of(view: View) -> npt.NDArray[np.uint32]:
     """The triangles' vertices, three and three, (3 T,); one triangle at least."""
     result = np.zeros((max(view.count, 1), 3), np.uint32)
-    for own, vertices in zip(result.T, view.corner.T, strict=True):
-        own[: view.count] = vertices
+    for column, vertices in zip(result.T, view.corner.T, strict=True):
+        column[: view.count] = vertices
     return result.reshape(-1)
 
 
@@ -100,17 +98,17 @@ class VisibilityBuffer:
         """Draw a band."""
         width, count = self.view.camera.width, self.view.count
         params = {"width": width, "rows": rows, "row0": row0, "near": self.vertex_buffers.near}
-        entry, some = "vertex", {}
+        entry, listed = "vertex", {}
         if rows < self.view.camera.height and count:
             # software rasterisers take as long for what lies in other bands
             low, high = (ends[:, 1] for ends in self.view.box)
-            own = np.flatnonzero((high >= row0 - 1.0) & (low <= row0 + rows)).astype(np.uint32)
-            entry, count = "vertex_some", len(own)
-            some = {"order": self.device.buffer(own if count else NONE, "visibility.order")}
+            in_band = np.flatnonzero((high >= row0 - 1.0) & (low <= row0 + rows)).astype(np.uint32)
+            entry, count = "vertex_some", len(in_band)
+            listed = {"order": self.device.buffer(in_band if count else NONE, "visibility.order")}
         raster = self.device.raster(
             "optics/raster/id_buffer", ("r32uint",), entries=(entry, "fragment")
         )
-        bindings = raster.bind(params=params, **some, **self.vertex_buffers.bindings())
+        bindings = raster.bind(params=params, **listed, **self.vertex_buffers.bindings())
         recording.draw(
             raster, bindings, colors=(self.ids,), depth=self.depth, vertices=3 * count,
             size=(width, rows),

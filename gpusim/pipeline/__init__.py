@@ -5,6 +5,7 @@ In the order in which data passes:
 - `notes`: What a report says of a stage, kept with the stage's result: a run that reuses it says
   the same.
 - `build`: From a scene to meshes, models, surfaces and cameras.
+- `scene_solution`: One model, or the one body of a scene, solved: ``gs.solve``.
 - `stages`: Stages of a run.
 - `measurements`: Measurements in a run's images, with the truth beside them.
 - `checks`: Checks before any work, and warnings that a scene's geometry gives.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
 from gpusim.arrays.grey import grey_of
+from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.html import page_template
@@ -43,6 +44,7 @@ Backdrop = tuple[npt.NDArray[np.float32], Frame]
 
 _COLUMNS = {
     "image": "image",
+    "time_s": "taken at (s)",
     "measured": "measured",
     "points": "points",
     "u_mean": "mean u (px)",
@@ -180,15 +182,6 @@ _STATUS = {
 }
 
 
-@dataclass(frozen=True)
-class FieldMap:
-    """One panel: a value per point, its name and how it is coloured."""
-
-    values: npt.NDArray[np.float64]
-    title: str
-    centred: bool = False  # zero is special: colours diverge from it
-
-
 def draw_maps(
     image: npt.NDArray[Any], result: DicResult, strain: StrainResult | None, path: PathLike
 ) -> Figure:
@@ -196,43 +189,29 @@ def draw_maps(
 
     Colours span the 2 to 98 % quantiles, so that rough borders don't hide the rest.
     """
-    maps = [
-        FieldMap(result.displacement[:, 0], "u (px, to the right)"),
-        FieldMap(result.displacement[:, 1], "v (px, down)"),
-    ]
-    if strain is not None:
-        maps += _strain_maps(strain)
-    else:
-        maps.append(FieldMap(np.where(result.ok, result.sigma, np.nan), "sigma (px)"))
-    return _draw(image, result, maps, strain, path)
+    names = ("u", "v") if strain is not None else ("u", "v", "sigma")
+    return _draw(image, result, field_maps(PICTURE, result, names), strain, path)
 
 
 def draw_stereo_maps(
     image: npt.NDArray[Any], result: StereoResult, strain: StrainResult | None, path: PathLike
 ) -> Figure:
     """Draw shape, displacement and strains in space over the left reference picture."""
-    maps = [FieldMap(result.shape[:, 2], "Z (mm, from the left camera)")]
-    for axis, name in enumerate(("U (mm, to the right)", "V (mm, down)", "W (mm, away)")):
-        maps.append(FieldMap(result.displacement[:, axis], name))
-    return _draw(image, result, maps + _strain_maps(strain), strain, path)
-
-
-def _strain_maps(strain: StrainResult | None) -> list[FieldMap]:
-    if strain is None:
-        return []
-    return [
-        FieldMap(strain.tensor[:, i, j], f"{name}, {strain.kind}", centred=True)
-        for name, i, j in (("exx", 0, 0), ("eyy", 1, 1), ("exy", 0, 1))
-    ]
+    maps = field_maps(SPACE, result, ("Z", "U", "V", "W"))
+    return _draw(image, result, maps, strain, path)
 
 
 def _draw(
     image: npt.NDArray[Any],
     result: DicResult | StereoResult,
-    maps: list[FieldMap],
+    fields: Mapping[str, FieldMap],
     strain: StrainResult | None,
     path: PathLike,
 ) -> Figure:
+    maps = list(fields.values())
+    if strain is not None:
+        strains = field_maps(STRAIN, strain, ("exx", "eyy", "exy")).items()
+        maps += [replace(one, title=f"{name}, {strain.kind}") for name, one in strains]
     backdrop = grey_picture(image)
     columns = 2 if len(maps) < 4 else 3 if len(maps) < 6 else 4
     rows = -(-(len(maps) + 1) // columns)

@@ -16,10 +16,10 @@ from typing import Any
 
 from gpusim.errors import Fault
 from gpusim.printable import printable
+from gpusim.scene.faults.key_paths import DEEPEST
 
-__all__ = ["DEEPEST", "document_fault", "parse_toml", "parse_value", "size_fault", "toml_text"]
+__all__ = ["document_fault", "parse_toml", "parse_value", "size_fault", "toml_text"]
 
-DEEPEST = 16  # levels of tables and lists, and of a dotted key
 _BYTES = 4_000_000
 _MARKS = 500_000  # what the time to read a text goes with
 _ITEMS = 10_000  # tables in one list, or keys in one table

@@ -34,9 +34,10 @@ from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import Array, SceneBuffers, TriangleRecords
-from gpusim.optics.shading.setup import TRIANGLE, Setup
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass, light_tiles_twin
+from gpusim.optics.shading.triangle_records import TRIANGLE, triangle_records
 from gpusim.optics.shadow.sample_mask import SAMPLES
 from gpusim.optics.visibility_buffer import VertexBuffers, VisibilityBuffer, visibility_twin
 from gpusim.surface.paint import Plain
@@ -105,7 +106,7 @@ def _drawn(shading: ShadingPass | RelightingPass, setup: Setup) -> npt.NDArray[n
 
 def _compare_relit(device: Device, setup: Setup) -> None:
     camera = setup.view.camera
-    buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.printed))
+    buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.traits.printed))
     shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
     got = _drawn(RelightingPass(shading), setup)
     want = shade_twin(setup, visibility_twin(setup.view))
@@ -173,9 +174,8 @@ def _triangle_records(device: Device) -> None:
     with device.recording("optics.records") as recording:
         found.make(recording)
     got = found.texels.read().reshape(-1, 4 * per)[:count]
-    for name, one, other in zip(
-        ("numbers", "values"), evaluated(setup, got), evaluated(setup, setup.records()), strict=True
-    ):
+    want = evaluated(setup, triangle_records(setup))
+    for name, one, other in zip(("numbers", "values"), evaluated(setup, got), want, strict=True):
         compare(f"optics/shading/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
 
 
@@ -192,7 +192,7 @@ def _compare_forward(device: Device, setup: Setup) -> None:
     inside = np.ones(want[0].size, bool)
     inside[find_edge_pixels(setup.view).pixel] = False
     for deferred in (False, True):
-        lines = None if deferred else BoardLines.of(setup.view, setup.printed)
+        lines = None if deferred else BoardLines.of(setup.view, setup.traits.printed)
         buffers = SceneBuffers(device, setup, lines)
         got = _drawn(
             ShadingPass(buffers, camera.height, deferred, tiles=LightTiles.of(setup)), setup

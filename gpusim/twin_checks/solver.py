@@ -11,14 +11,13 @@ from scipy.sparse import bsr_matrix, csr_matrix, random_array
 
 from gpusim.arrays.array_types import Float
 from gpusim.fem.assembly.assembly import assemble
-from gpusim.fem.assembly.block_rows import BlockRows, invert_blocks
 from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.device.block_texels import BlockTexels
 from gpusim.fem.device.interpolation import DeviceWeights, apply_weights
 from gpusim.fem.device.linear_combination import _NAMES, DeviceSum, weighted_sum
 from gpusim.fem.device.node_texels import node_texels, pair, read_nodes, vector_texels
 from gpusim.fem.device.relaxation import relax_nodes, relaxation
-from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness, apply_stiffness
+from gpusim.fem.device.stiffness import DeviceProduct, DeviceStiffness
 from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements
 from gpusim.fem.device.tet_forces import DeviceTets, apply_tets, element_forces
 from gpusim.fem.device.tet_forces_single import SingleForces
@@ -26,6 +25,8 @@ from gpusim.fem.krylov.cg import DeviceCG, NumpyCG, _BlockJacobi
 from gpusim.fem.model.material import Isotropic
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.multigrid.smoothers import Relaxation
+from gpusim.fem.sparse.block_rows import BlockRows, invert_blocks
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.mesh import Mesh, box, quadratic, split
 

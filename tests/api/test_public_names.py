@@ -8,6 +8,7 @@ import pytest
 
 PUBLIC = (
     "gpusim",
+    "gpusim.applications",
     "gpusim.deck",
     "gpusim.errors",
     "gpusim.export",

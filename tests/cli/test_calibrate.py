@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 import gpusim as gs
+from gpusim.applications.calibration import stated
 from gpusim.cli import app
-from gpusim.cli.calibrating import stated
 from gpusim.export.images import write_image
 from gpusim.measure import Chessboard
 from tests.support.target_images import board_poses, board_surface

@@ -17,6 +17,7 @@ from tests.support.example_files import write_example_files
 
 PUBLIC = (
     "gpusim",
+    "gpusim.applications",
     "gpusim.deck",
     "gpusim.errors",
     "gpusim.export",

@@ -16,7 +16,7 @@ from gpusim.export import write_pvd, write_vtu
 from gpusim.field import FIELD_SUFFIXES, Field, read_field
 from gpusim.mesh import CELL_TYPES
 from gpusim.scene.description.mesh import FIELD_SUFFIXES as SCHEMA_SUFFIXES
-from tests.mesh import test_exodus as exodus
+from tests.mesh.formats import test_exodus as exodus
 
 Float = npt.NDArray[np.float64]
 

@@ -118,13 +118,13 @@ ALLOWED = {
     "pipeline/stages/measuring.py": "copies into the scratch of a stage",
     "pipeline/stages/mechanics.py": "arrays into files that the store gives",
     "notebook/view.py": "a scene that isn't in a file, in a temporary folder",
-    "cli/decks.py": "np.savez_compressed into a stream of atomic_stream",
+    "applications/decks.py": "np.savez_compressed into a stream of atomic_stream",
     "view/content/background_solver.py": "np.savez into a stream of atomic_stream, and a pipe",
 }
 HANDLES = {
     "pipeline/measurements/marker_tracking.py",
     "pipeline/measurements/sources.py",
-    "cli/decks.py",
+    "applications/decks.py",
     "pipeline/stages/mechanics.py",
     "export/correlation.py",
     "view/content/background_solver.py",
@@ -191,7 +191,9 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
     """`folder / "name"` stands nowhere where files of an OUT are written: `inside` does it."""
     found = []
     for name, tree in sources(r"""/ f?["']"""):
-        if not name.startswith(("pipeline/", "cli/", "report/", "export/", "plan/", "graph/")):
+        if not name.startswith(
+            ("applications/", "pipeline/", "cli/", "report/", "export/", "plan/", "graph/")
+        ):
             continue
         shown = {id(n) for node in ast.walk(tree) if isinstance(node, ast.FormattedValue)
                  for n in ast.walk(node)}  # fmt: skip
@@ -203,7 +205,8 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
                 if joined and id(node) not in shown:
                     found.append(f"{name}: {ast.unparse(node)}")
     assert sorted(found) == [
-        "cli/calibrating.py: Path(folder) / f'probe.{ENDINGS[name]}'",  # a temporary folder
+        # a temporary folder
+        "applications/calibration.py: Path(folder) / f'probe.{ENDINGS[name]}'",
         "plan/state.py: out / 'variants'",  # read
     ]
 

@@ -12,7 +12,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from tests.hostile.amount import SEED, share
-from tests.optics.calibration.test_dialects import ROS
+from tests.optics.calibration.test_document import ROS
 
 pytestmark = pytest.mark.hostile
 

@@ -168,7 +168,7 @@ def test_other_results(moved: Any) -> None:
         21,
     )  # fmt: skip
     table = cells(html_of(space))
-    assert table["W (away from the left camera, unit of the rig)"] == "−3 to −3"  # noqa: RUF001
+    assert table["W (unit of the rig, away)"] == "−3 to −3"  # noqa: RUF001
     assert pictures(html_of(space))
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpusim.fem.assembly.matrix_product import shared
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.parallel import processes as parallel_processes
 from gpusim.parallel.machine import all_processors, limited, processors
 from gpusim.parallel.processes import _can_be_copied, in_copies

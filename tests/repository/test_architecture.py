@@ -46,14 +46,15 @@ ALLOWED: dict[str, set[str]] = {
 NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
 ALLOWED |= {
+    "applications": NUMERICS - {"scene", "surface"},
     "plan": {"gpu", "scene"},
     "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"plan"},
     "notebook": NUMERICS | {"pipeline", "view"},
     "view": NUMERICS | {"plan", "pipeline"},
-    "__init__": NUMERICS | {"plan", "pipeline"},
-    "cli": NUMERICS | {"bench", "plan", "pipeline", "view", "__init__"},
+    "__init__": NUMERICS | {"applications", "plan", "pipeline"},
+    "cli": NUMERICS | {"applications", "bench", "plan", "pipeline", "view", "__init__"},
     "__main__": {"cli"},
 }
 
@@ -78,6 +79,9 @@ OPTICS = (
 )
 MOST_MODULES = 20
 """In one folder."""
+
+# being untangled; an entry whose circle is gone fails the test
+KNOWN_FOLDER_CIRCLES = {frozenset({"gpusim.view", "gpusim.view.content", "gpusim.view.picture"})}
 
 
 def python_files() -> list[Path]:
@@ -157,8 +161,18 @@ def optics_part(name: str) -> int:
     return OPTICS.index(name.split(".")[2])
 
 
+def statements(tree: ast.AST, with_types: bool) -> Iterator[ast.AST]:
+    """All of a module, at any depth; without types, none that stand below ``if TYPE_CHECKING``."""
+    for node in ast.iter_child_nodes(tree):
+        if with_types or not (
+            isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
+        ):
+            yield node
+            yield from statements(node, with_types)
+
+
 @cache
-def import_graph() -> dict[str, set[str]]:
+def import_graph(with_types: bool = True) -> dict[str, set[str]]:
     """Every module with those that it imports, at any depth of the code and for types, too."""
     paths = {
         ".".join(("gpusim", *path.relative_to(PACKAGE).with_suffix("").parts)): path
@@ -168,7 +182,7 @@ def import_graph() -> dict[str, set[str]]:
     graph: dict[str, set[str]] = {}
     for module, path in modules.items():
         own = graph.setdefault(module, set())
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in statements(ast.parse(path.read_text(encoding="utf-8")), with_types):
             if isinstance(node, ast.Import):
                 own |= {alias.name for alias in node.names} & set(modules)
             elif isinstance(node, ast.ImportFrom):
@@ -222,6 +236,43 @@ def test_imports_of_optics_flow_one_way() -> None:
 def test_modules_import_each_other_in_no_circle() -> None:
     found = [{name.removeprefix("gpusim.") for name in one} for one in circles(import_graph())]
     assert sorted(map(sorted, found)) == []
+
+
+def folder_graph(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """Every folder with those whose modules its own import.
+
+    What is in no folder of `gpusim`, as ``errors``, is one of its own; so is each ``__init__``,
+    which lists the names of its folder and of those below and is imported for them.
+    """
+    packages = {name for name in graph if (PACKAGE.joinpath(*name.split(".")[1:])).is_dir()}
+
+    def folder(name: str) -> str:
+        if name in packages:
+            return f"{name}.__init__"
+        return name.rpartition(".")[0] if name.count(".") > 1 else name
+
+    folders: dict[str, set[str]] = {folder(name): set() for name in graph}
+    for module, names in graph.items():
+        folders[folder(module)] |= {folder(name) for name in names} - {folder(module)}
+    return folders
+
+
+def test_folders_import_each_other_in_no_circle() -> None:
+    found = {frozenset(circle) for circle in circles(folder_graph(import_graph(with_types=False)))}
+    assert sorted(map(sorted, found - KNOWN_FOLDER_CIRCLES)) == []
+    assert KNOWN_FOLDER_CIRCLES <= found, "mended: out of the list with it"
+
+
+def test_a_circle_of_folders_is_seen() -> None:
+    graph = {
+        "gpusim.fem.statics": {"gpusim.fem.model.loads", "gpusim.errors"},
+        "gpusim.fem.model.loads": {"gpusim.errors"},
+        "gpusim.fem.model.mass": {"gpusim.fem.methods"},
+        "gpusim.fem.methods": set(),
+        "gpusim.errors": set(),
+    }
+    assert circles(graph) == []
+    assert circles(folder_graph(graph)) == [{"gpusim.fem", "gpusim.fem.model"}]
 
 
 def test_no_folder_holds_too_many_modules() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.identical_cases.images import PAINTS
 from gpusim.errors import InputError
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.surface import paint
 from gpusim.surface.paint import Checker, Dots, Features, Markers, Plain

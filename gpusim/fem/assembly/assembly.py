@@ -11,7 +11,6 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import unique_rows
-from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import (
     Elements,
     Group,
@@ -23,18 +22,8 @@ from gpusim.fem.assembly.node_graph import NodeGraph, row_sums
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, find_lattice, node_offsets
 from gpusim.fem.lattice.stencil import Stencil
 from gpusim.fem.model.model import Model
-from gpusim.fem.multigrid.geometric_coarsening import has_midsides
-
-__all__ = [
-    "Assembled",
-    "assemble",
-    "assemble_groups",
-    "assemble_lattice",
-    "group_matrix",
-    "lattice_stencil",
-    "model_lattice",
-]
-
+from gpusim.fem.sparse.block_rows import BlockRows
+from gpusim.mesh.cell_types import CELL_TYPES
 
 # elements per distinct matrix from which on rows are compared: each is a sum over several elements,
 # and where rows repeat less often than about eight times a table of them is only one thing more
@@ -75,7 +64,7 @@ def assemble(
         rows = assemble_groups(groups, mesh.node_count)
         for group in groups:
             # levels without midsides are made of them; nothing else is until rounding shows
-            if isinstance(group, Group) and not has_midsides([group]):
+            if isinstance(group, Group) and not CELL_TYPES[group.name].has_midsides:
                 group.forget()
         return Assembled(rows, groups, None)
     group = lattice_group(model, lattice, formulation)
@@ -152,9 +141,9 @@ def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
         axis=-1,
     )
     present = (around >= 0).any(axis=-1)
-    first, own = unique_rows(around[present])
+    first, classes = unique_rows(around[present])
     row_class = np.full(present.shape, -1, dtype=np.int64)
-    row_class[present] = own
+    row_class[present] = classes
     of_node = lattice.gathered(row_class[np.ix_(*number)])
     # numbered by their first nodes: where all rows differ, a row's class is its node
     node = np.empty(len(first), dtype=np.int64)
@@ -168,14 +157,14 @@ def _rows_around(kind: Long, lattice: Lattice) -> tuple[Long, Long, Long]:
 def assemble_lattice(group: Group, lattice: Lattice) -> BlockRows:
     """Block rows of hex8 elements on a lattice: no sorting, and one row per kind of node."""
     representative, row_class, blocks = _lattice_rows(group, lattice)
-    own = lattice.linked(representative)
-    table = blocks[own]
-    diagonal = -np.where(own[..., None, None], blocks, 0.0).sum(axis=1)
+    linked = lattice.linked(representative)
+    table = blocks[linked]
+    diagonal = -np.where(linked[..., None, None], blocks, 0.0).sum(axis=1)
     return BlockRows(
         partial(_lattice_links, lattice),
         row_class.astype(np.int32),
         table,
-        np.concatenate([[0], np.cumsum(own.sum(axis=1))]).astype(np.int64),
+        np.concatenate([[0], np.cumsum(linked.sum(axis=1))]).astype(np.int64),
         0.5 * (diagonal + diagonal.transpose(0, 2, 1)),
         len(group.matrices),
     )

@@ -15,26 +15,11 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import congruence_classes, mix, unique_rows
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
-
-__all__ = [
-    "DistinctGroup",
-    "Elements",
-    "Group",
-    "Integrated",
-    "held_matrices",
-    "lattice_group",
-    "masked",
-    "model_groups",
-    "only_group",
-    "pair_blocks",
-    "repeating",
-]
-
+from gpusim.fem.sparse.matrix_product import shared
 
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36
@@ -142,8 +127,8 @@ class Integrated:
 
     def at(self, which: Long) -> Float:
         nodes = self.points[self.cells[which]]
-        own = self.material[which]
-        moduli = self.elasticity[own if (own != own[:1]).any() else own[0]]
+        materials = self.material[which]
+        moduli = self.elasticity[materials if (materials != materials[:1]).any() else materials[0]]
         return element_stiffness(self.name, nodes, moduli, self.rule)
 
     def blocks(self, which: Long, diagonal: bool) -> tuple[Float, Float | None]:
@@ -164,8 +149,8 @@ def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]
         if classes is not None:
             representative, kind = classes
             rule = formulation[name]
-            nodes, own = points[cells[representative]], material[representative]
-            form = partial(_matrices, name, nodes, elasticity, own, rule)
+            nodes, materials = points[cells[representative]], material[representative]
+            form = partial(_matrices, name, nodes, elasticity, materials, rule)
             groups.append(Group(name, cells, kind, form(), form))
             continue
         groups += _distinct_groups(name, points, cells, elasticity, material, formulation[name])
@@ -174,11 +159,11 @@ def model_groups(model: Model, formulation: Mapping[str, str]) -> list[Elements]
 
 def repeating(model: Model) -> bool:
     """Whether elements of some type share their matrices."""
-    own, of_cell = model.mesh, model.material_of_cell
+    mesh, of_cell = model.mesh, model.material_of_cell
     assert of_cell is not None
     return any(
-        _shared(own.points, cells, of_cell[first : first + len(cells)]) is not None
-        for _, first, cells in own.blocks()
+        _shared(mesh.points, cells, of_cell[first : first + len(cells)]) is not None
+        for _, first, cells in mesh.blocks()
         if len(cells)
     )
 
@@ -217,8 +202,10 @@ def _distinct_groups(
         source = StraightTets(points, corners, elasticity, material[straight])
         yield DistinctGroup(name, cells[straight], source)
     if not straight.all():
-        own, what = cells[~straight], material[~straight]
-        yield DistinctGroup(name, own, Integrated(name, points, own, elasticity, what, rule))
+        curved, materials = cells[~straight], material[~straight]
+        yield DistinctGroup(
+            name, curved, Integrated(name, points, curved, elasticity, materials, rule)
+        )
 
 
 def _matrices(name: str, nodes: Float, elasticity: Float, material: Int, formulation: str) -> Float:

@@ -20,14 +20,11 @@ from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import mix, unique_hashes
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
-from gpusim.fem.assembly.matrix_product import add_rows, ahead, counting_sort, transpose_pattern
 from gpusim.fem.model.model import Model, Solution
+from gpusim.fem.sparse.block_rows import ranges
+from gpusim.fem.sparse.matrix_product import add_rows, ahead, counting_sort, transpose_pattern
 from gpusim.mesh import Mesh
-
-__all__ = ["NodeGraph", "Numbering", "row_sums"]
-
 
 # elements whose blocks are formed and added at a time: they should stay in the cache
 _PORTION = 512
@@ -165,10 +162,11 @@ class NodeGraph:
         table: Float,
         place: Int,
         wanted: Bool | None,
-        own: Int | None = None,
+        diagonal_rows: Int | None = None,
     ) -> None:
         """Add the elements' blocks, the lesser node's row, to the rows ``place`` (edges,) of
-        ``table`` (T,9), diagonal ones to ``own`` (N,); only elements of ``wanted`` nodes."""
+        ``table`` (T,9), diagonal ones to ``diagonal_rows`` (N,); only elements of ``wanted``
+        nodes."""
         for group, edge_of_pair in zip(self._groups, self._pair_numbers(), strict=True):
             a, b = np.triu_indices(group.cells.shape[1], 1)
             which = np.arange(len(group.cells))
@@ -177,7 +175,7 @@ class NodeGraph:
             portions = [which[k : k + _PORTION] for k in range(0, len(which), _PORTION)]
 
             def form(part: Long, group: Elements = group) -> tuple[Float, Float | None]:
-                return group.blocks(part, own is not None)
+                return group.blocks(part, diagonal_rows is not None)
 
             for part, (pairs, diagonal) in zip(portions, ahead(form, portions), strict=True):
                 cells = group.cells[part]
@@ -185,8 +183,8 @@ class NodeGraph:
                 swapped = np.flatnonzero((cells[:, a] > cells[:, b]).T)
                 flat[swapped] = flat[swapped][:, _TRANSPOSED]
                 add_rows(table, place[edge_of_pair[:, part]], flat)
-                if own is not None and diagonal is not None:
-                    add_rows(table, own[cells.T], diagonal)
+                if diagonal_rows is not None and diagonal is not None:
+                    add_rows(table, diagonal_rows[cells.T], diagonal)
 
     def _mirror(self, table: Float, above: Int, below: Int) -> None:
         """Fill the rows of the greater nodes."""

@@ -29,26 +29,14 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.error_free_sums import high_half, two_sum
 from gpusim.arrays.unique import mix
 from gpusim.errors import NotConverged
-from gpusim.fem.assembly.block_rows import BlockRows
 from gpusim.fem.assembly.element_batches import Elements, Group
-from gpusim.fem.assembly.matrix_product import shared
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import add_to, determinant, inverse, times
 from gpusim.fem.model.model import Model
+from gpusim.fem.sparse.block_rows import BlockRows
+from gpusim.fem.sparse.matrix_product import shared
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.mesh import mesh_quality
-
-__all__ = [
-    "Deformation",
-    "check_finite",
-    "condition",
-    "deformation",
-    "extremes",
-    "indefinite",
-    "rounding_forces",
-    "signed",
-]
-
 
 # elements that are taken at a time, so that their numbers stay in the cache
 _PORTION = 1024
@@ -105,11 +93,13 @@ class Deformation:
         for group in self._groups:
             if isinstance(group, Group):
                 _, first = np.unique(group.matrix_of, return_index=True)
-                own = condition(group.name, self._points[group.cells[first]])[group.matrix_of]
+                conditions = condition(group.name, self._points[group.cells[first]])[
+                    group.matrix_of
+                ]
             else:
                 parts = shared(partial(self._of, group), _parts(group))
-                own = np.concatenate(parts)
-            np.maximum.at(result, group.cells, own[:, None])
+                conditions = np.concatenate(parts)
+            np.maximum.at(result, group.cells, conditions[:, None])
         return result
 
     def _of(self, group: Elements, which: Long) -> Float:
@@ -243,22 +233,22 @@ def signed(size: Float) -> Float:
 
 def extremes(model: Model) -> str:
     """What makes a model hard to solve in float64, in words; "" where nothing stands out."""
-    found = []
+    causes = []
     points = model.mesh.points
     centred = points - points.mean(axis=0)
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(centred.T @ centred), 0.0))
     if not spread[2] <= 50.0 * spread[0]:
-        found.append(f"a slenderness of {spread[2] / max(spread[0], 1e-300):.2g}")
+        causes.append(f"a slenderness of {spread[2] / max(spread[0], 1e-300):.2g}")
     aspect = float(mesh_quality(model.mesh).aspect.max())
     if not aspect <= 20.0:
-        found.append(f"elements of aspect {aspect:.2g}")
+        causes.append(f"elements of aspect {aspect:.2g}")
     stiffness = [float(np.linalg.eigvalsh(m.stiffness()).max()) for m in model.materials]
     if not max(stiffness) <= 1e3 * min(stiffness):
-        found.append(f"stiffnesses in the ratio {max(stiffness) / min(stiffness):.2g}")
+        causes.append(f"stiffnesses in the ratio {max(stiffness) / min(stiffness):.2g}")
     values = [np.linalg.eigvalsh(m.stiffness()) for m in model.materials]
     softest = max(float(one.max() / one.min()) for one in values)
     if not softest <= 100.0:
-        found.append(f"a nearly incompressible material (moduli in the ratio {softest:.2g})")
+        causes.append(f"a nearly incompressible material (moduli in the ratio {softest:.2g})")
     extent = [
         np.linalg.norm(np.ptp(points[block], axis=1), axis=1)
         for block in model.mesh.cells.values()
@@ -266,5 +256,5 @@ def extremes(model: Model) -> str:
     ]
     largest, smallest = max(float(e.max()) for e in extent), min(float(e.min()) for e in extent)
     if not largest <= 100.0 * smallest:
-        found.append(f"element sizes in the ratio {largest / smallest:.2g}")
-    return ", ".join(found)
+        causes.append(f"element sizes in the ratio {largest / smallest:.2g}")
+    return ", ".join(causes)

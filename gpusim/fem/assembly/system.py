@@ -9,20 +9,17 @@ import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import Assembled
-from gpusim.fem.assembly.block_rows import BlockRows, block_matrix
-from gpusim.fem.assembly.matrix_product import Product, RowsProduct
 from gpusim.fem.assembly.stiffness_rounding import (
     Deformation,
     check_finite,
     rounding_forces,
     signed,
 )
-from gpusim.fem.device.stiffness import apply_stiffness
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct, stencil_of
 from gpusim.fem.model.model import Model
-
-__all__ = ["System", "finest_product", "make_system"]
-
+from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
+from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.stiffness_product import apply_stiffness
 
 # nodes per distinct row from which on a stencil isn't larger than the matrix
 _REPEATS = 8
@@ -60,15 +57,15 @@ class System:
 
     def case(self, number: int) -> System:
         """One load case by itself."""
-        own = slice(number, number + 1)
+        rows = slice(number, number + 1)
         pull = self.pull
         return replace(
             self,
-            right=self.right[own],
-            load_scale=self.load_scale[own],
-            loads=self.loads[own],
-            prescribed=self.prescribed[own] if len(self.prescribed) > 1 else self.prescribed,
-            pull=pull[own] if pull is not None and len(pull) > 1 else pull,
+            right=self.right[rows],
+            load_scale=self.load_scale[rows],
+            loads=self.loads[rows],
+            prescribed=self.prescribed[rows] if len(self.prescribed) > 1 else self.prescribed,
+            pull=pull[rows] if pull is not None and len(pull) > 1 else pull,
             first_case=self.first_case + number,
         )
 
@@ -90,8 +87,8 @@ class System:
 
     def forces(self, image: Float) -> Float:
         """K u (L,N,3) in the model's units, of the free part's ``image`` K' u'."""
-        own = image * self.load_scale[:, None, None]
-        return own if self.pull is None else own + self.pull
+        scaled = image * self.load_scale[:, None, None]
+        return scaled if self.pull is None else scaled + self.pull
 
 
 def make_system(model: Model, assembled: Assembled) -> System:

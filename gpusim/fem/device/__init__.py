@@ -6,7 +6,7 @@ In the order in which data passes:
 
 - `node_texels`: Device memory of one solve, and nodal vectors in it as texels.
 - `block_texels`: Distinct block rows as texels, for kernels that take one node per thread.
-- `stiffness`: The stiffness operator y = K u: NumPy twin and kernel driver of
+- `stiffness`: The stiffness operator y = K u: kernel driver of
   ``shaders/fem/device/stiffness.wgsl``.
 - `tet_elements`: Quadratic tetrahedra by their geometry alone, for products that never form K, and
   as texels.

@@ -25,21 +25,10 @@ from scipy.sparse import bsr_matrix
 from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.arrays.ragged import batches
 from gpusim.arrays.unique import mix
-from gpusim.fem.assembly.block_rows import BlockRows, ranges
-from gpusim.fem.assembly.matrix_product import ahead
 from gpusim.fem.device.node_texels import Allocator
+from gpusim.fem.sparse.block_rows import BlockRows, ranges
+from gpusim.fem.sparse.matrix_product import ahead
 from gpusim.gpu.texture_array import Texels, most_texels
-
-__all__ = [
-    "SLICE",
-    "WINDOW",
-    "BlockTexels",
-    "RowPart",
-    "RowSlices",
-    "block_texels_bytes",
-    "rows_of_matrix",
-]
-
 
 SLICE = 8
 # nodes are sorted by the length of their rows within as many of them
@@ -116,18 +105,18 @@ class RowSlices:
     def _halves(
         self, rows: BlockRows, scale: float, exact: bool, part: slice
     ) -> tuple[int, list[Single]]:
-        some = self._some(part)
-        own = rows.row_class[some.nodes]
-        degree = rows.table_start[own + 1] - rows.table_start[own]
-        source = ranges(rows.table_start[own], degree)
+        slices = self._some(part)
+        classes = rows.row_class[slices.nodes]
+        degree = rows.table_start[classes + 1] - rows.table_start[classes]
+        source = ranges(rows.table_start[classes], degree)
         low, high = (int(source.min()), int(source.max()) + 1) if len(source) else (0, 0)
         blocks = rows.table[low:high].reshape(-1, 9)
         blocks = blocks if scale == 1.0 else blocks / scale
         # the block behind the last one is zero, and fills rows up
-        listed = np.full(4 * int(some.fours.sum()), high - low)
-        listed[ranges(4 * (np.cumsum(some.fours) - some.fours), degree)] = source - low
-        places = np.full((some.list_texels // SLICE, SLICE, 4), high - low)
-        places[some._places()] = listed.reshape(-1, 4)
+        listed = np.full(4 * int(slices.fours.sum()), high - low)
+        listed[ranges(4 * (np.cumsum(slices.fours) - slices.fours), degree)] = source - low
+        places = np.full((slices.list_texels // SLICE, SLICE, 4), high - low)
+        places[slices._places()] = listed.reshape(-1, 4)
         halves = [blocks.astype(np.float32)]
         if exact:
             halves.append((blocks - halves[0]).astype(np.float32))
@@ -234,8 +223,8 @@ def rows_of_matrix(matrix: bsr_matrix) -> BlockRows:
     count = matrix.shape[0] // 3
     start = matrix.indptr.astype(np.int64)
     row = np.repeat(np.arange(count), np.diff(start))
-    own = np.flatnonzero(matrix.indices == row)
-    assert (row[own] == np.flatnonzero(np.diff(start))).all(), "a row has no diagonal"
+    on_diagonal = np.flatnonzero(matrix.indices == row)
+    assert (row[on_diagonal] == np.flatnonzero(np.diff(start))).all(), "a row has no diagonal"
     first, kind = _equal_rows(matrix.data, start)
     table = matrix.data[ranges(start[first], np.diff(start)[first])]
     table_start = np.concatenate([[0], np.cumsum(np.diff(start)[first])])
@@ -246,14 +235,14 @@ def rows_of_matrix(matrix: bsr_matrix) -> BlockRows:
     diagonal = np.zeros((len(first), 3, 3))
     # place of the diagonal in each distinct row
     here = np.full(count, -1, dtype=np.int64)
-    here[row[own]] = own - start[row[own]]
+    here[row[on_diagonal]] = on_diagonal - start[row[on_diagonal]]
     has = np.flatnonzero(here[first] >= 0)
     at = table_start[has] + here[first[has]]
     diagonal[has] = table[at]
     # K_ij (0 - u_i) with K_ij = -sum is +sum u_i
     table[at] = -total[has]
     neighbour = matrix.indices.astype(np.int32)
-    neighbour[own] = count
+    neighbour[on_diagonal] = count
     return BlockRows(
         lambda: (start, neighbour), kind.astype(np.int32), table, table_start, diagonal, 0
     )
@@ -273,9 +262,9 @@ def _equal_rows(blocks: Float, start: Long) -> tuple[Long, Long]:
         return everyone, everyone
     # hashes may collide: the blocks decide
     for begin in range(0, count, _ROWS):
-        some = slice(begin, min(begin + _ROWS, count))
-        model = words[ranges(start[first[kind[some]]], length[some])]
-        if not np.array_equal(model, words[start[some.start] : start[some.stop]]):
+        chunk = slice(begin, min(begin + _ROWS, count))
+        model = words[ranges(start[first[kind[chunk]]], length[chunk])]
+        if not np.array_equal(model, words[start[chunk.start] : start[chunk.stop]]):
             return everyone, everyone
     return first, kind
 
@@ -371,12 +360,12 @@ def _write_blocks(
 ) -> None:
     texels = np.diff(np.append(class_start, part.low or part.blocks.count))
     for piece in batches(texels, _CHUNK):
-        some, first = used[piece], class_start[piece.start]
-        degree = rows.table_start[some + 1] - rows.table_start[some]
+        classes, first = used[piece], class_start[piece.start]
+        degree = rows.table_start[classes + 1] - rows.table_start[classes]
         blocks = np.zeros((int(texels[piece].sum()) // _FOUR * 4, 3, 3))
         # four blocks are nine texels
         at = ranges((class_start[piece] - first) // _FOUR * 4, degree)
-        source = ranges(rows.table_start[some], degree)
+        source = ranges(rows.table_start[classes], degree)
         blocks[at] = rows.table[source].transpose(0, 2, 1)
         blocks /= scale
         part.write(blocks.reshape(-1, 4), int(first))

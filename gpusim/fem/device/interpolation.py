@@ -10,12 +10,10 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.device.node_texels import Allocator, row_threads
+from gpusim.fem.sparse.block_rows import ranges
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
-
-__all__ = ["DeviceWeights", "apply_weights"]
 
 
 def apply_weights(weights: csr_matrix, free: Bool, v: Float) -> Float:

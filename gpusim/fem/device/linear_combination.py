@@ -9,9 +9,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.fem.device.node_texels import Allocator, Pair
 from gpusim.gpu import Bindings, Recording
 
-__all__ = ["DeviceSum", "weighted_sum"]
-
-
 # the order in which the kernel takes and adds them
 _NAMES = ("x", "before", "right", "product")
 
@@ -31,8 +28,8 @@ class DeviceSum:
 
     def record(self, recording: Recording, out: Pair, **terms: tuple[float, Pair]) -> None:
         """Record out = sum of factor times vector; terms x, before, right, product."""
-        some = next(iter(terms.values()))[1]
-        full = {name: terms.get(name, (0.0, some)) for name in _NAMES}
+        any_vector = next(iter(terms.values()))[1]
+        full = {name: terms.get(name, (0.0, any_vector)) for name in _NAMES}
         key = (id(out.high), *((factor, id(one.high)) for factor, one in full.values()))
         if key not in self._bound:
             vectors = {"out_high": out.high, "out_low": out.second}

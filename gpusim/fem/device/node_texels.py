@@ -18,18 +18,6 @@ from gpusim.gpu import Device
 from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.texture_array import Texels
 
-__all__ = [
-    "Allocator",
-    "Arena",
-    "Pair",
-    "node_texels",
-    "pair",
-    "read_nodes",
-    "row_threads",
-    "vector_texels",
-]
-
-
 # workgroups of the kernels that go by ``row_and_case``
 _GROUP = 64
 

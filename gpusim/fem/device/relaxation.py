@@ -22,8 +22,6 @@ from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.gpu import Bindings, Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["ColumnRelaxation", "DeviceRelaxation", "column_bytes", "relax_nodes", "relaxation"]
-
 
 def relax_nodes(
     apply: Callable[[Float], Float],
@@ -38,9 +36,9 @@ def relax_nodes(
     The step of ``smoothers.relax`` with its change d = x - before; ``apply`` gives A x, ``inverse``
     (N,3,3), ``before`` None is zero.
     """
-    left = b - apply(x)
+    residual = b - apply(x)
     change = x if before is None else x - before
-    scaled = np.matmul(inverse, left[..., None])[..., 0]
+    scaled = np.matmul(inverse, residual[..., None])[..., 0]
     return np.asarray(x + step.keep * change + step.gain * scaled)
 
 
@@ -152,14 +150,14 @@ class TetRelaxation(DeviceRelaxation):
         factors: tuple[float, float, float],
         **vectors: Texels,
     ) -> None:
-        own = self._forces.texels
+        texels = self._forces.texels
         multiplies = entry != "begin"
         entry = f"{entry}_forces" if multiplies else entry
         key = (entry, factors, *(id(one) for one in vectors.values()))
         if key not in self._bound:
             sizes = {"count": self.nodes, "cases": 1, "stride": 1}
             matrix: dict[str, Texels | None] = {
-                "info": own.info, "lists": own.lists, "forces": own.forces
+                "info": texels.info, "lists": texels.lists, "forces": texels.forces
             }  # fmt: skip
             self._bound[key] = [
                 self._bind(
@@ -186,16 +184,16 @@ class ColumnRelaxation:
         device: Allocator,
         relaxation: DeviceRelaxation,
         inverse: bsr_matrix,
-        own: Float,
+        node_inverse: Float,
         cases: int,
         label: str,
     ) -> None:
         label = f"{label}.columns"
-        free = np.einsum("nii->ni", own) != 0.0
+        free = np.einsum("nii->ni", node_inverse) != 0.0
         texels = BlockTexels(device, rows_of_matrix(inverse), 1.0, label, exact=False)
         self._matrix = relaxation
         self._inverse = DeviceRelaxation(device, texels, free[:, :, None] * np.eye(3), cases, label)
-        self._sum = DeviceSum(device, len(own), cases)
+        self._sum = DeviceSum(device, len(node_inverse), cases)
         self._left, self._scaled, self._zero, self._spare = (self.vector(label) for _ in range(4))
 
     def vector(self, label: str) -> Texels:

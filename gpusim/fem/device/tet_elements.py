@@ -26,17 +26,14 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int, Single
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import DistinctGroup, Elements, Integrated
 from gpusim.fem.device.block_texels import WINDOW
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 from gpusim.fem.elements.straight_tetrahedra import StraightTets
+from gpusim.fem.sparse.block_rows import ranges
 from gpusim.gpu.texture_array import Texels, most_texels
-
-__all__ = ["TetElements", "TetTexels", "tet_elements", "tet_texels_bytes"]
-
 
 _RULE = ELEMENTS["tet10"].rule("full")
 _CELL, _ROOTS, _FORCES = 3, 5, 15
@@ -188,11 +185,11 @@ def _lists(
     elements: TetElements, nodes: int
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32]]:
     """``info`` and ``lists``."""
-    own = elements.cells.ravel()
-    order = np.argsort(own, kind="stable")
+    nodes_of_corners = elements.cells.ravel()
+    order = np.argsort(nodes_of_corners, kind="stable")
     element, k = np.divmod(order, 10)
     force = 2 * (_FORCES * element + 3 * (k // 2)) + 3 * (k % 2)
-    degree = np.bincount(own, minlength=nodes)
+    degree = np.bincount(nodes_of_corners, minlength=nodes)
     start = np.cumsum(degree) - degree
     # lists of equal length side by side, close together in memory
     fours = -(-degree // 4)

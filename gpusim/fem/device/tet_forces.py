@@ -18,16 +18,6 @@ from gpusim.fem.device.tet_elements import TetElements, TetTexels, tet_elements,
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.gpu import Bindings, Kernel, Recording
 
-__all__ = [
-    "DeviceOperator",
-    "DeviceTets",
-    "apply_tets",
-    "device_tets",
-    "element_forces",
-    "operator_bytes",
-    "upload_operator",
-]
-
 
 def element_forces(elements: TetElements, u: Float) -> Float:
     """(M,10,3) forces of each element in NumPy float64, ``u`` (N,3), by quadrature."""
@@ -47,11 +37,11 @@ def element_forces(elements: TetElements, u: Float) -> Float:
 def apply_tets(elements: TetElements, u: Float) -> Float:
     """K u for ``u`` (L,N,3) -> (L,N,3)."""
     result = np.zeros_like(u)
-    own = elements.cells.ravel()
+    nodes = elements.cells.ravel()
     for case, into in enumerate(result):
         forces = element_forces(elements, u[case]).reshape(-1, 3)
         for axis in range(3):
-            into[:, axis] = np.bincount(own, forces[:, axis], minlength=len(into))
+            into[:, axis] = np.bincount(nodes, forces[:, axis], minlength=len(into))
     return result
 
 
@@ -85,20 +75,20 @@ class DeviceTets:
             recording.dispatch(kernel, bindings, threads=(threads,))
 
     def _steps(self, u: Pair, result: Pair, case: int) -> list[tuple[Kernel, Bindings, int]]:
-        own = self.texels
+        texels = self.texels
         base = case * (self.nodes + 1)
         steps = []
         constants = {"rounded": float(u.rounded)}
-        for entry, first, count in own.parts:
+        for entry, first, count in texels.parts:
             kernel = self.device.kernel("fem/device/tet_forces", entry=entry, constants=constants)
             bindings = kernel.bind(
-                cells=own.cells, roots=own.roots, u_high=u.high, u_low=u.second,
-                forces_out=own.forces, params={"first": first, "count": count, "base": base},
+                cells=texels.cells, roots=texels.roots, u_high=u.high, u_low=u.second,
+                forces_out=texels.forces, params={"first": first, "count": count, "base": base},
             )  # fmt: skip
             steps.append((kernel, bindings, count))
         kernel = self.device.kernel("fem/device/tet_forces", entry="sums", constants=constants)
         bindings = kernel.bind(
-            info=own.info, lists=own.lists, forces=own.forces, k_high=result.high,
+            info=texels.info, lists=texels.lists, forces=texels.forces, k_high=result.high,
             k_low=result.second, params={"first": 0, "count": self.nodes, "base": base},
         )  # fmt: skip
         return [*steps, (kernel, bindings, self.nodes)]

@@ -8,8 +8,6 @@ from gpusim.fem.device.tet_elements import TetTexels
 from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["SingleForces"]
-
 
 class SingleForces:
     """Forces of the elements of ``texels`` in float32, which ``relaxation.wgsl`` sums up."""
@@ -29,10 +27,10 @@ class SingleForces:
     def _bind(
         self, entry: str, first: int, count: int, x: Texels, case: int
     ) -> tuple[Kernel, Bindings, int]:
-        own = self.texels
+        texels = self.texels
         kernel = self.device.kernel("fem/device/tet_forces_single", entry=entry)
         bindings = kernel.bind(
-            cells=own.cells, roots=own.roots, x_in=x, forces_out=own.forces,
-            params={"first": first, "count": count, "base": case * (own.nodes + 1)},
+            cells=texels.cells, roots=texels.roots, x_in=x, forces_out=texels.forces,
+            params={"first": first, "count": count, "base": case * (texels.nodes + 1)},
         )  # fmt: skip
         return kernel, bindings, count

@@ -31,8 +31,6 @@ from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer
 from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["TWICE", "DeviceMultigrid", "compile_kernels", "multigrid_bytes"]
-
 Steps = tuple[Relaxation, ...]
 
 # what either of two cycles counts where a level is gone through twice

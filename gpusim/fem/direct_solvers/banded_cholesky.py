@@ -19,11 +19,8 @@ from scipy.sparse.csgraph import breadth_first_order, reverse_cuthill_mckee
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.ragged import along_paths
-from gpusim.fem.assembly.block_rows import BlockRows, ranges
 from gpusim.fem.assembly.stiffness_rounding import indefinite
-
-__all__ = ["BandedFactor", "Ordering", "band_ordering"]
-
+from gpusim.fem.sparse.block_rows import BlockRows, ranges
 
 # rows of a tile; a band is cut into equal ones, as half a tile too much costs half as much again
 _LARGEST_TILE = 128
@@ -94,8 +91,8 @@ def _number(order: Long, owner: Int, neighbour: Int, free: Bool) -> Ordering:
     first = np.where(position >= 0, position, np.int64(2**62)).min(axis=1)
     coupled = (last[owner] >= 0) & (last[neighbour] >= 0)
     reach = np.where(coupled, last[owner] - first[neighbour], 0)
-    own = np.where(last >= 0, last - first, 0)
-    width = max(int(reach.max(initial=0)), int(own.max(initial=0)))
+    half_width = np.where(last >= 0, last - first, 0)
+    width = max(int(reach.max(initial=0)), int(half_width.max(initial=0)))
     return Ordering(position, width, int(ordered.sum()))
 
 

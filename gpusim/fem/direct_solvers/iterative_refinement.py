@@ -14,9 +14,6 @@ from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor
 from gpusim.fem.krylov.error_estimates import VISIBLE, rounded
 from gpusim.fem.krylov.outer_iteration import Outcome
 
-__all__ = ["refine"]
-
-
 _MOST = 20
 # a correction that is not at least this much smaller than the one before has met rounding
 _CONTRACTION = 0.5

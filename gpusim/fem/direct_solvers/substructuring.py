@@ -25,11 +25,9 @@ from scipy.linalg.lapack import dpotrf
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.element_batches import Group
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
-
-__all__ = ["Slabs", "SubstructuredFactor", "cut_slabs"]
+from gpusim.fem.sparse.matrix_product import shared
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +88,9 @@ def cut_slabs(group: Group, lattice: Lattice, free: Bool) -> Slabs | None:
     nodes = np.moveaxis(lattice.node, axis, 0).reshape(layers + 1, -1)
     unknowns = []
     for number in range(layers + 1):
-        own = nodes[number][nodes[number] >= 0].astype(np.int64)
-        flat = (3 * own[:, None] + np.arange(3)).ravel()
-        unknowns.append(flat[free[own].ravel()])
+        plane_nodes = nodes[number][nodes[number] >= 0].astype(np.int64)
+        flat = (3 * plane_nodes[:, None] + np.arange(3)).ravel()
+        unknowns.append(flat[free[plane_nodes].ravel()])
     sizes = np.array([len(one) for one in unknowns])
     if not (sizes[1:-1] > 0).all():
         return None
@@ -211,11 +209,11 @@ class SubstructuredFactor:
             left, middle, right = (ends[k : k + 2 * count : 2] for k in range(3))
             solved: list[Float] = [np.zeros((0, cases))] * count
             for number, join in enumerate(joins):
-                own = np.flatnonzero(one.number == number)
-                load = np.concatenate([planes[middle[k]] for k in own], axis=1)
+                alike = np.flatnonzero(one.number == number)
+                load = np.concatenate([planes[middle[k]] for k in alike], axis=1)
                 half = dtrsm(1.0, join.upper, load, lower=0, trans_a=1)
                 to_left, to_right = join.left.T @ half, join.right.T @ half
-                for place, k in enumerate(own):
+                for place, k in enumerate(alike):
                     part = slice(cases * place, cases * (place + 1))
                     solved[k] = half[:, part]
                     planes[left[k]] = planes[left[k]] - to_left[:, part]
@@ -233,12 +231,12 @@ class SubstructuredFactor:
             reversed(middles), reversed(self.slabs.rounds), reversed(self._joins), strict=True
         ):
             for number, join in enumerate(joins):
-                own = np.flatnonzero(one.number == number)
-                half = np.concatenate([solved[k] for k in own], axis=1)
-                half = half - join.left @ np.concatenate([x[left[k]] for k in own], axis=1)
-                half = half - join.right @ np.concatenate([x[right[k]] for k in own], axis=1)
+                alike = np.flatnonzero(one.number == number)
+                half = np.concatenate([solved[k] for k in alike], axis=1)
+                half = half - join.left @ np.concatenate([x[left[k]] for k in alike], axis=1)
+                half = half - join.right @ np.concatenate([x[right[k]] for k in alike], axis=1)
                 full = dtrsm(1.0, join.upper, half, lower=0)
-                for place, k in enumerate(own):
+                for place, k in enumerate(alike):
                     x[middle[k]] = full[:, cases * place : cases * (place + 1)]
         result = np.zeros_like(r)
         for unknowns, value in zip(self.slabs.planes, x, strict=True):

@@ -19,16 +19,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule, face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
-__all__ = [
-    "ELEMENTS",
-    "FACE_ELEMENTS",
-    "Element",
-    "FaceElement",
-    "Rule",
-    "face_groups",
-    "mode_gradient",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Rule:

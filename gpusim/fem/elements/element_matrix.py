@@ -20,9 +20,6 @@ from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule, mode_gradient
 from gpusim.fem.elements.isoparametric_map import determinant, inverse, reference_gradient
 
-__all__ = ["element_stiffness", "modulus_tensor", "strain_matrix", "volume_gradients"]
-
-
 # Numbers in the largest temporary of a chunk: it should stay in the cache.
 _CHUNK_NUMBERS = 1 << 17
 # Strain component (xx yy zz xy yz zx) of the tensor's entry ij.
@@ -180,6 +177,6 @@ def _mean_dilatation(gradient: Float, volume: Float, moduli: Float) -> Float:
     elastic = moduli if moduli.ndim == 2 else moduli[:, None]
     stress = np.matmul(elastic, strain) * volume[..., None, None]
     count, points, rows, width = strain.shape
-    left = strain.reshape(count, points * rows, width)
-    matrix = np.matmul(left.transpose(0, 2, 1), stress.reshape(count, points * rows, width))
+    strains = strain.reshape(count, points * rows, width)
+    matrix = np.matmul(strains.transpose(0, 2, 1), stress.reshape(count, points * rows, width))
     return np.asarray(0.5 * (matrix + matrix.transpose(0, 2, 1)))

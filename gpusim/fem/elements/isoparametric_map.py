@@ -12,16 +12,6 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.fem.elements.element import Rule
 
-__all__ = [
-    "add_to",
-    "determinant",
-    "inverse",
-    "reference_gradient",
-    "solve_definite",
-    "times",
-    "volumes",
-]
-
 
 def reference_gradient(values: Float, rule: Rule) -> Float:
     """(3,3,M,Q) d value_i / d xi_j at the points of a rule, of nodal ``values`` (M,k,3)."""

@@ -23,9 +23,6 @@ from gpusim.fem.elements.element_matrix import modulus_tensor
 from gpusim.fem.elements.isoparametric_map import determinant, inverse
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["StraightTets", "is_straight"]
-
-
 # midsides this far from the middle, relative to the cell's extent, bend nothing that float64 shows
 _STRAIGHT = 1e-13
 _MIDSIDES = np.array(CELL_TYPES["tet10"].parents)
@@ -57,8 +54,8 @@ class StraightTets:
 
     def linear(self) -> StraightTets:
         """The linear elements on the corners: Q^T K Q where Q interpolates linearly."""
-        own = self.points, self.corners, self.elasticity, self.material
-        return StraightTets(*own, linear=True)
+        data = self.points, self.corners, self.elasticity, self.material
+        return StraightTets(*data, linear=True)
 
     def chosen(self, which: Long | Bool) -> StraightTets:
         """Some of the elements."""
@@ -84,8 +81,10 @@ class StraightTets:
         pairs = (table[np.triu_indices(nodes, 1)] @ corner).reshape(-1, len(which), 9)
         if not diagonal:
             return pairs, None
-        own = (table[np.arange(nodes), np.arange(nodes)] @ corner).reshape(-1, len(which), 9)
-        return pairs, own
+        diagonal_blocks = (table[np.arange(nodes), np.arange(nodes)] @ corner).reshape(
+            -1, len(which), 9
+        )
+        return pairs, diagonal_blocks
 
     def gradients(self, which: Long) -> tuple[Float, Float]:
         """Gradients (4,m,3) of the linear shape functions, and volumes (m,)."""
@@ -114,11 +113,11 @@ class StraightTets:
         material = self.material[which]
         for number in np.unique(material).tolist():
             tensor = modulus_tensor(self.elasticity[number])
-            own = material == number
-            if own.all():
+            of_material = material == number
+            if of_material.all():
                 np.matmul(products, tensor, out=result)
             else:
-                result[:, own] = products[:, own] @ tensor
+                result[:, of_material] = products[:, of_material] @ tensor
         return result.reshape(16, -1)
 
 

@@ -19,9 +19,6 @@ from gpusim.fem.elements.isoparametric_map import (
     times,
 )
 
-__all__ = ["internal_force", "point_stress"]
-
-
 # the pairs of axes of a strain's components xx yy zz xy yz zx
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 
@@ -110,9 +107,9 @@ def _mode_stress(nodes: Float, rule: Rule, det: Float, stress: Float, moduli: Fl
     force = np.einsum("mrci,mcr->mci", operator, load).reshape(count, 9)
     product = np.einsum("qc,qd->qcd", amplitude, amplitude).reshape(-1, 9)
     scale = (rule.weight / det) @ product * at_centre[:, None] ** 2
-    own = np.matmul(flat.transpose(0, 2, 1), np.matmul(moduli, flat))
-    own = own.reshape(count, 3, 3, 3, 3) * scale.reshape(count, 3, 1, 3, 1)
-    matrix = np.ascontiguousarray(own.reshape(count, 9, 9).transpose(1, 2, 0))
+    mode_stiffness = np.matmul(flat.transpose(0, 2, 1), np.matmul(moduli, flat))
+    mode_stiffness = mode_stiffness.reshape(count, 3, 3, 3, 3) * scale.reshape(count, 3, 1, 3, 1)
+    matrix = np.ascontiguousarray(mode_stiffness.reshape(count, 9, 9).transpose(1, 2, 0))
     modes = -solve_definite(matrix, force.T.copy()).T.reshape(count, 3, 3)
     strain = np.einsum("mrci,mci->mcr", operator, modes)
     extra = np.matmul(amplitude, np.matmul(strain, moduli))

@@ -30,12 +30,9 @@ from gpusim.fem.incompressibility.pressure_preconditioners import PressureChebys
 from gpusim.fem.incompressibility.volume_split import VolumeSplit, split_volume
 from gpusim.fem.krylov.cg import NumpyCG
 from gpusim.fem.krylov.error_estimates import Norm, probe
+from gpusim.fem.krylov.multigrid_preconditioner import Multigrid
 from gpusim.fem.model.model import Model
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
-from gpusim.fem.multigrid.preconditioner import Multigrid
-
-__all__ = ["MixedFormulation", "SaddleCG", "mixed_solver"]
-
 
 # <z,z> relative to when z was last formed from the residuals, below which it is formed anew:
 # multigrid in float32 isn't quite linear, and what z has collected of that mustn't matter
@@ -177,23 +174,29 @@ def mixed_solver(
     if split is None:
         return None
     parts = assemble(split.model, formulation, assembled.lattice)
-    own = make_system(split.model, parts)
-    hierarchy = build_hierarchy(parts, own, model.mesh.points)
+    shear_system = make_system(split.model, parts)
+    hierarchy = build_hierarchy(parts, shear_system, model.mesh.points)
     multigrid = Multigrid(hierarchy)
-    found = probe(own.case(0), NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP)
-    if not found.settled.all():
+    spectrum = probe(
+        shear_system.case(0), NumpyCG(multigrid.product, multigrid), _PROBES, _FIRST, _SHARP
+    )
+    if not spectrum.settled.all():
         return None
-    unit = own.scale / system.scale
-    split = replace(split, compliance=split.compliance * own.scale, shear=split.shear / own.scale)
-    diagonal = np.einsum("cii->ci", parts.rows.diagonal)[parts.rows.row_class] / own.scale
+    unit = shear_system.scale / system.scale
+    split = replace(
+        split,
+        compliance=split.compliance * shear_system.scale,
+        shear=split.shear / shear_system.scale,
+    )
+    diagonal = np.einsum("cii->ci", parts.rows.diagonal)[parts.rows.row_class] / shear_system.scale
     diagonal = np.where(system.free, diagonal, 0.0)
     pressures: PressureScaling | PressureChebyshev = (
         PressureChebyshev(split, diagonal)
         if split.lattice is None
         else PressureScaling(split, diagonal)
     )
-    lowest = unit * min(hierarchy.lowest, found.lowest) * (1.0 - _BELOW)
-    theta = _BELOW * float(found.mu.min())
+    lowest = unit * min(hierarchy.lowest, spectrum.lowest) * (1.0 - _BELOW)
+    theta = _BELOW * float(spectrum.mu.min())
     return MixedFormulation(
-        multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), found.iterations
+        multigrid, split, pressures, theta, unit, Norm(lowest, sought=True), spectrum.iterations
     )

@@ -28,9 +28,6 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.fem.incompressibility.volume_split import VolumeSplit
 from gpusim.fem.multigrid.smoothers import chebyshev
 
-__all__ = ["PressureChebyshev", "PressureScaling"]
-
-
 # axes along which a pressure alternates
 _FAMILIES = ((True, True, False), (False, True, True), (True, False, True), (True, True, True))
 # weight of all hat functions together: as many of them overlap
@@ -57,14 +54,14 @@ class PressureScaling:
             split.split, 1.0 / (_MASS * split.volume / split.shear + split.compliance), 0.0
         )
         self._split = split.split
-        there = np.zeros(shape, dtype=bool)
-        there.ravel()[self._at] = split.split
+        has_pressure = np.zeros(shape, dtype=bool)
+        has_pressure.ravel()[self._at] = split.split
         compliance = np.zeros(shape)
         compliance.ravel()[self._at] = np.where(split.split, split.compliance, 0.0)
         grid = np.zeros((*lattice.node.shape, 3))
         softness = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
         grid[tuple(lattice.place.T)] = softness
-        whole = _touched(there) == _touched(np.ones(shape, dtype=bool))
+        whole = _touched(has_pressure) == _touched(np.ones(shape, dtype=bool))
         size = [np.diff(planes) for planes in lattice.planes]
         self._hats: list[tuple[list[Float | None], Float]] = []
         for family in _FAMILIES:
@@ -134,10 +131,10 @@ def _energy(
     signed = [None if one is None else _alternating(one) for one in hats]
     total = _along(compliance, [None if one is None else one**2 for one in hats], True)
     for component in range(3):
-        own = softness[..., component]
+        of_component = softness[..., component]
         for part, absolute in (
-            (np.where(whole, own, 0.0), False),
-            (np.where(whole, 0.0, own), True),
+            (np.where(whole, of_component, 0.0), False),
+            (np.where(whole, 0.0, of_component), True),
         ):
             if not part.any():
                 continue
@@ -174,11 +171,11 @@ class PressureChebyshev:
         """Q^-1 r, (M,)."""
         x = np.zeros_like(r)
         d = np.zeros_like(r)
-        left = r
+        residual = r
         for number, step in enumerate(self._steps):
             if number:
-                left = left - self._t @ d
-            d = step.keep * d + step.gain * (self._inverse * left)
+                residual = residual - self._t @ d
+            d = step.keep * d + step.gain * (self._inverse * residual)
             x += d
         return x
 
@@ -186,10 +183,10 @@ class PressureChebyshev:
 def _averages(split: VolumeSplit, nodes: int) -> tuple[csr_matrix, Float]:
     """Averages of pressures around nodes, by volume, (N,M), and volume over modulus there (N,)."""
     count = len(split.volume)
-    there = np.where(split.split, split.volume, 0.0)
+    volume = np.where(split.split, split.volume, 0.0)
     cell = np.repeat(np.arange(count), split.nodes.shape[1])
     node = split.nodes.ravel()
-    total = np.bincount(node, weights=there[cell], minlength=nodes)
-    share = there[cell] / np.where(total > 0.0, total, 1.0)[node]
-    weight = np.bincount(node, weights=(there / split.shear)[cell], minlength=nodes)
+    total = np.bincount(node, weights=volume[cell], minlength=nodes)
+    share = volume[cell] / np.where(total > 0.0, total, 1.0)[node]
+    weight = np.bincount(node, weights=(volume / split.shear)[cell], minlength=nodes)
     return csr_matrix((share, (node, cell)), shape=(nodes, count)), weight / split.nodes.shape[1]

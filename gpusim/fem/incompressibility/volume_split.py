@@ -25,9 +25,6 @@ from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.model.material import Isotropic, Material
 from gpusim.fem.model.model import Model
 
-__all__ = ["VolumeSplit", "split_volume"]
-
-
 # Poisson's ratio that is left to A, and the ratio of bulk to shear modulus (10 at nu = 0.45) from
 # which on something is taken from it
 _ORDINARY, _STIFF = 0.3, 10.0
@@ -69,7 +66,7 @@ def split_volume(
         return None
     bulk, shear = np.array(known).T
     stiff = bulk > _STIFF * shear
-    left = 2.0 * (1.0 + _ORDINARY) / (3.0 - 6.0 * _ORDINARY) * shear
+    kept_bulk = 2.0 * (1.0 + _ORDINARY) / (3.0 - 6.0 * _ORDINARY) * shear
     ordinary: list[Material] = [
         Isotropic(2.0 * (1.0 + _ORDINARY) * g, _ORDINARY) if soften else material
         for material, g, soften in zip(model.materials, shear.tolist(), stiff, strict=True)
@@ -92,7 +89,7 @@ def split_volume(
         # faces' areas times mean displacements
         gradient = (2.0 * CORNERS - 1.0) * (0.25 * volume[:, None] / size)[:, None, :]
     split = stiff[material]
-    rest = np.where(stiff, bulk - left, 1.0)[material]
+    rest = np.where(stiff, bulk - kept_bulk, 1.0)[material]
     return VolumeSplit(
         replace(model, materials=ordinary),
         lattice,
@@ -100,7 +97,7 @@ def split_volume(
         nodes,
         volume,
         np.where(split, volume / rest, 1.0),
-        (2.0 * shear + left)[material],
+        (2.0 * shear + kept_bulk)[material],
         split,
         _divergence(nodes, gradient, split, free),
     )

@@ -5,6 +5,7 @@ In the order in which data passes:
 - `error_estimates`: When to stop: from the coefficients of conjugate gradients to an error in
   displacement.
 - `cg`: Preconditioned conjugate gradients: the loop, its NumPy twin and its driver.
+- `multigrid_preconditioner`: Its preconditioner: a multigrid V-cycle over a hierarchy of levels.
 - `outer_iteration`: The outer loop: runs of conjugate gradients inside a float64 refinement, load
   case by load case.
 """

@@ -23,9 +23,6 @@ from gpusim.gpu import Bindings, Kernel, Recording
 from gpusim.gpu.buffer import RealBuffer
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["DeviceCG", "NumpyCG", "Preconditioner"]
-
-
 _GROUPS = 128
 _CAPACITY = 512
 
@@ -213,7 +210,7 @@ class DeviceCG:
         kernel = self.device.kernel("fem/krylov/cg", entry=entry)
         key = (entry, *(id(vector) for vector in vectors.values()))
         if key not in self._bound:
-            own: dict[str, Any] = {
+            bound: dict[str, Any] = {
                 "partial": self._partial,
                 "scalars": self._scalars,
                 "history": self._history,
@@ -221,7 +218,7 @@ class DeviceCG:
                 "params": {"nodes": self.nodes, "capacity": _CAPACITY},
                 **vectors,
             }
-            self._bound[key] = kernel.bind_used(**own)
+            self._bound[key] = kernel.bind_used(**bound)
         return kernel, self._bound[key]
 
 

@@ -38,21 +38,6 @@ from gpusim.arrays.unique import noise
 from gpusim.fem.assembly.stiffness_rounding import check_finite, indefinite
 from gpusim.fem.assembly.system import System
 
-__all__ = [
-    "BELOW",
-    "VISIBLE",
-    "Estimates",
-    "Norm",
-    "Probed",
-    "RoundingError",
-    "energy_bound",
-    "extent",
-    "probe",
-    "rounded",
-    "smallest_ritz_value",
-]
-
-
 # share of the tolerance beyond which forces by deformation are worth their time
 VISIBLE = 0.1
 # root mean square of displacements in bending, of the greatest one (a cantilever: 0.29)
@@ -146,8 +131,8 @@ def extent(u: Float, even: bool) -> Float:
 
 def rounded(error: float) -> str:
     """What to say where it is too much."""
-    left = f"an estimated relative error of {error:.2g}"
-    return f"the rounding of the stiffness in float64 leaves {left}"
+    error_words = f"an estimated relative error of {error:.2g}"
+    return f"the rounding of the stiffness in float64 leaves {error_words}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,12 +210,12 @@ class Estimates:
 
     def probe(self, loop: Any, most: int) -> str:
         """Look for them; the loop's run is lost. Returns what to say of it."""
-        found = probe(self.system, loop, most)
+        spectrum = probe(self.system, loop, most)
         self.probed = True
-        self.mu = np.minimum(self.mu, found.mu)
-        self.lowest = min(self.lowest, found.lowest)
-        self.settled &= found.settled
-        return f" ({found.iterations} more iterations looked for soft modes)"
+        self.mu = np.minimum(self.mu, spectrum.mu)
+        self.lowest = min(self.lowest, spectrum.lowest)
+        self.settled &= spectrum.settled
+        return f" ({spectrum.iterations} more iterations looked for soft modes)"
 
     def learn(self, history: Float) -> None:
         for case in range(len(self.mu)):

@@ -32,9 +32,6 @@ from gpusim.fem.krylov.error_estimates import (
 )
 from gpusim.parallel.processes import in_copies
 
-__all__ = ["UNEVEN_STIFFNESS", "Outcome", "Progress", "each_case", "iterate"]
-
-
 # share of the tolerance up to which rounding leaves conjugate gradients enough of it
 _LITTLE = 0.5
 _MOST_REFINEMENTS = 12
@@ -105,15 +102,19 @@ def iterate(
     """
     refinement = _Refinement(system, loop, norm, start, tolerance, most, progress)
     refinement.run(system)
-    left = rounding(system, refinement.total)
-    if left > VISIBLE * tolerance and refinement.iterations < most:
+    rounding_error = rounding(system, refinement.total)
+    if rounding_error > VISIBLE * tolerance and refinement.iterations < most:
         system = system.by_deformation()
         refinement.run(system)
-        left = min(left, rounding(system, refinement.total))
-    if refinement.beyond(left) and left <= _LITTLE * tolerance and refinement.iterations < most:
+        rounding_error = min(rounding_error, rounding(system, refinement.total))
+    if (
+        refinement.beyond(rounding_error)
+        and rounding_error <= _LITTLE * tolerance
+        and refinement.iterations < most
+    ):
         # both together were too much, and this part can still be made smaller
-        refinement.run(system, tolerance - left)
-    return refinement.outcome(system, left)
+        refinement.run(system, tolerance - rounding_error)
+    return refinement.outcome(system, rounding_error)
 
 
 class _Refinement:
@@ -163,7 +164,7 @@ class _Refinement:
         self._estimate = np.full(cases, np.inf)
         self._message = f"stopped after {most} iterations"
         inside, drift = np.full(cases, np.inf), np.full(cases, np.inf)
-        left = np.full(cases, np.inf)
+        remaining = np.full(cases, np.inf)
         self._image: Float | None = None
         for refinement in range(_MOST_REFINEMENTS):
             x = self._x
@@ -172,8 +173,8 @@ class _Refinement:
             residual = np.where(system.free, residual, 0.0).reshape(cases, -1)
             if refinement == 1 and not state.probed:
                 spread = state.apart(residual, loop.residual(), x)
-                if bool((left + spread <= tolerance).all()):
-                    self._estimate, self._message = left + spread, "converged"
+                if bool((remaining + spread <= tolerance).all()):
+                    self._estimate, self._message = remaining + spread, "converged"
                     break
             rz = loop.begin(residual)
             check_finite(rz[None, :, None], "the preconditioned residual")
@@ -206,7 +207,7 @@ class _Refinement:
             )
             self._x, self._image, self._begun = x + correction, None, True
             loop.keep()
-            left = state.left(history, rz, self._x)
+            remaining = state.left(history, rz, self._x)
             size = state.size(self.total)
             drift = extent(correction, even=False) / np.where(size > 0.0, size, 1e-300)
             self.iterations += len(history)
@@ -252,16 +253,16 @@ class _Refinement:
             history = np.concatenate([history, lines])
             state.learn(history)
             correction = loop.correction().reshape(x.shape)
-            energy, left = np.zeros(len(rz)), np.zeros(len(rz))
+            energy, by_residual = np.zeros(len(rz)), np.zeros(len(rz))
             for case in np.flatnonzero(active):
                 energy[case] = energy_bound(history[:, case], BELOW * state.mu[case])
                 last = history[-1, case]
-                left[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
+                by_residual[case] = np.sqrt(last[0] * last[2] / (BELOW * state.mu[case]))
             size = state.size(base + correction)
             estimate = np.where(active, state.over(energy, size), estimate)
-            plain = np.where(active & (energy > 0.0), state.over(left, size), estimate)
-            told = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
-            active &= ~((estimate <= aim) & (plain <= enough) & told)
+            plain = np.where(active & (energy > 0.0), state.over(by_residual, size), estimate)
+            far_enough = ~fresh | (state.over(energy, extent(correction, even=False)) <= _LOOSEST)
+            active &= ~((estimate <= aim) & (plain <= enough) & far_enough)
             if self._progress is not None:
                 self._progress(self.iterations + len(history), float(estimate.max()))
         return correction, history, estimate

@@ -8,6 +8,4 @@ In the order in which data passes:
   repeat there.
 - `stencil`: Host products on a lattice whose rows repeat: small dense matrices in place of a sparse
   one.
-- `lattice_cycle`: The finest levels of multigrid on a lattice, on the host: every vector stays
-  stored as runs.
 """

@@ -16,16 +16,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 
-__all__ = [
-    "CORNERS",
-    "OFFSETS",
-    "Lattice",
-    "crowded",
-    "filled_grids",
-    "find_lattice",
-    "node_offsets",
-]
-
 T = TypeVar("T", bound=np.generic)
 
 # lattice position of the hex8 corners, VTK order
@@ -121,8 +111,8 @@ class Lattice:
         padded[1:-1, 1:-1, 1:-1] = per_cell
         step = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
         place = self.place if nodes is None else self.place[nodes]
-        own = (place.astype(np.int64) + 1) @ step
-        return np.asarray(padded.ravel()[own[:, None] - CORNERS @ step])
+        node = (place.astype(np.int64) + 1) @ step
+        return np.asarray(padded.ravel()[node[:, None] - CORNERS @ step])
 
     def linked(self, nodes: Long) -> Bool:
         """(K,27) whether a cell joins each of ``nodes`` (K,) and another one at ``OFFSETS``."""
@@ -139,8 +129,8 @@ class Lattice:
         padded[1:-1, 1:-1, 1:-1] = self.node
         flat = padded.ravel()
         step = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
-        own = (self.place.astype(np.int64) + 1) @ step
-        return np.asarray(flat[own[:, None] + OFFSETS @ step])
+        node = (self.place.astype(np.int64) + 1) @ step
+        return np.asarray(flat[node[:, None] + OFFSETS @ step])
 
 
 def node_offsets(corner: int) -> Long:
@@ -190,9 +180,9 @@ def filled_grids(shape: tuple[int, ...], place: Int, low_corner: Int) -> tuple[I
     one another, without being joined."""
     node = np.full(shape, -1, dtype=np.int32)
     cell = np.full(tuple(n - 1 for n in shape), -1, dtype=np.int32)
-    for grid, own in ((node, place), (cell, low_corner)):
-        grid[tuple(own.T)] = np.arange(len(own), dtype=np.int32)
-        if int((grid >= 0).sum()) != len(own):
+    for grid, places in ((node, place), (cell, low_corner)):
+        grid[tuple(places.T)] = np.arange(len(places), dtype=np.int32)
+        if int((grid >= 0).sum()) != len(places):
             return None
     return node, cell
 
@@ -200,8 +190,8 @@ def filled_grids(shape: tuple[int, ...], place: Int, low_corner: Int) -> tuple[I
 def _planes(coordinate: Long) -> tuple[Long, Long]:
     """Distinct values, and the number of each one's own. Those of some nodes are most often all
     that there are."""
-    some = coordinate[np.arange(0, len(coordinate), _SPARSE) * _SCATTER % len(coordinate)]
-    value = np.unique(some)
+    sampled = coordinate[np.arange(0, len(coordinate), _SPARSE) * _SCATTER % len(coordinate)]
+    value = np.unique(sampled)
     number = np.minimum(np.searchsorted(value, coordinate), len(value) - 1)
     if not (value[number] == coordinate).all():
         value = np.unique(coordinate)

@@ -23,12 +23,9 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.arrays.error_free_sums import two_sum
 from gpusim.arrays.unique import unique_rows
-from gpusim.fem.assembly.matrix_product import shared
 from gpusim.fem.lattice.lattice import OFFSETS, Lattice
+from gpusim.fem.sparse.matrix_product import shared
 from gpusim.parallel.machine import processors
-
-__all__ = ["RowSums", "RunLayout", "RunPattern", "numbering_axes"]
-
 
 _Task = TypeVar("_Task")
 # nodes in a run: more waste work on zeros, fewer are slow to multiply
@@ -174,9 +171,9 @@ class RunPattern:
         order = np.argsort(kind[odd], kind="stable")
         cuts = np.flatnonzero(np.diff(kind[odd][order])) + 1
         return [
-            (int(kind[odd][own[0]]), place[own[start : start + _ODD_CHUNK]])
-            for own in np.split(order, cuts)
-            for start in range(0, len(own), _ODD_CHUNK)
+            (int(kind[odd][of_kind[0]]), place[of_kind[start : start + _ODD_CHUNK]])
+            for of_kind in np.split(order, cuts)
+            for start in range(0, len(of_kind), _ODD_CHUNK)
         ]
 
     def matrices(self, blocks: Float, dtype: npt.DTypeLike) -> Real:
@@ -253,9 +250,9 @@ class RunPattern:
                 (layout.row * item, wide * item, layout.slab * item, item),
             )  # fmt: skip
             if relative is not None:
-                own = seen[:, :, 1, 3:6].copy()
-                seen -= np.tile(own, _RUN + 2)[:, :, None]
-                own = own.reshape(-1, 3)
+                node_values = seen[:, :, 1, 3:6].copy()
+                seen -= np.tile(node_values, _RUN + 2)[:, :, None]
+                node_values = node_values.reshape(-1, 3)
             rows = seen.reshape(-1, 3 * (wide + 6))
             count = (stop - first) * layout.runs
             here = slice(layout.origin + first * layout.row, layout.origin + stop * layout.row)
@@ -268,9 +265,9 @@ class RunPattern:
                 into += part
             if relative is not None:
                 # the rows beside have been taken relative to nodes of their own
-                middle = own[layout.runs :][:count]
+                middle = node_values[layout.runs :][:count]
                 for row in (0, 2):
-                    step = own[row * layout.runs :][:count] - middle
+                    step = node_values[row * layout.runs :][:count] - middle
                     relative.add_step(kind, row, step, into)
                 relative.take_own(kind, seen[1:-1, :, 1, 3:-3].reshape(count, wide), into)
 
@@ -323,12 +320,12 @@ class RowSums:
         kinds, wide = len(matrices), matrices.shape[-1]
         parts = matrices.reshape(kinds, 3, -1, 3, wide).transpose(2, 0, 1, 3, 4)
         beside, rest = _added(parts)
-        total, left = _added(np.concatenate([beside, rest], axis=1).transpose(1, 0, 2, 3))
-        own = np.zeros((kinds, wide, wide))
+        total, total_rest = _added(np.concatenate([beside, rest], axis=1).transpose(1, 0, 2, 3))
+        diagonal = np.zeros((kinds, wide, wide))
         for first in range(0, wide, 3):
             here = slice(first, first + 3)
-            own[:, here, here] = (total + left)[:, :, here]
-        return RowSums(beside, rest, own)
+            diagonal[:, here, here] = (total + total_rest)[:, :, here]
+        return RowSums(beside, rest, diagonal)
 
     def add_step(self, kind: int, row: int, step: Real, into: Real) -> None:
         """A row's nodes lie by ``step`` (…,3) from what they were taken relative to."""

@@ -14,13 +14,10 @@ import numpy as np
 from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int
-from gpusim.fem.assembly.block_rows import BlockRows, invert_repeated
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.lattice.lattice_runs import RowSums, RunLayout, RunPattern, numbering_axes
-
-__all__ = ["Stencil", "StencilProduct", "stencil_of"]
-
+from gpusim.fem.sparse.block_rows import BlockRows, invert_repeated
+from gpusim.fem.sparse.matrix_product import Product
 
 # fewer nodes aren't worth the trouble
 _LEAST = 4000

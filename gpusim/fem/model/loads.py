@@ -19,18 +19,6 @@ from gpusim.mesh import CELL_TYPES, Faces, Mesh
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = [
-    "body_force",
-    "centrifugal",
-    "face_force",
-    "line_force",
-    "nodal_force",
-    "node_line",
-    "pressure",
-    "traction",
-]
-
-
 _CHUNK = 16384
 # Gauss points on [-1, 1]; the nodes of an edge are at -1, 1 and, if it has a midside node, 0
 _PLACE = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
@@ -275,12 +263,12 @@ def line_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
     edges = node_line(mesh, nodes)
     nodal = np.zeros(mesh.node_count)
     for width in (2, 3):
-        own = edges[(edges[:, 2] >= 0) == (width == 3)][:, :width]
-        points = mesh.points[own]
+        line_edges = edges[(edges[:, 2] >= 0) == (width == 3)][:, :width]
+        points = mesh.points[line_edges]
         points = points - points[:, :1]
         length = np.linalg.norm(np.einsum("eki,qk->eqi", points, _SLOPE[width]), axis=2) * _WEIGHT
         share = length @ _SHAPE[width]
-        nodal += np.bincount(own.ravel(), share.ravel(), minlength=mesh.node_count)
+        nodal += np.bincount(line_edges.ravel(), share.ravel(), minlength=mesh.node_count)
     return np.asarray(nodal[:, None] * (force / nodal.sum()))
 
 
@@ -320,7 +308,7 @@ def node_line(mesh: Mesh, nodes: npt.ArrayLike) -> Int:
 
 def _edges_between(mesh: Mesh, chosen: Bool) -> Int:
     """(E,3) cell edges with all of their nodes chosen, ends ascending, midside or -1."""
-    found = [np.zeros((0, 3), dtype=np.int32)]
+    chosen_edges = [np.zeros((0, 3), dtype=np.int32)]
     for kind, _, block in mesh.blocks():
         cell = CELL_TYPES[kind]
         middle = {frozenset(p): cell.corners + k for k, p in enumerate(cell.parents)}
@@ -332,5 +320,5 @@ def _edges_between(mesh: Mesh, chosen: Bool) -> Int:
             if between is not None:
                 last = block[:, between]
                 keep &= chosen[last]
-            found.append(np.column_stack([ends, last])[keep])
-    return np.concatenate(found)
+            chosen_edges.append(np.column_stack([ends, last])[keep])
+    return np.concatenate(chosen_edges)

@@ -13,9 +13,6 @@ from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import volumes
 from gpusim.fem.model.model import Model
 
-__all__ = ["lumped_mass", "mass_matrix"]
-
-
 _CHUNK = 16384
 
 
@@ -88,6 +85,6 @@ def _element_masses(model: Model) -> Iterator[tuple[Int, Float]]:
         table = squares.reshape(len(rule.weight), -1)
         for start in range(0, len(block), _CHUNK):
             cells = block[start : start + _CHUNK]
-            own = density[first + start : first + start + len(cells)]
-            mass = volumes(model.mesh.points[cells], rule) * own[:, None]
+            densities = density[first + start : first + start + len(cells)]
+            mass = volumes(model.mesh.points[cells], rule) * densities[:, None]
             yield cells, (mass @ table).reshape(len(cells), cells.shape[1], cells.shape[1])

@@ -12,8 +12,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.validation import is_number, real_numbers
 
-__all__ = ["Isotropic", "Material", "Orthotropic"]
-
 Triple = tuple[float, float, float]
 
 # pairs of axes of the shear components, in the order xy yz zx
@@ -149,11 +147,11 @@ class Orthotropic:
         compliance = np.diag([*(1.0 / np.array(self.E)), *(1.0 / np.array(self.G))])
         for (i, j), nu in zip(_SHEAR, self.nu, strict=True):
             compliance[i, j] = compliance[j, i] = -nu / self.E[i]
-        own = np.zeros((6, 6))
-        own[:3, :3] = np.linalg.inv(compliance[:3, :3])
-        own[np.arange(3, 6), np.arange(3, 6)] = self.G
+        in_axes = np.zeros((6, 6))
+        in_axes[:3, :3] = np.linalg.inv(compliance[:3, :3])
+        in_axes[np.arange(3, 6), np.arange(3, 6)] = self.G
         turn = strain_rotation(np.array(self.axes))
-        matrix = turn.T @ own @ turn
+        matrix = turn.T @ in_axes @ turn
         return np.asarray(0.5 * (matrix + matrix.T))
 
     def expansion_strain(self) -> Float:

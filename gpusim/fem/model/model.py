@@ -20,8 +20,6 @@ from gpusim.validation import unmasked
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Model", "Solution", "resolve_formulation"]
-
 
 @unmasked()
 @dataclass(frozen=True, eq=False)

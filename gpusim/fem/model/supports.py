@@ -18,9 +18,6 @@ from gpusim.fem.model.model import Model
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["check_supports", "rigid_modes", "symmetry"]
-
-
 # models that have passed: they and their arrays can't change
 _HELD: WeakSet[Model] = WeakSet()
 # beyond this many face-connected parts in one body, parts are taken as joined at shared nodes
@@ -104,13 +101,15 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     _, number = connected_components(graph.tocsr(), directed=False)
     body_of_part = number[count:]
     for body in np.unique(body_of_part):
-        own = np.flatnonzero(body_of_part == body)
-        inside = np.isin(part, own) if len(own) < parts else np.ones(len(part), dtype=bool)
-        if len(own) > _MOST_PARTS:
+        body_parts = np.flatnonzero(body_of_part == body)
+        inside = (
+            np.isin(part, body_parts) if len(body_parts) < parts else np.ones(len(part), dtype=bool)
+        )
+        if len(body_parts) > _MOST_PARTS:
             _check_body(model, distinct(node[inside]))
         else:
-            local = np.searchsorted(own, part[inside])
-            _check_body(model, node[inside], local, len(own))
+            local = np.searchsorted(body_parts, part[inside])
+            _check_body(model, node[inside], local, len(body_parts))
 
 
 def _lattice_parts(lattice: Lattice) -> Long:

@@ -19,9 +19,6 @@ from gpusim.mesh.shape_functions import shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["linear_temperature", "point_temperature", "thermal"]
-
-
 _CHUNK = 8192
 
 
@@ -67,13 +64,13 @@ def thermal(
         for start in range(0, len(block), _CHUNK):
             cells = block[start : start + _CHUNK]
             numbers = slice(first + start, first + start + len(cells))
-            own = model.material_of_cell[numbers]
+            kinds = model.material_of_cell[numbers]
             nodes = mesh.points[cells]
             warm = point_temperature(kind, rule, change[cells])
-            free = warm[..., None] * expansion[own][:, None]
+            free = warm[..., None] * expansion[kinds][:, None]
             # cells whose nodes are held push against them with minus the wanted forces
             held, _ = point_stress(
-                kind, names[kind], nodes, np.zeros_like(nodes), moduli[own], free
+                kind, names[kind], nodes, np.zeros_like(nodes), moduli[kinds], free
             )
             add_to(forces, cells, -internal_force(kind, names[kind], nodes, held))
     return forces

@@ -15,11 +15,8 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.fem.assembly.block_rows import pattern
 from gpusim.fem.assembly.stiffness_rounding import indefinite
-
-__all__ = ["CoarseSolver", "narrow_order"]
-
+from gpusim.fem.sparse.block_rows import pattern
 
 # A band of b in n unknowns is read twice to solve with it, and n b^2 operations make its factor:
 # these are a third of a cycle, and ten cycles, of a body with one unknown
@@ -73,8 +70,8 @@ class CoarseSolver:
         place[self._kept] = np.arange(len(self._kept))
         whole = self._matrix.tocoo()
         row, column = place[whole.row], place[whole.col]
-        own = (row >= 0) & (column >= 0)
-        row, column, value = row[own], column[own], whole.data[own]
+        existing = (row >= 0) & (column >= 0)
+        row, column, value = row[existing], column[existing], whole.data[existing]
         value = 0.5 * value * self._scale[row] * self._scale[column]
         # both halves of the symmetric matrix, added
         shape = (len(self._kept),) * 2

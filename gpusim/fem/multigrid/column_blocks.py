@@ -21,13 +21,10 @@ from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.fem.assembly.block_rows import ranges
 from gpusim.fem.assembly.element_batches import Elements
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
-
-__all__ = ["EDGES", "Columns", "columns_across", "thin_axes"]
-
+from gpusim.fem.sparse.block_rows import ranges
+from gpusim.fem.sparse.matrix_product import Product
 
 EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
     "hex8": (
@@ -54,7 +51,7 @@ _FLAT = 1.15
 _LONGEST, _MOSTLY = 12, 0.5
 # cells across a thin body, whatever their shape: aggregates of higher columns are too large
 _FEW_CELLS = 6
-# eigenvalues of the smoother, as of `gpusim.fem.multigrid.preconditioner`
+# eigenvalues of the smoother, as of `gpusim.fem.multigrid.hierarchy`
 _RANGE, _DEGREE = 16.0, 2
 # columns that are inverted at a time
 _PORTION = 1024
@@ -85,13 +82,13 @@ def thin_axes(groups: Sequence[Elements], points: Float, most: int) -> list[Long
     total = np.asarray(np.bincount(stack, weights=length)[stack], dtype=np.float64)
     cells = np.bincount(stack).astype(np.int32)[stack]
     sizes = np.sort(np.ptp(points, axis=0))
-    found = [_Thinnest(len(group.cells), float(sizes[1])) for group in groups]
+    thinnest = [_Thinnest(len(group.cells), float(sizes[1])) for group in groups]
     first = 0
     for number, axis in parts:
-        own = slice(first, first + len(groups[number].cells))
-        found[number].look(axis, total[own], cells[own])
-        first = own.stop
-    return [one.axes(most) for one in found]
+        span = slice(first, first + len(groups[number].cells))
+        thinnest[number].look(axis, total[span], cells[span])
+        first = span.stop
+    return [one.axes(most) for one in thinnest]
 
 
 def _stacks(faces: npt.NDArray[np.uint64]) -> Int:
@@ -163,21 +160,21 @@ def _flat_edges(groups: Sequence[Elements], points: Float) -> Int | None:
         flat_cells += int(flat.sum())
         shortest = lengths.argmin(axis=0)
         for axis, edges in enumerate(axes):
-            own = group.cells[flat & (shortest == axis)]
-            ends += [own[:, list(edge)] for edge in edges]
+            flat_along = group.cells[flat & (shortest == axis)]
+            ends += [flat_along[:, list(edge)] for edge in edges]
     return np.concatenate(ends) if _mostly(flat_cells, groups) else None
 
 
 def _thin_edges(groups: Sequence[Elements], points: Float) -> Int | None:
     """(E,2) edges across the body where it is a few cells thick; None where it isn't, mostly."""
-    found = thin_axes(groups, points, _FEW_CELLS)
-    if found is None or not _mostly(sum(int((axis >= 0).sum()) for axis in found), groups):
+    thin_axis = thin_axes(groups, points, _FEW_CELLS)
+    if thin_axis is None or not _mostly(sum(int((axis >= 0).sum()) for axis in thin_axis), groups):
         return None
     ends = []
-    for group, thin in zip(groups, found, strict=True):
+    for group, thin in zip(groups, thin_axis, strict=True):
         for axis, edges in enumerate(EDGES[group.name]):
-            own = group.cells[thin == axis]
-            ends += [own[:, list(edge)] for edge in edges]
+            thin_cells = group.cells[thin == axis]
+            ends += [thin_cells[:, list(edge)] for edge in edges]
     return np.concatenate(ends)
 
 
@@ -230,13 +227,13 @@ def _inverse(matrix: Product, free: Bool, column: Long) -> bsr_matrix:
         for equal in [np.flatnonzero(size == high)]
         for first in range(0, len(equal), _PORTION)
     )
-    for high, own in portions:
-        nodes = members[start[own][:, None] + np.arange(high)]
-        here = order[ranges(begin[own], begin[own + 1] - begin[own])]
-        block = np.zeros((len(own), high, 3, high, 3))
-        number = np.searchsorted(own, column[row[here]])
+    for high, columns in portions:
+        nodes = members[start[columns][:, None] + np.arange(high)]
+        here = order[ranges(begin[columns], begin[columns + 1] - begin[columns])]
+        block = np.zeros((len(columns), high, 3, high, 3))
+        number = np.searchsorted(columns, column[row[here]])
         block[number, place[row[here]], :, place[other[here]]] = value[here]
-        inside = free[nodes].reshape(len(own), -1)
+        inside = free[nodes].reshape(len(columns), -1)
         both = inside[:, :, None] & inside[:, None]
         dense = np.where(both, block.reshape(both.shape), 0.0)
         # what isn't free stands for itself, and is left out afterwards
@@ -256,7 +253,7 @@ def _inner_blocks(matrix: Product, column: Long) -> tuple[Int, Int, Float]:
     same = np.flatnonzero(short[row] == short[off.indices])
     row, other, value = row[same], off.indices[same], off.data[same]
     if matrix.apart:
-        own = np.arange(len(column), dtype=np.int32)
-        row, other = np.concatenate([row, own]), np.concatenate([other, own])
+        nodes = np.arange(len(column), dtype=np.int32)
+        row, other = np.concatenate([row, nodes]), np.concatenate([other, nodes])
         value = np.concatenate([value, matrix.diagonal]) / matrix.scale
     return row, other, value

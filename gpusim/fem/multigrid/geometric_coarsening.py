@@ -28,9 +28,6 @@ from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.multigrid.transfer import PlaneWeights, plane_shares
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["Coarser", "coarse_lattice", "drop_midsides", "drop_planes", "has_midsides"]
-
-
 # planes are left out along an axis while its spacing is below this multiple of the finest one
 _STRETCHED = 1.9
 # the thinnest part must keep at least this many elements across: fewer can't bend
@@ -49,11 +46,6 @@ class Coarser:
     kept: Int
     groups: list[Elements]
     lattice: Lattice | None
-
-
-def has_midsides(groups: Sequence[Elements]) -> bool:
-    """Whether any element has nodes between its corners."""
-    return any(CELL_TYPES[group.name].linear != group.name for group in groups)
 
 
 def drop_midsides(groups: Sequence[Elements], free: Bool) -> Coarser:
@@ -111,7 +103,10 @@ def _linear(group: Elements, free: Bool, number: Int) -> Group:
 
         return Group(kind.linear, cells, of_cell, _galerkin(without_held, len(of_cell), spread))
     of_cell, extra = held_matrices(group, free)
-    parts = [_galerkin(own.__getitem__, len(own), spread) for own in (group.matrices, extra)]
+    parts = [
+        _galerkin(matrices.__getitem__, len(matrices), spread)
+        for matrices in (group.matrices, extra)
+    ]
     return Group(kind.linear, cells, of_cell, np.concatenate(parts))
 
 

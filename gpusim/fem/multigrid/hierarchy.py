@@ -13,11 +13,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, group_matrix, lattice_stencil
-from gpusim.fem.assembly.block_rows import (
-    invert_repeated,
-)
 from gpusim.fem.assembly.element_batches import Elements, Group, only_group
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.assembly.system import System, finest_product
 from gpusim.fem.lattice.lattice import Lattice, find_lattice
 from gpusim.fem.lattice.stencil import StencilProduct
@@ -29,14 +25,16 @@ from gpusim.fem.multigrid.geometric_coarsening import (
     coarse_lattice,
     drop_midsides,
     drop_planes,
-    has_midsides,
 )
 from gpusim.fem.multigrid.mapped_coarsening import mapped_lattice
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, largest_eigenvalue, prolongator
+from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer, PlaneWeights, Transfer
-
-__all__ = ["Hierarchy", "Level", "build_hierarchy"]
-
+from gpusim.fem.sparse.block_rows import (
+    invert_repeated,
+)
+from gpusim.fem.sparse.matrix_product import Product
+from gpusim.mesh.cell_types import CELL_TYPES
 
 _COARSEST = 800
 # of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
@@ -57,6 +55,12 @@ _TURNED = 1.5
 _STEPS, _FEW_STEPS = 10, 6
 # ratio of nodes' stiffnesses; a corner has an eighth of what others have, cells may differ
 _EVEN = 100.0
+_DEGREE = 2
+# eigenvalues of D^-1 A from 1/12 of the greatest on are the smoother's: half and twice as many
+# cost an iteration
+_RANGE = 12.0
+# the same of a single step, which mustn't come near twice the inverse of the greatest
+_LIGHT_RANGE = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,14 @@ class Level:
     smoother: Columns | None = None
     single_step: bool = False
     twice: bool = False
+
+    def smoothing_steps(self) -> tuple[Relaxation, ...]:
+        """Chebyshev steps before and after the coarser levels."""
+        if self.smoother is not None:
+            return self.smoother.steps(self.largest)
+        if self.single_step:
+            return chebyshev(self.largest / _LIGHT_RANGE, self.largest, 1)
+        return chebyshev(self.largest / _RANGE, self.largest, _DEGREE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,12 +215,12 @@ def _element_bound(matrices: Float) -> float:
     greatest = 0.0
     for matrix in matrices:
         width = len(matrix)
-        own = np.kron(np.eye(width // 3, dtype=bool), np.ones((3, 3), dtype=bool))
+        of_node = np.kron(np.eye(width // 3, dtype=bool), np.ones((3, 3), dtype=bool))
         used = np.flatnonzero(matrix.diagonal() > 0.0)
         if not used.size:
             continue  # held altogether
         inside = np.ix_(used, used)
-        block = np.where(own, matrix, 0.0)[inside]
+        block = np.where(of_node, matrix, 0.0)[inside]
         greatest = max(greatest, float(eigh(matrix[inside], block, eigvals_only=True)[-1]))
     return greatest
 
@@ -216,7 +228,7 @@ def _element_bound(matrices: Float) -> float:
 def _geometric(
     groups: Sequence[Elements], lattice: Lattice | None, free: Bool, points: Float
 ) -> Coarser | None:
-    if has_midsides(groups):
+    if any(CELL_TYPES[group.name].has_midsides for group in groups):
         coarser = drop_midsides(groups, free)
         return _on_lattice(coarser, points[coarser.kept])
     if lattice is not None and 3 * len(free) > _COARSEST:
@@ -258,18 +270,23 @@ def _aggregate(
     unknowns = free.size
     narrow = None
     while not levels or (unknowns > _COARSEST and not stalled):
-        own = product if isinstance(product, Product) else Product(product.matrix)
+        matrix_product = product if isinstance(product, Product) else Product(product.matrix)
         if levels and unknowns <= longest:
-            narrow = narrow_order(own.matrix, levels[0].product.unknowns)
+            narrow = narrow_order(matrix_product.matrix, levels[0].product.unknowns)
             if narrow is not None:
                 break
         inverse = product.block_inverse(mask)
-        smoother = None if column is None else Columns(own, mask, column)
+        smoother = None if column is None else Columns(matrix_product, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
         prolongation, near_null, mask = prolongator(
-            own, smoother or inverse, largest, near_null, mask, single=not uneven_stiffness
+            matrix_product,
+            smoother or inverse,
+            largest,
+            near_null,
+            mask,
+            single=not uneven_stiffness,
         )
-        coarser = galerkin(own, prolongation)
+        coarser = galerkin(matrix_product, prolongation)
         transfer = MatrixTransfer(prolongation)
         twice = inverse.shape[1] == 6 and not uneven_stiffness
         levels.append(Level(product, inverse, largest, transfer, smoother, twice=twice))

@@ -15,9 +15,6 @@ from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.ragged import along_paths
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, crowded, filled_grids
 
-__all__ = ["mapped_lattice"]
-
-
 # corners of the sides that look along each axis, and of those that lie against them
 _AHEAD = ((1, 2, 6, 5), (3, 2, 6, 7), (4, 5, 6, 7))
 _BEHIND = ((0, 3, 7, 4), (0, 1, 5, 4), (0, 1, 2, 3))
@@ -67,8 +64,8 @@ def _ahead(block: Int, axis: int) -> Long:
     wanted = ahead[:, 0].astype(np.int64) * count + ahead[:, 2]
     order = np.argsort(key)
     at = np.minimum(np.searchsorted(key, wanted, sorter=order), len(key) - 1)
-    found: Long = order[at]
-    return np.where((behind[found] == ahead).all(axis=1), found, -1)
+    neighbour: Long = order[at]
+    return np.where((behind[neighbour] == ahead).all(axis=1), neighbour, -1)
 
 
 def _places(neighbours: list[Long], count: int) -> Int | None:
@@ -127,11 +124,11 @@ def _smooth(points: Float, node: Int, planes: tuple[Float, Float, Float]) -> boo
     """Whether nodes lie about where those beside them along each axis have them."""
     for axis, plane in enumerate(planes):
         numbers = np.moveaxis(node, axis, 0)
-        below, own, above = numbers[:-2], numbers[1:-1], numbers[2:]
-        inside = (below >= 0) & (own >= 0) & (above >= 0)
+        below, inner, above = numbers[:-2], numbers[1:-1], numbers[2:]
+        inside = (below >= 0) & (inner >= 0) & (above >= 0)
         share = ((plane[1:-1] - plane[:-2]) / (plane[2:] - plane[:-2]))[:, None, None]
-        share = np.broadcast_to(share, own.shape)[inside][:, None]
-        low, middle, high = (points[one[inside]] for one in (below, own, above))
+        share = np.broadcast_to(share, inner.shape)[inside][:, None]
+        low, middle, high = (points[one[inside]] for one in (below, inner, above))
         beside = np.linalg.norm((1.0 - share) * low + share * high - middle, axis=1)
         if (beside > 0.5 * _BESIDE * np.linalg.norm(high - low, axis=1)).any():
             return False

@@ -13,14 +13,11 @@ from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, vstack
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import noise
-from gpusim.fem.assembly.block_rows import pattern, ranges
-from gpusim.fem.assembly.matrix_product import Product, ahead, row_shares, shared
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
-
-__all__ = ["galerkin", "largest_eigenvalue", "prolongator"]
-
+from gpusim.fem.sparse.block_rows import pattern, ranges
+from gpusim.fem.sparse.matrix_product import Product, ahead, row_shares, shared
 
 _STRENGTH = 0.08
 # Coarse levels of slender bodies are chains. Aggregates several links long bend too stiffly there
@@ -67,8 +64,10 @@ def prolongator(
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
-        own = _rows(tentative, rows) * (1.0 - step if matrix.apart else 1.0)
-        result = bsr_matrix(own - (step / scale) * (_block_diagonal(inverse[rows]) @ image))
+        tentative_rows = _rows(tentative, rows) * (1.0 - step if matrix.apart else 1.0)
+        result = bsr_matrix(
+            tentative_rows - (step / scale) * (_block_diagonal(inverse[rows]) @ image)
+        )
         return in_single(result) if single else result
 
     return _stacked(shared(smoothed, _parts(off))), coarse_null, coarse_mask
@@ -112,11 +111,11 @@ def _between(
         shape=(count, count),
     ).tocsr()
     # a column's own is that of its nodes' blocks: what links them is less
-    own = np.bincount(column, np.einsum("bij,bij->b", diagonal, diagonal), minlength=count)
+    within = np.bincount(column, np.einsum("bij,bij->b", diagonal, diagonal), minlength=count)
     data = np.sqrt(links.data)[:, None, None]
     alive = np.bincount(column, mask.any(axis=1), minlength=count)[:, None] > 0
     between = bsr_matrix((data, links.indices, links.indptr), shape=(count, count))
-    return between, np.sqrt(own)[:, None, None], alive
+    return between, np.sqrt(within)[:, None, None], alive
 
 
 def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
@@ -130,8 +129,8 @@ def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
     blocks = np.zeros((len(column), width, width))
 
     def coarsened(rows: slice) -> bsr_matrix:
-        own = _double(_rows(prolongation, rows))
-        return bsr_matrix(own.T @ _image(off, apart, rows, prolongation))
+        interpolation = _double(_rows(prolongation, rows))
+        return bsr_matrix(interpolation.T @ _image(off, apart, rows, prolongation))
 
     # one part after the other: all of them together take several times as much as their sum
     for part in ahead(coarsened, _parts(off)):
@@ -148,8 +147,8 @@ def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple
     across = pattern(prolongation)
 
     def image(rows: slice) -> csr_matrix:
-        own = across[rows] if diagonal else 0
-        return csr_matrix(pattern(_rows(off, rows)) @ across + own)
+        on_diagonal = across[rows] if diagonal else 0
+        return csr_matrix(pattern(_rows(off, rows)) @ across + on_diagonal)
 
     result = csr_matrix(across.T @ vstack(shared(image, _parts(off)), format="csr"))
     result.sort_indices()
@@ -158,16 +157,18 @@ def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple
 
 def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matrix) -> bsr_matrix:
     """Some rows of A times another matrix, in float64; ``diagonal`` where ``off`` is without it."""
-    own, near = _rows(off, rows), other
+    matrix_rows, factor = _rows(off, rows), other
     if other.dtype != np.float64:
         # only those rows that are asked for
         wanted = np.zeros(len(other.indptr) - 1, dtype=bool)
-        wanted[own.indices] = True
+        wanted[matrix_rows.indices] = True
         number = np.cumsum(wanted, dtype=np.int32) - 1
-        near = _double(other, np.flatnonzero(wanted))
-        shape = own.shape[0], near.shape[0]
-        own = bsr_matrix((own.data, number[own.indices], own.indptr), shape=shape)
-    result = own @ near
+        factor = _double(other, np.flatnonzero(wanted))
+        shape = matrix_rows.shape[0], factor.shape[0]
+        matrix_rows = bsr_matrix(
+            (matrix_rows.data, number[matrix_rows.indices], matrix_rows.indptr), shape=shape
+        )
+    result = matrix_rows @ factor
     if diagonal is not None:
         result = result + _block_diagonal(diagonal[rows]) @ _double(_rows(other, rows))
     return bsr_matrix(result)
@@ -194,9 +195,9 @@ def _parts(matrix: bsr_matrix) -> list[slice]:
 def _rows(matrix: bsr_matrix, rows: slice) -> bsr_matrix:
     """Some block rows, without a copy of their blocks."""
     start = matrix.indptr[rows.start : rows.stop + 1]
-    own = slice(start[0], start[-1])
+    blocks = slice(start[0], start[-1])
     shape = ((rows.stop - rows.start) * matrix.blocksize[0], matrix.shape[1])
-    return bsr_matrix((matrix.data[own], matrix.indices[own], start - start[0]), shape=shape)
+    return bsr_matrix((matrix.data[blocks], matrix.indices[blocks], start - start[0]), shape=shape)
 
 
 def _stacked(parts: Sequence[bsr_matrix]) -> bsr_matrix:
@@ -277,9 +278,9 @@ def _aggregate(matrix: bsr_matrix, blocks: Float, mask: Bool, strength: float) -
     bound = strength**4 * diagonal[row] * diagonal[column]
     strong = (weight * weight > bound) if strength else (weight > 0.0)
     keep = strong & (row != column) & alive[row] & alive[column]
-    own = np.flatnonzero(alive)
-    ends = [np.concatenate([one[keep], own]) for one in (row, column)]
-    size = np.sqrt(np.concatenate([weight[keep], diagonal[own]]))
+    alive_rows = np.flatnonzero(alive)
+    ends = [np.concatenate([one[keep], alive_rows]) for one in (row, column)]
+    size = np.sqrt(np.concatenate([weight[keep], diagonal[alive_rows]]))
     graph = csr_matrix((size, (ends[0], ends[1])), shape=(count, count))
     root = _independent_set(graph, alive)
     aggregate = np.full(count, -1, dtype=np.int64)

@@ -8,8 +8,6 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 
-__all__ = ["Relaxation", "chebyshev", "columns", "relax"]
-
 
 @dataclass(frozen=True)
 class Relaxation:

@@ -9,17 +9,8 @@ import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.fem.assembly.matrix_product import Product
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
-
-__all__ = [
-    "MatrixTransfer",
-    "NodeTransfer",
-    "PlaneWeights",
-    "Transfer",
-    "in_single",
-    "plane_shares",
-]
+from gpusim.fem.sparse.matrix_product import Product
 
 
 def plane_shares(planes: Float, keep: Long) -> tuple[Long, Float]:
@@ -121,8 +112,8 @@ class NodeTransfer:
     @cached_property
     def weights(self) -> csr_matrix:
         """(N,K)."""
-        own = self.interpolation
-        return own.matrix if isinstance(own, PlaneWeights) else own
+        weights = self.interpolation
+        return weights.matrix if isinstance(weights, PlaneWeights) else weights
 
     @cached_property
     def _back(self) -> csr_matrix:
@@ -135,17 +126,19 @@ class NodeTransfer:
     def interpolate(self, x: Float) -> Float:
         """(L,3K) -> (L,3N)."""
         nodes = np.where(self.coarse_free, x.reshape(len(x), -1, 3), 0.0)
-        own = self.interpolation
-        there = own.interpolate if isinstance(own, PlaneWeights) else self.weights.__matmul__
-        moved = np.stack([np.where(self.free, there(one), 0.0) for one in nodes])
+        weights = self.interpolation
+        interpolate = (
+            weights.interpolate if isinstance(weights, PlaneWeights) else self.weights.__matmul__
+        )
+        moved = np.stack([np.where(self.free, interpolate(one), 0.0) for one in nodes])
         return moved.reshape(len(x), -1)
 
     def restrict(self, r: Float) -> Float:
         """The transpose, (L,3N) -> (L,3K)."""
         nodes = np.where(self.free, r.reshape(len(r), -1, 3), 0.0)
-        own = self.interpolation
-        back = own.restrict if isinstance(own, PlaneWeights) else self._back.__matmul__
-        moved = np.stack([np.where(self.coarse_free, back(one), 0.0) for one in nodes])
+        weights = self.interpolation
+        restrict = weights.restrict if isinstance(weights, PlaneWeights) else self._back.__matmul__
+        moved = np.stack([np.where(self.coarse_free, restrict(one), 0.0) for one in nodes])
         return moved.reshape(len(r), -1)
 
     def blocks(self) -> bsr_matrix:

@@ -24,8 +24,6 @@ import numpy.typing as npt
 from gpusim.errors import GpusimError
 from gpusim.measure.images import FloatArray
 
-__all__ = ["LENSES", "Adjusted", "Rig", "Rows", "adjust"]
-
 LENSES: dict[str, tuple[int, ...]] = {
     "pinhole": (),
     "radial": (0, 1),

@@ -30,8 +30,6 @@ from gpusim.measure.targets.boards import Sighting
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["CalibratedCamera", "Calibration", "calibrate", "rig_camera"]
-
 MIN_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
 MAX_ROUNDS = 8

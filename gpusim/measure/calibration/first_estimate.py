@@ -21,8 +21,6 @@ from gpusim.measure.calibration.bundle_adjustment import DISTORTION, Rig, compos
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.boards import Sighting
 
-__all__ = ["MIN_POINTS", "best_turns", "calibrated_single", "first_rig", "turned"]
-
 MIN_POINTS = 6  # per view
 MIN_RATIO = 3.0  # times as far apart as with the best readings: the others are wrong
 MIN_DISTANCE = 1e-9
@@ -70,49 +68,49 @@ def calibrated_single(name: str, views: Sequence[Sighting], lens: str) -> Single
 
 
 def first_rig(
-    names: Sequence[str], own: Sequence[SingleCamera], seen: Sequence[list[Sighting]]
+    names: Sequence[str], cameras: Sequence[SingleCamera], seen: Sequence[list[Sighting]]
 ) -> Rig:
     """The cameras in one rig: relative poses from the views that two cameras share.
 
     Sightings (and poses) of boards that a camera saw the other way round are turned.
     """
     placed = {0: np.zeros(6)}
-    while len(placed) < len(own):
+    while len(placed) < len(cameras):
         best: tuple[int, int, int] | None = None
-        for c in range(len(own)):
+        for c in range(len(cameras)):
             for known in placed:
-                common = len(own[c].poses.keys() & own[known].poses.keys())
+                common = len(cameras[c].poses.keys() & cameras[known].poses.keys())
                 if c not in placed and common and (best is None or common > best[0]):
                     best = common, c, known
         if best is None:
-            apart = [names[c] for c in range(len(own)) if c not in placed]
+            apart = [names[c] for c in range(len(cameras)) if c not in placed]
             raise InputError(f"calibrate: {apart} share no view of the target with {names[0]!r}")
         _, c, known = best
-        common_views = sorted(own[c].poses.keys() & own[known].poses.keys())
+        common_views = sorted(cameras[c].poses.keys() & cameras[known].poses.keys())
         turns = best_turns(
-            [own[known].poses[v] for v in common_views],
-            [own[c].poses[v] for v in common_views],
+            [cameras[known].poses[v] for v in common_views],
+            [cameras[c].poses[v] for v in common_views],
             [seen[c][v] for v in common_views],
         )
         for v, quarter in zip(common_views, turns, strict=True):
             if quarter:
-                own[c].poses[v] = turned_pose(own[c].poses[v], seen[c][v], quarter)
+                cameras[c].poses[v] = turned_pose(cameras[c].poses[v], seen[c][v], quarter)
                 seen[c][v] = turned(seen[c][v], quarter)
         between = _middle(
-            [compose(inverse(own[known].poses[v]), own[c].poses[v]) for v in common_views]
+            [compose(inverse(cameras[known].poses[v]), cameras[c].poses[v]) for v in common_views]
         )
         placed[c] = compose(placed[known], between)
-    views = max(max(o.poses) for o in own) + 1
+    views = max(max(o.poses) for o in cameras) + 1
     poses = np.full((views, 6), np.nan)
-    for c, camera in enumerate(own):
+    for c, camera in enumerate(cameras):
         for v, pose in camera.poses.items():
             if not np.isfinite(poses[v]).all():
                 poses[v] = compose(pose, inverse(placed[c]))
     return Rig(
-        np.array([[o.K[0, 0], o.K[1, 1]] for o in own]),
-        np.array([[o.K[0, 2], o.K[1, 2]] for o in own]),
-        np.stack([o.distortion for o in own]),
-        np.stack([placed[c] for c in range(len(own))]),
+        np.array([[o.K[0, 0], o.K[1, 1]] for o in cameras]),
+        np.array([[o.K[0, 2], o.K[1, 2]] for o in cameras]),
+        np.stack([o.distortion for o in cameras]),
+        np.stack([placed[c] for c in range(len(cameras))]),
         poses,
     )
 

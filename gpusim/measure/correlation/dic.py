@@ -32,8 +32,6 @@ from gpusim.measure.images import FloatArray, check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Start", "dic", "given_or_grid", "grid_points"]
-
 Start = Literal["auto", "search", "features"]
 MIN_FOUND_SEEDS = 0.5  # share of the seeds that must be found by searching
 

@@ -25,8 +25,6 @@ import numpy as np
 
 from gpusim.measure.images import FloatArray
 
-__all__ = ["COARSE", "FINE", "Discontinuities", "Search", "fit_discontinuities"]
-
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
 RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
@@ -126,8 +124,8 @@ def fit_discontinuities(
     normal[:, light, light] = _sums(linear, cells(np.ones_like(grey)), linear)
     normal[:, -1, light] = normal[:, light, -1] = cells(grey) @ linear.T
     normal[:, -1, -1] = (weight * grey * grey).sum(axis=1)
-    told = np.stack([cells(slope * rest) @ both.T for slope in slopes], axis=1)
-    right[:, : light.start] = told[:, :, :terms].reshape(count, -1)
+    sums = np.stack([cells(slope * rest) @ both.T for slope in slopes], axis=1)
+    right[:, : light.start] = sums[:, :, :terms].reshape(count, -1)
     right[:, light] = cells(rest) @ linear.T
     right[:, -1] = (weight * grey * rest).sum(axis=1)
 
@@ -140,8 +138,8 @@ def fit_discontinuities(
     whiten = np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :]
     flat = whiten @ cross.reshape(count, unknowns, -1)
     scaled = whiten @ right[:, :, None]
-    by_rest = told[:, :, terms:] - (flat.transpose(0, 2, 1) @ scaled).reshape(count, 2, tests)
-    left = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
+    by_rest = sums[:, :, terms:] - (flat.transpose(0, 2, 1) @ scaled).reshape(count, 2, tests)
+    unexplained = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
 
     flat = flat.reshape(count, unknowns, 2, tests)
     length, explained = _best_side(
@@ -151,20 +149,20 @@ def fit_discontinuities(
     )
     smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
-    noise = np.maximum(left - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
+    noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
     return Discontinuities(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
 
 
 def _best_side(
-    own: list[FloatArray], cross: FloatArray, by_rest: FloatArray
+    tests: list[FloatArray], cross: FloatArray, by_rest: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Length of the jump that explains most, and how much, each (B,); ``cross`` is whitened."""
     xx, xy, yy = (
-        own[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
+        tests[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
         for i, j in ((0, 0), (0, 1), (1, 1))
     )
     determinant = xx * yy - xy * xy
-    usable = (xx > KNOWN * own[0]) & (yy > KNOWN * own[2]) & (determinant > KNOWN * xx * yy)
+    usable = (xx > KNOWN * tests[0]) & (yy > KNOWN * tests[2]) & (determinant > KNOWN * xx * yy)
     divisor = np.where(usable, determinant, 1.0)
     ex, ey = by_rest[:, 0], by_rest[:, 1]
     dx, dy = (yy * ex - xy * ey) / divisor, (xx * ey - xy * ex) / divisor

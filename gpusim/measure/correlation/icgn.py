@@ -45,8 +45,6 @@ from gpusim.measure.correlation.warp import (
 )
 from gpusim.measure.images import PAD, FloatArray
 
-__all__ = ["correlate", "correlate_numpy"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 MIN_PIVOT = 1e-5  # of a Cholesky pivot over its diagonal: below, a motion can't be told

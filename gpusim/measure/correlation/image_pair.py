@@ -20,17 +20,6 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.measure.images import FloatArray, SplineImage
 
-__all__ = [
-    "Box",
-    "Limits",
-    "Pair",
-    "Sampled",
-    "Subsets",
-    "Tile",
-    "plan_tiles",
-    "subset_pixels",
-]
-
 Box = tuple[int, int, int, int]
 IntArray = npt.NDArray[np.int64]
 
@@ -153,8 +142,8 @@ def _by_target(
         last = np.minimum(last, first + most)
     elif (last - first > most).any() and (high > low).any():
         axis = int(np.argmax(high - low))
-        left = places[:, axis] <= (low[axis] + high[axis]) // 2
-        for half in (members[left], members[~left]):
+        lower = places[:, axis] <= (low[axis] + high[axis]) // 2
+        for half in (members[lower], members[~lower]):
             yield from _by_target(half, begin, size, reach, most)
         return
     last = np.minimum(last, first + most)
@@ -188,17 +177,17 @@ class Pair:
 
         Those of the whole crop are kept only where that is small.
         """
-        found = np.zeros((x.size, size, size, 4))
+        subsets = np.zeros((x.size, size, size, 4))
         if size > min(self.reference.pixels.shape):
             pass  # no subset fits
         elif not self.sparse and self.reference.pixels.size <= KEEP_PLANES:
             offset = np.arange(size)
             rows, columns = y[:, None] + offset, x[:, None] + offset
-            found[...] = self.planes[rows[:, :, None], columns[:, None, :]]
+            subsets[...] = self.planes[rows[:, :, None], columns[:, None, :]]
         else:
             for i, (left, top) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
-                self.fill_planes((left, top, left + size, top + size), found[i])
-        return found.reshape(x.size, size * size, 4)
+                self.fill_planes((left, top, left + size, top + size), subsets[i])
+        return subsets.reshape(x.size, size * size, 4)
 
     def part(self, box: Box) -> npt.NDArray[np.float32]:
         """The planes of a part of the reference crop, for a device; ``box`` as in
@@ -245,10 +234,10 @@ class Pair:
         kept, key = self._textures, (device, name, box)
         if key not in kept:
             values = self.part(box) if name == "reference" else self.packed_coefficients(box)
-            found = Sampled(device, values, f"measure.icgn.{name}")
-            while kept and sum(s.nbytes for s in kept.values()) > limits.cached - found.nbytes:
+            sampled = Sampled(device, values, f"measure.icgn.{name}")
+            while kept and sum(s.nbytes for s in kept.values()) > limits.cached - sampled.nbytes:
                 kept.popitem(last=False)
-            kept[key] = found
+            kept[key] = sampled
         kept.move_to_end(key)
         return kept[key]
 

@@ -23,8 +23,6 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.warp import basis
 from gpusim.measure.images import FloatArray, Image, check_image, pixels_of
 
-__all__ = ["MaskedImage", "check_mask", "full_scale", "masked_image", "name_failures"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 BLOB = 0.4  # width of a saturated area that isn't pattern any more, over the subset's width

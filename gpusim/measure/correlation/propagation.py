@@ -24,8 +24,6 @@ from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import FloatArray, Image, SplineImage, point_spacing
 
-__all__ = ["Front", "seeds"]
-
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -114,10 +112,10 @@ class Front:
         start, score = integer_search(
             *self.images, points, np.tile(shift, (which.size, 1)), self.settings.half, search_px
         )
-        found = score > 0.5 * self.settings.min_zncc
-        self.attempt(which[found], start[found])
+        matched = score > 0.5 * self.settings.min_zncc
+        self.attempt(which[matched], start[matched])
         # without a place to start from, let the kernel say why: outside, or no texture
-        self.attempt(which[~found], start[~found], keep=False)
+        self.attempt(which[~matched], start[~matched], keep=False)
 
     def start_from_features(self, which: IntArray, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
@@ -125,14 +123,14 @@ class Front:
             return
         self.take_whole_image()
         points = self.points[which]
-        found = [motion.at(points) for motion in motions]
-        order = np.argsort([distance for _, distance in found], axis=0)
+        starts = [motion.at(points) for motion in motions]
+        order = np.argsort([distance for _, distance in starts], axis=0)
         for rank in range(len(motions)):
             open_ = np.flatnonzero(self._open[which])
             for number, motion in enumerate(motions):
                 part = open_[order[rank, open_] == number]
                 gradient = np.broadcast_to(motion.matrix * self.settings.half, (part.size, 2, 2))
-                self.attempt(which[part], found[number][0][part], gradient)
+                self.attempt(which[part], starts[number][0][part], gradient)
 
     def attempt(
         self,
@@ -219,17 +217,21 @@ class Front:
         lonely = self.ok & ~self.ok[neighbour].any(axis=1) & ~(self.matches.zncc >= SURE_ZNCC)
         self.matches.refuse(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
-        own = self.matches.coefficients[:, :, 0]
-        said = np.stack(
-            [self._extrapolated(np.arange(len(own)), column)[0] for column in neighbour.T], axis=1
+        displacements = self.matches.coefficients[:, :, 0]
+        extrapolated = np.stack(
+            [
+                self._extrapolated(np.arange(len(displacements)), column)[0]
+                for column in neighbour.T
+            ],
+            axis=1,
         )
-        said = np.where(ok[neighbour][:, :, None], said, np.nan)
+        extrapolated = np.where(ok[neighbour][:, :, None], extrapolated, np.nan)
         enough = ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2)
         which = np.flatnonzero(enough)
         if which.size == 0:
             return
-        middle = np.nanmedian(said[which], axis=1)
-        odd = np.abs(middle - own[which]).max(axis=1) > RECHECK_PX
+        middle = np.nanmedian(extrapolated[which], axis=1)
+        odd = np.abs(middle - displacements[which]).max(axis=1) > RECHECK_PX
         self.attempt(which[odd], middle[odd])
 
     def reject_discontinuities(self) -> None:
@@ -249,9 +251,9 @@ class Front:
         asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
-            found = self.points[which], self.matches.coefficients[which]
+            matched = self.points[which], self.matches.coefficients[which]
             torn, uncertain[which], likely[which] = inconsistent_subsets(
-                self.pair, *found, self.settings, self.blur_px
+                self.pair, *matched, self.settings, self.blur_px
             )
             self.matches.refuse(which[torn], Status.INCOHERENT)
             self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
@@ -301,8 +303,8 @@ class Front:
         if which.size < NEIGHBOURS:
             return which
         neighbour = self._neighbours[which]
-        said = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
-        away = np.abs(said - self.matches.coefficients[which, None, :, 0]).max(axis=2)
+        extrapolated = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
+        away = np.abs(extrapolated - self.matches.coefficients[which, None, :, 0]).max(axis=2)
         unsure = np.hypot(self.matches.sigma[which][:, None], self.matches.sigma[neighbour])
         # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
         slopes = self.matches.coefficients[:, :, 1:3]
@@ -310,8 +312,8 @@ class Front:
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         alone = ~self.ok[neighbour].all(axis=1)
-        left = 1.0 - self.matches.zncc[which]
-        poor = left > POOR_RESIDUAL * np.quantile(left, 0.25)
+        residual = 1.0 - self.matches.zncc[which]
+        poor = residual > POOR_RESIDUAL * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
     def _one_sided(self, which: IntArray) -> BoolArray:
@@ -337,11 +339,11 @@ class Front:
 
     def extend_deformed(self) -> bool:
         """Take in the whole deformed image if a point has left the part around the start."""
-        left = self.matches.status == Status.OUTSIDE
-        if not (left.any() and self.ok.any()) or not self.take_whole_image():
+        outside = self.matches.status == Status.OUTSIDE
+        if not (outside.any() and self.ok.any()) or not self.take_whole_image():
             return False
-        self.attempts[left] = 0
-        self.source[left] = -1
+        self.attempts[outside] = 0
+        self.source[outside] = -1
         return True
 
     def take_whole_image(self) -> bool:

@@ -23,8 +23,6 @@ from gpusim.measure.images import FloatArray, check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Update", "dic_sequence"]
-
 Update = Literal["never", "auto", "always"]
 BoolArray = npt.NDArray[np.bool_]
 
@@ -58,6 +56,7 @@ def dic_sequence(
     points: npt.ArrayLike | None = None,
     mask: BoolArray | None = None,
     progress: Callable[[int, DicResult], None] | None = None,
+    keep_results: bool = True,
     **options: Any,
 ) -> list[DicResult]:
     """Measure each of ``images`` against ``reference``; every image starts from the one before.
@@ -71,6 +70,8 @@ def dic_sequence(
         the median correlation falls below ``update_zncc`` or more than 3 % of the points get
         lost; "always": every image against the one before.
     progress : called with each image's number and result.
+    keep_results : return all results; False: the last one alone. A long series is then taken from
+        ``progress``, and needs no more memory than a short one.
     options : anything else that ``dic`` takes.
 
     Returns
@@ -118,15 +119,17 @@ def dic_sequence(
     last: tuple[npt.NDArray[Any], DicResult] | None = None  # the image before, from its base
     for number, image in enumerate(images):
         guess = None if last is None else last[1]
-        found = _measured(base, image, guess, subset, options)
-        if last is not None and _due(update, update_zncc, found, last[1]):
+        matched = _measured(base, image, guess, subset, options)
+        if last is not None and _due(update, update_zncc, matched, last[1]):
             base = _moved(base, *last, mask, places)
-            found = _measured(base, image, None, subset, options)
-        total = _total(base, found, places, results[-1] if results else None)
+            matched = _measured(base, image, None, subset, options)
+        total = _total(base, matched, places, results[-1] if results else None)
         results.append(total)
-        last = image, found
+        last = image, matched
         if progress is not None:
             progress(number, total)
+        if not keep_results:
+            del results[:-1]
     return results
 
 
@@ -143,33 +146,33 @@ def _measured(
     )
 
 
-def _due(update: Update, update_zncc: float, found: DicResult, before: DicResult) -> bool:
+def _due(update: Update, update_zncc: float, matched: DicResult, before: DicResult) -> bool:
     """Whether to go on from the image before, which has been measured well enough."""
     if update == "never" or not before.ok.any():
         return False
-    if update == "always" or not found.ok.any():
+    if update == "always" or not matched.ok.any():
         return True
-    lost = before.ok.sum() - found.ok.sum() > LOST * len(found.points)
-    return bool(lost or float(np.median(found.zncc[found.ok])) < update_zncc)
+    lost = before.ok.sum() - matched.ok.sum() > LOST * len(matched.points)
+    return bool(lost or float(np.median(matched.zncc[matched.ok])) < update_zncc)
 
 
 def _moved(
     base: _Base,
     image: npt.NDArray[Any],
-    found: DicResult,
+    matched: DicResult,
     mask: BoolArray | None,
     places: FloatArray,
 ) -> _Base:
     """The image as the new reference, with the points that were measured in it."""
-    ok = found.ok
-    deformation = (np.eye(2) + found.gradient[ok]) @ base.deformation[ok]
-    displacement = base.displacement[ok] + found.displacement[ok]
+    ok = matched.ok
+    deformation = (np.eye(2) + matched.gradient[ok]) @ base.deformation[ok]
+    displacement = base.displacement[ok] + matched.displacement[ok]
     which = base.which[ok]
     points = places[which] + displacement
     moved = None
     if mask is not None:
         moved = _moved_mask(mask, np.shape(image)[:2], places[which], points, deformation)
-    variance = base.variance[ok] + found.sigma[ok] ** 2
+    variance = base.variance[ok] + matched.sigma[ok] ** 2
     return _Base(image, points, which, displacement, deformation, variance, moved)
 
 
@@ -196,16 +199,16 @@ def _moved_mask(
 
 
 def _total(
-    base: _Base, found: DicResult, places: FloatArray, before: DicResult | None
+    base: _Base, matched: DicResult, places: FloatArray, before: DicResult | None
 ) -> DicResult:
     """The result in terms of the first reference."""
     count, which = len(places), base.which
     status = np.full(count, Status.NO_GUESS, dtype=np.int8)
     if before is not None and len(which) < count:
         status = np.where(before.ok, Status.NO_GUESS, before.status).astype(np.int8)
-    status[which] = found.status
+    status[which] = matched.status
     iterations = np.zeros(count, dtype=np.int32)
-    iterations[which] = found.iterations
+    iterations[which] = matched.iterations
 
     def every(values: FloatArray) -> FloatArray:
         result = np.full((count, *values.shape[1:]), np.nan)
@@ -213,12 +216,12 @@ def _total(
         return result
 
     return replace(
-        found,
+        matched,
         points=places,
-        displacement=every(base.displacement + found.displacement),
-        gradient=every((np.eye(2) + found.gradient) @ base.deformation - np.eye(2)),
-        zncc=every(found.zncc),
-        sigma=every(np.sqrt(base.variance + found.sigma**2)),
+        displacement=every(base.displacement + matched.displacement),
+        gradient=every((np.eye(2) + matched.gradient) @ base.deformation - np.eye(2)),
+        zncc=every(matched.zncc),
+        sigma=every(np.sqrt(base.variance + matched.sigma**2)),
         iterations=iterations,
         status=status,
     )

@@ -17,16 +17,6 @@ import scipy
 
 from gpusim.measure.images import FloatArray, Image
 
-__all__ = [
-    "Motion",
-    "common_motions",
-    "feature_matches",
-    "feature_motions",
-    "global_shift",
-    "integer_search",
-    "search_template",
-]
-
 LOWEST = 0.7  # score over the best one that a peak as good may have between two pixels
 EQUAL_PEAK = 0.03  # less correlation than the best peak: as good
 MAX_SIFT_SIDE = 2_000_000  # px: larger images are looked at in a smaller copy
@@ -115,9 +105,9 @@ def integer_search(
             continue
         template = reference[row - half : row + half + 1, column - half : column + half + 1]
         target = (column + round(float(guess[i, 0])), row + round(float(guess[i, 1])))
-        found = search_template(template.astype(np.float64), deformed, target, search_px)
-        displacement[i] = found[0] - column, found[1] - row
-        score[i] = found[2]
+        best = search_template(template.astype(np.float64), deformed, target, search_px)
+        displacement[i] = best[0] - column, best[1] - row
+        score[i] = best[2]
     return displacement, score
 
 
@@ -163,12 +153,12 @@ def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> li
     for _ in range(MODELS):
         if len(points) < MIN_MATCHES:
             break
-        affine, found = cv2.estimateAffine2D(
+        affine, inlier_mask = cv2.estimateAffine2D(
             points, moved, method=cv2.RANSAC, ransacReprojThreshold=threshold, maxIters=4000
         )
-        if affine is None or found is None:
+        if affine is None or inlier_mask is None:
             break
-        inliers = np.asarray(found).ravel().astype(bool)
+        inliers = np.asarray(inlier_mask).ravel().astype(bool)
         matrix = np.asarray(affine, dtype=np.float64)
         stretch = np.linalg.svd(matrix[:, :2], compute_uv=False)
         if inliers.sum() < MIN_MATCHES:
@@ -194,9 +184,9 @@ def feature_matches(reference: Image, deformed: Image) -> tuple[FloatArray, Floa
         return none, none
     matcher = cv2.BFMatcher(cv2.NORM_L2)
     pairs = [p for p in matcher.knnMatch(first[1], second[1], k=2) if len(p) == 2]
-    there = {p[0].queryIdx: p[0].trainIdx for p in pairs if p[0].distance < RATIO * p[1].distance}
+    forward = {p[0].queryIdx: p[0].trainIdx for p in pairs if p[0].distance < RATIO * p[1].distance}
     back = {m.queryIdx: m.trainIdx for m in matcher.match(second[1], first[1])}
-    both = [(i, j) for i, j in there.items() if back.get(j) == i]
+    both = [(i, j) for i, j in forward.items() if back.get(j) == i]
     if not both:
         return none, none
     i, j = np.array(both).T

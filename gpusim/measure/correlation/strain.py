@@ -31,16 +31,6 @@ from gpusim.validation import unmasked
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "StrainKind",
-    "StrainResult",
-    "StrainStatus",
-    "check_kind",
-    "strain",
-    "strain_tensor",
-    "surface_strain",
-]
-
 IntArray = npt.NDArray[np.int64]
 
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
@@ -369,19 +359,19 @@ def fit_gradients(
                 normal[:, j, i] = normal[:, i, j]
             for k in range(values):
                 right[:, i, k] = np.bincount(row, basis[i] * u[:, k], size)
-        found = np.bincount(row, minlength=size)
+        numbers = np.bincount(row, minlength=size)
         eigenvalues = np.linalg.eigvalsh(normal)
-        good = (found >= least) & (
+        good = (numbers >= least) & (
             eigenvalues[:, 0] > MIN_RECIPROCAL_CONDITION * eigenvalues[:, -1]
         )
         solution = np.zeros((size, terms, values))
         solution[good] = np.linalg.solve(normal[good], right[good])
-        left = u - np.einsum("tn,ntk->nk", basis, solution[row])
-        spread = np.bincount(row, (left**2).sum(axis=1), size)
+        residuals = u - np.einsum("tn,ntk->nk", basis, solution[row])
+        spread = np.bincount(row, (residuals**2).sum(axis=1), size)
         part = np.arange(first, last)[good]
         gradient[part] = np.swapaxes(solution[good, 1:3], 1, 2) / scale
-        residual[part] = np.sqrt(spread[good] / (values * found[good]))
-        count[first:last] = found
+        residual[part] = np.sqrt(spread[good] / (values * numbers[good]))
+        count[first:last] = numbers
     return gradient, residual, count
 
 
@@ -394,7 +384,7 @@ def _pairs(
     for first in range(0, len(points), chunk):
         part = points[first : first + chunk]
         near: Any = tree.query_ball_point(part, reach, p=np.inf)
-        lengths = np.fromiter((len(found) for found in near), dtype=np.int64, count=len(part))
+        lengths = np.fromiter((len(beside) for beside in near), dtype=np.int64, count=len(part))
         row = np.repeat(np.arange(len(part)), lengths)
-        other = np.concatenate([np.asarray(found, dtype=np.int64) for found in near])
+        other = np.concatenate([np.asarray(beside, dtype=np.int64) for beside in near])
         yield first, first + len(part), row, other

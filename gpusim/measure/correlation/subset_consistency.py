@@ -19,8 +19,6 @@ from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
 from gpusim.measure.images import FloatArray, SplineImage
 
-__all__ = ["inconsistent_subsets", "one_sided_texture"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 PARTS = 3  # parts along each side of a subset
@@ -84,8 +82,8 @@ def inconsistent_subsets(
         )
         for i in range(0, len(points), chunk)
     ]
-    found = np.concatenate(parts, axis=1) if parts else np.zeros((3, 0), dtype=np.bool_)
-    return found[0], found[1], found[2]
+    verdicts = np.concatenate(parts, axis=1) if parts else np.zeros((3, 0), dtype=np.bool_)
+    return verdicts[0], verdicts[1], verdicts[2]
 
 
 def one_sided_texture(
@@ -138,10 +136,10 @@ def _leverage(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settin
     values = np.maximum(values, MIN_SHARE)
     normal = np.einsum("bik,bk,bjk->bij", vectors, values, vectors)
     spread = np.einsum("bik,bk,bjk->bij", vectors, 1.0 / values, vectors)
-    own, known = (np.stack([m[:, k, k] for k in (0, 3)]) for m in (spread, normal))
-    own = np.sqrt(own)
+    variance, known = (np.stack([m[:, k, k] for k in (0, 3)]) for m in (spread, normal))
+    variance = np.sqrt(variance)
     return np.stack(
-        [(own * np.sqrt(known)).max(axis=0), (own * scale[:, ::3].T).max(axis=0), striped]
+        [(variance * np.sqrt(known)).max(axis=0), (variance * scale[:, ::3].T).max(axis=0), striped]
     )
 
 
@@ -225,33 +223,33 @@ def _inconsistent_chunk(
     motion_left = np.where(solvable & (explained > sure * noise), np.hypot(dx, dy), 0.0).max(axis=1)
     odd = RESIDUAL_RATIO + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN_VARIANCE * contrast / total)
-    found = np.asarray(
+    torn_subsets = np.asarray(
         foreign.any(axis=1) | (motion_left > max(MAX_SMOOTH_MOTION, settings.apart_px))
     )
     uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
-    open_ = np.flatnonzero(~found)
+    open_ = np.flatnonzero(~torn_subsets)
     for search, share in ((COARSE, COARSE_SHARE), (FINE, 1.0)):
         seen = np.zeros(len(points), dtype=np.bool_)
         few = LINE_CHUNK if search is COARSE else LINE_CHUNK // 4
         for i in range(0, open_.size, few):
-            some = open_[i : i + few]
+            chunk = open_[i : i + few]
             jump = fit_discontinuities(
-                weight[some], (x[some], y[some]), f[some], rest[some], search
+                weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search
             )
-            torn = np.maximum(jump.length, motion_left[some]) > share * settings.apart_px
+            torn = np.maximum(jump.length, motion_left[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
             most = MAX_SMOOTH_COARSE if search is COARSE else clear
-            seen[some] = torn & (jump.smooth < most * jump.sure)
+            seen[chunk] = torn & (jump.smooth < most * jump.sure)
             unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
                 (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)
                 & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
             )
-            uncertain[some] |= unclear
-            likely[some] |= unclear & (jump.sure > COARSE_SHARE * LINE_SIGNIFICANCE * sure)
+            uncertain[chunk] |= unclear
+            likely[chunk] |= unclear & (jump.sure > COARSE_SHARE * LINE_SIGNIFICANCE * sure)
         open_ = np.flatnonzero(seen)
-    found[open_] = True
-    return np.stack([found, uncertain & ~found, likely & ~found])
+    torn_subsets[open_] = True
+    return np.stack([torn_subsets, uncertain & ~torn_subsets, likely & ~torn_subsets])
 
 
 def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
@@ -262,8 +260,8 @@ def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
     before = place.astype(np.int64)
     share = place - before
     low, high = ordered[rows, before], ordered[rows, np.ceil(place).astype(np.int64)]
-    found = valid.any(axis=1)
-    low, high = np.where(found, low, 0.0), np.where(found, high, 0.0)
+    has_valid = valid.any(axis=1)
+    low, high = np.where(has_valid, low, 0.0), np.where(has_valid, high, 0.0)
     return np.asarray(low + share * (high - low))
 
 
@@ -271,11 +269,11 @@ def _resampled(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:
     """Grey values of an image at positions (B, n), to 1/32 px: enough to see what doesn't fit."""
     if max(*image.pixels.shape, *x.shape) > MAX_REMAP_SIDE:
         return image.values(x, y)
-    found = cv2.remap(
+    greys = cv2.remap(
         image.pixels,
         (x - image.origin[0]).astype(np.float32),
         (y - image.origin[1]).astype(np.float32),
         cv2.INTER_LANCZOS4,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return np.asarray(found, dtype=np.float64)
+    return np.asarray(greys, dtype=np.float64)

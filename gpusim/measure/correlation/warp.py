@@ -18,18 +18,6 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.measure.images import FloatArray
 
-__all__ = [
-    "COEFFICIENTS",
-    "SHAPES",
-    "UNKNOWNS",
-    "Shape",
-    "basis",
-    "check_shape",
-    "compose_inverse",
-    "steepest_descent",
-    "step_coefficients",
-]
-
 Shape = Literal["translation", "rigid", "affine", "quadratic"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 COEFFICIENTS: dict[Shape, int] = {"translation": 1, "rigid": 3, "affine": 3, "quadratic": 6}

@@ -26,14 +26,6 @@ from gpusim.measure.images import FloatArray, Image
 from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
 from gpusim.validation import unmasked
 
-__all__ = [
-    "Matches",
-    "epipolar_distance",
-    "match_epipolar",
-    "match_views",
-    "paired_epipolar_distance",
-]
-
 FEATURE_PX = 4.0  # from its epipolar line: further away a feature match is wrong
 MIN_EPIPOLAR_SHARE = 0.1  # share of the feature matches that at least satisfy a right calibration
 DEPTHS = 160  # places along an epipolar line, from half a baseline to 500 of them
@@ -187,18 +179,20 @@ def match_views(
     front = Front(left, right, points, settings, mask, blur_px, 1.0, device)
     front.take_whole_image()
     chosen = seeds(points)
-    here, there = feature_matches(left, right)
-    if len(here):
-        true = paired_epipolar_distance(cameras, here, there) <= FEATURE_PX
+    features_left, features_right = feature_matches(left, right)
+    if len(features_left):
+        true = paired_epipolar_distance(cameras, features_left, features_right) <= FEATURE_PX
         if true.mean() < MIN_EPIPOLAR_SHARE:
             true[:] = True  # the calibration is wrong: match all the same, so that it shows
         diagonal = float(np.hypot(*left.shape))
-        front.start_from_features(chosen, common_motions(here[true], there[true], diagonal))
+        front.start_from_features(
+            chosen, common_motions(features_left[true], features_right[true], diagonal)
+        )
     lost = chosen[~front.ok[chosen] & (front.matches.status[chosen] != Status.NO_TEXTURE)]
     if lost.size > 0.5 * chosen.size:
-        found = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
-        start = np.array([place for place, _ in found])
-        good = np.array([score for _, score in found]) > 0.5 * settings.min_zncc
+        matched = [_along_line(left, right, points[i], cameras, settings.half) for i in lost]
+        start = np.array([place for place, _ in matched])
+        good = np.array([score for _, score in matched]) > 0.5 * settings.min_zncc
         front.attempt(lost[good], (start - points[lost])[good])
     front.propagate()
     untried = np.flatnonzero(front.attempts == 0)

@@ -23,8 +23,6 @@ from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["MappedResult", "Mapping", "lens_mapping", "mapped", "plane_mapping"]
-
 Mapping = Callable[[FloatArray], FloatArray]
 
 

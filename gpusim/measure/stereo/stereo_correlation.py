@@ -36,8 +36,6 @@ from gpusim.measure.stereo.triangulation import triangulate
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["StereoResult", "stereo_dic", "stereo_shape"]
-
 Cameras = tuple[CalibratedCamera, CalibratedCamera]
 
 
@@ -155,15 +153,15 @@ def stereo_shape(
         device,
     )
     name_failures(matches, places, settings, first, second)
-    there = places + matches.coefficients[:, :, 0]
+    places_right = places + matches.coefficients[:, :, 0]
     # both images count alike, as they do later: what the calibration leaves between the rays is
     # split in the same way in every state and cancels in the displacement
-    own = matches.sigma
+    sigma_right = matches.sigma
     if blur_px > 0:
         blurred = SplineImage.from_image(first.image, blur_px=blur_px)
-        own = own * noise_factor(blurred, places, settings.half, blur_px)
-    sigma = np.stack([own, own])
-    return _triangulated(cameras, places, places, there, sigma, matches.status, None, subset)
+        sigma_right = sigma_right * noise_factor(blurred, places, settings.half, blur_px)
+    sigma = np.stack([sigma_right, sigma_right])
+    return _triangulated(cameras, places, places, places_right, sigma, matches.status, None, subset)
 
 
 @unmasked("left", "right", "lefts", "rights")
@@ -253,27 +251,27 @@ def _moved(
     epipolar_px: float,
 ) -> StereoResult:
     """Put the two tracks of a state together."""
-    here = np.full_like(begin.left, np.nan)
-    there = np.full_like(begin.right, np.nan)
-    sigma = np.full((2, len(here)), np.nan)
+    places_left = np.full_like(begin.left, np.nan)
+    places_right = np.full_like(begin.right, np.nan)
+    sigma = np.full((2, len(places_left)), np.nan)
     status = begin.status.copy()
-    here[known] = one.points + one.displacement
-    there[known] = two.points + two.displacement
+    places_left[known] = one.points + one.displacement
+    places_right[known] = two.points + two.displacement
     sigma[:, known] = np.sqrt(0.5 * (one.sigma**2 + two.sigma**2))
     status[known] = np.where(one.ok, two.status, one.status)
     good = np.flatnonzero(status == Status.OK)
-    miss = paired_epipolar_distance(cameras, here[good], there[good])
+    miss = paired_epipolar_distance(cameras, places_left[good], places_right[good])
     status[good[~(miss <= epipolar_px)]] = Status.EPIPOLAR
     return _triangulated(
-        cameras, begin.points, here, there, sigma, status, begin.shape, begin.subset
+        cameras, begin.points, places_left, places_right, sigma, status, begin.shape, begin.subset
     )
 
 
 def _triangulated(
     cameras: Cameras,
     points: FloatArray,
-    here: FloatArray,
-    there: FloatArray,
+    places_left: FloatArray,
+    places_right: FloatArray,
     sigma: FloatArray,
     status: npt.NDArray[np.int8],
     shape: FloatArray | None,
@@ -281,19 +279,19 @@ def _triangulated(
 ) -> StereoResult:
     """Positions in space of what both cameras see; ``shape`` None: this is the reference."""
     good = status == Status.OK
-    seen = np.where(good[None, :, None], np.stack([here, there]), np.nan)
+    seen = np.where(good[None, :, None], np.stack([places_left, places_right]), np.nan)
     # images without noise have no sigma: any number will do
     noise = np.where(good & (sigma > 1e-9), sigma, 1e-9)
-    found = triangulate(cameras, seen, sigma_px=noise)
-    spread = np.sqrt(np.einsum("mii->mi", found.covariance))
+    triangulated = triangulate(cameras, seen, sigma_px=noise)
+    spread = np.sqrt(np.einsum("mii->mi", triangulated.covariance))
     status = status.copy()
-    status[good & ~np.isfinite(found.points).all(axis=1)] = Status.EPIPOLAR
+    status[good & ~np.isfinite(triangulated.points).all(axis=1)] = Status.EPIPOLAR
     bad = status != Status.OK
 
     def known(values: FloatArray) -> FloatArray:
         return np.where(bad if values.ndim == 1 else bad[:, None], np.nan, values)
 
-    position = known(found.points)
+    position = known(triangulated.points)
     origin = position if shape is None else known(shape)
     return StereoResult(
         points=points,
@@ -302,7 +300,7 @@ def _triangulated(
         shape=origin,
         displacement=position - origin,
         sigma=known(spread),
-        residual=known(found.residual),
+        residual=known(triangulated.residual),
         status=status,
         subset=subset,
     )

@@ -22,17 +22,6 @@ from gpusim.measure.images import FloatArray
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = [
-    "Alignment",
-    "Displacement3D",
-    "Triangulated",
-    "align",
-    "displacement_3d",
-    "essential",
-    "normalised",
-    "triangulate",
-]
-
 STEPS = 10
 UNDISTORT_STEPS = 60
 UNDISTORTED = 1e-12

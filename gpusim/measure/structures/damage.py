@@ -29,8 +29,6 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
-__all__ = ["SlopeChanges", "difference_curve", "slope_changes"]
-
 ROUNDS = 60
 SETTLED = 1e-9  # of the length
 MIN_POINTS = 3  # on a piece of the broken line
@@ -204,10 +202,10 @@ def slope_changes(
     if not used.all():
         a, b = a[used], b[used]
         breaks, _ = _refined(a, b, breaks, _line(a, b, breaks)[1], gap)
-    found = _result(a, b, breaks)
+    changes = _result(a, b, breaks)
     return replace(
-        found, position=found.position + start, x=found.x + start,
-        offset=found.offset - found.slope * start,
+        changes, position=changes.position + start, x=changes.x + start,
+        offset=changes.offset - changes.slope * start,
     )  # fmt: skip
 
 
@@ -260,8 +258,8 @@ def _refined(
     for _ in range(ROUNDS):
         parameters, _ = _line(x, y, breaks)
         matrix = _slopes(x, breaks, parameters)
-        left = y - _columns(x, breaks) @ parameters
-        move = np.linalg.lstsq(matrix, left, rcond=None)[0][-count:]
+        residual = y - _columns(x, breaks) @ parameters
+        move = np.linalg.lstsq(matrix, residual, rcond=None)[0][-count:]
         for _ in range(12):
             tried = np.sort(breaks + move)
             ends = np.concatenate([[x[0]], tried, [x[-1]]])
@@ -298,12 +296,12 @@ def _far_enough(x: FloatArray, breaks: FloatArray, clearance: float) -> npt.NDAr
     piece = np.searchsorted(breaks, x)
     used = np.ones(len(x), bool)
     for k in range(len(breaks) + 1):
-        own = np.flatnonzero(piece == k)
+        members = np.flatnonzero(piece == k)
         ends = breaks[max(k - 1, 0) : k + 1]
-        distance = np.abs(x[own, None] - ends).min(axis=1, initial=np.inf)
-        if len(own) > MIN_POINTS:
+        distance = np.abs(x[members, None] - ends).min(axis=1, initial=np.inf)
+        if len(members) > MIN_POINTS:
             limit = min(clearance, np.sort(distance)[-MIN_POINTS])
-            used[own[distance < limit]] = False
+            used[members[distance < limit]] = False
     return used
 
 

@@ -24,15 +24,6 @@ from gpusim.validation import unmasked
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "DeflectionLine",
-    "RigidMotion",
-    "Scale",
-    "deflection_line",
-    "rigid_motion",
-    "scale_coefficient",
-]
-
 
 @unmasked()
 @dataclass(frozen=True)

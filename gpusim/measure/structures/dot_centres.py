@@ -27,8 +27,6 @@ from gpusim.measure.stereo.plane_mapping import plane_mapping
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Dots", "circle_centres", "find_dots"]
-
 RIM = 3  # px around a dot that blur and pixels reach …
 RING = 3  # … and of its surroundings beyond
 MIN_CONTRAST = 0.08  # of the image's grey range
@@ -95,9 +93,9 @@ def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bo
     if span > 0:
         labels, boxes = _components(grey if dark else -grey, high, span)
         for number, box in boxes:
-            found = _dot(grey, labels, number, box, low, high)
-            if found is not None and (found[5] if dark else -found[5]) >= MIN_CONTRAST * span:
-                rows.append(found)
+            ellipse = _dot(grey, labels, number, box, low, high)
+            if ellipse is not None and (ellipse[5] if dark else -ellipse[5]) >= MIN_CONTRAST * span:
+                rows.append(ellipse)
     rows.sort(key=lambda dot: (round(dot[1] / high), dot[0]))
     table = np.array(rows, dtype=np.float64).reshape(-1, 6)
     return Dots(table[:, :2], table[:, 2:4], table[:, 4], table[:, 5])
@@ -193,9 +191,9 @@ def _dot(
     x0, y0, x1, y1 = x0 - pad, y0 - pad, x0 + width + pad, y0 + height + pad
     if x0 < 0 or y0 < 0 or x1 > grey.shape[1] or y1 > grey.shape[0]:
         return None
-    window, own = grey[y0:y1, x0:x1], labels[y0:y1, x0:x1]
-    mine = (own == number).astype(np.uint8)
-    others = ((own > 0) & (own != number)).astype(np.uint8)
+    window, part = grey[y0:y1, x0:x1], labels[y0:y1, x0:x1]
+    mine = (part == number).astype(np.uint8)
+    others = ((part > 0) & (part != number)).astype(np.uint8)
     wide, wider = (cv2.dilate(mine, _disc(r)) > 0 for r in (RIM, pad))
     ring = wider & ~wide
     free = ring & ~(cv2.dilate(others, _disc(RIM)) > 0)
@@ -248,14 +246,14 @@ def _brightness(
     plane = np.stack([np.ones_like(x), x - middle[0], y - middle[1]], axis=-1)
     fitted = np.linalg.lstsq(plane[free], window[free], rcond=None)[0]
     if np.count_nonzero(core) >= MIN_CORE and window[core].mean() > window[free].mean() > 0:
-        known, told = np.zeros((2, 2)), np.zeros(2)
+        known, sums = np.zeros((2, 2)), np.zeros(2)
         for part in (free, core):
-            own = plane[part]
-            mean, across = own.mean(axis=0), float(window[part].mean())
-            slopes = own[:, 1:] - mean[1:]
+            terms = plane[part]
+            mean, across = terms.mean(axis=0), float(window[part].mean())
+            slopes = terms[:, 1:] - mean[1:]
             known += across**2 * slopes.T @ slopes
-            told += across * slopes.T @ window[part]
-        slope = np.linalg.solve(known, told)
+            sums += across * slopes.T @ window[part]
+        slope = np.linalg.solve(known, sums)
         fitted = fitted[0] * np.array([1.0, *slope])
     return np.asarray(plane @ fitted)
 

@@ -21,8 +21,6 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import search_template
 from gpusim.measure.images import BLUR_REACH, PAD, SLACK, FloatArray, Image, SplineImage
 
-__all__ = ["ImagePatches", "Matcher", "Matches"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 MARGIN = 20  # pixels around a part: what happens at its border has faded to 5e-8 there
@@ -118,12 +116,12 @@ class ImagePatches(SplineImage):
         row = np.nan_to_num(y, nan=-1.0) // self.size
         known = (row >= 0) & (row < len(self.limits))
         part = np.where(known, row, 0).astype(np.int64)
-        own = y - part * self.size
+        row_in_part = y - part * self.size
         x0, y0, x1, y1 = (self.limits[part, k] for k in range(4))
         return np.asarray(
             known
             & (x >= x0 - SLACK) & (x <= x1 + SLACK)
-            & (own >= y0 - SLACK) & (own <= y1 + SLACK)
+            & (row_in_part >= y0 - SLACK) & (row_in_part <= y1 + SLACK)
         )  # fmt: skip
 
 
@@ -215,8 +213,8 @@ class Matcher:
         )
         if score < 0:
             return c[:, 0].copy()
-        found: FloatArray = c[:, 0] + np.array([column, row], dtype=np.float64) - target
-        return found
+        displacement: FloatArray = c[:, 0] + np.array([column, row], dtype=np.float64) - target
+        return displacement
 
     def match(self, indices: Sequence[int], starts: FloatArray, sources: Sequence[int]) -> Matches:
         """Correlate the markers ``indices`` from ``starts`` (K, 2, 6), there and back."""
@@ -228,15 +226,15 @@ class Matcher:
         target = points + starts[:, :, 0]
         deformed = ImagePatches.around(self.deformed, target, self.reach, self.blur_px)
         mask = None if self.mask is None else reference.stacked_mask(self.mask)
-        found = self._correlate(Pair(reference, deformed, mask, sparse=True), points, starts)
+        forward = self._correlate(Pair(reference, deformed, mask, sparse=True), points, starts)
         missed = np.full(len(which), np.nan)
-        good = np.flatnonzero(found.ok)
+        good = np.flatnonzero(forward.ok)
         if good.size:
             missed[good] = self._back(
-                points[good], found.coefficients[good], reference.take(good), deformed.take(good)
+                points[good], forward.coefficients[good], reference.take(good), deformed.take(good)
             )
-        found.refuse(found.ok & ~(missed <= self.backward_px), Status.BACKWARD)
-        return Matches(**vars(found), backward=missed, source=np.array(sources, dtype=np.int64))
+        forward.refuse(forward.ok & ~(missed <= self.backward_px), Status.BACKWARD)
+        return Matches(**vars(forward), backward=missed, source=np.array(sources, dtype=np.int64))
 
     def _correlate(self, pair: Pair, points: FloatArray, starts: FloatArray) -> Correlation:
         """`correlate_numpy` for points and displacements as in the images, not in the piles."""
@@ -245,9 +243,9 @@ class Matcher:
         before, after = pair.reference.stack_offset(every), pair.deformed.stack_offset(every)
         begin = starts.copy()
         begin[:, :, 0] += after - before
-        found = correlate_numpy(Subsets(pair, points + before, begin), self.settings)
-        found.coefficients[:, :, 0] -= after - before
-        return found
+        correlation = correlate_numpy(Subsets(pair, points + before, begin), self.settings)
+        correlation.coefficients[:, :, 0] -= after - before
+        return correlation
 
     def _back(
         self,
@@ -258,18 +256,18 @@ class Matcher:
     ) -> FloatArray:
         """Distances (K,) by which tracking from the deformed image misses the points; or NaN."""
         half = self.settings.half
-        there = points + forward[:, :, 0]
+        targets = points + forward[:, :, 0]
         linear = np.eye(2) + forward[:, :, 1:3] / half
         inverse = np.asarray(np.linalg.inv(linear), dtype=np.float64)
         start = np.zeros_like(forward)
         start[:, :, 0] = -forward[:, :, 0]
         start[:, :, 1:3] = (inverse - np.eye(2)) * half
-        mask = self._turned_mask(points, there, inverse, deformed)
-        back = self._correlate(Pair(deformed, reference, mask, sparse=True), there, start)
-        return np.asarray(np.linalg.norm(there + back.coefficients[:, :, 0] - points, axis=1))
+        mask = self._turned_mask(points, targets, inverse, deformed)
+        back = self._correlate(Pair(deformed, reference, mask, sparse=True), targets, start)
+        return np.asarray(np.linalg.norm(targets + back.coefficients[:, :, 0] - points, axis=1))
 
     def _turned_mask(
-        self, points: FloatArray, there: FloatArray, inverse: FloatArray, deformed: ImagePatches
+        self, points: FloatArray, targets: FloatArray, inverse: FloatArray, deformed: ImagePatches
     ) -> BoolArray | None:
         """The reference mask as it lies over the subsets in the deformed image, as a pile."""
         if self.mask is None:
@@ -277,7 +275,7 @@ class Matcher:
         offset = np.arange(deformed.size)
         height, width = self.mask.shape
         parts = []
-        for point, at, turn, corner in zip(points, there, inverse, deformed.corners, strict=True):
+        for point, at, turn, corner in zip(points, targets, inverse, deformed.corners, strict=True):
             dx, dy = corner[0] + offset[None, :] - at[0], corner[1] + offset[:, None] - at[1]
             x = np.rint(point[0] + turn[0, 0] * dx + turn[0, 1] * dy).astype(np.int64)
             y = np.rint(point[1] + turn[1, 0] * dx + turn[1, 1] * dy).astype(np.int64)

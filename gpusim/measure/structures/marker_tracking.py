@@ -31,8 +31,6 @@ from gpusim.measure.structures.marker_matching import Matcher, Matches
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["TrackResult", "track"]
-
 MAX_SOURCES = 3  # tracked markers from which each one is predicted
 CHORD_MARKERS = 4  # markers back along a chain, whose chord tells how the member has turned
 SAME_START = 0.3  # px between starts, over the subset
@@ -224,12 +222,12 @@ class _Tracker:
 
     def result(self, subset: int) -> TrackResult:
         """Gather the matches; markers never tried are ``NO_GUESS``."""
-        found, patches = self.found, self.matcher.patches
-        found.refuse(self._coinciding(found.coefficients[:, :, 0]), Status.AMBIGUOUS)
+        matches, patches = self.found, self.matcher.patches
+        matches.refuse(self._coinciding(matches.coefficients[:, :, 0]), Status.AMBIGUOUS)
         stacked = self.points + patches.stack_offset(np.arange(len(self.points)))
         widening = noise_factor(patches, stacked, self.half, self.matcher.blur_px)
-        result = vars(make_result(self.points, found, subset, widening))
-        return TrackResult(**result, backward=found.backward, source=found.source)
+        result = vars(make_result(self.points, matches, subset, widening))
+        return TrackResult(**result, backward=matches.backward, source=matches.source)
 
     def _coinciding(self, displacement: FloatArray) -> npt.NDArray[np.bool_]:
         """Markers that ended where another one ended though they began further apart.
@@ -296,18 +294,18 @@ class _Tracker:
         if not tried:
             return False
         # one by one they would take as long each as all of them at once
-        found = self.matcher.match([index] * len(tried), np.array(tried), of)
-        ranks = list(zip(found.ok.tolist(), found.zncc.tolist(), strict=True))
+        matches = self.matcher.match([index] * len(tried), np.array(tried), of)
+        ranks = list(zip(matches.ok.tolist(), matches.zncc.tolist(), strict=True))
         best = 0
         for k, rank in enumerate(ranks):
             best = k if rank > ranks[best] else best
             # converged on what fits well: another start would go there too, the way back as well
-            settled = found.status[best] in (Status.OK, Status.BACKWARD)
-            if settled and found.zncc[best] >= SURE_ZNCC:
+            settled = matches.status[best] in (Status.OK, Status.BACKWARD)
+            if settled and matches.zncc[best] >= SURE_ZNCC:
                 break
-        good = bool(found.ok[best])
+        good = bool(matches.ok[best])
         if good or not only_good:
-            self.found.put(index, found, best)
+            self.found.put(index, matches, best)
         return good
 
     def _predictions(

@@ -24,8 +24,6 @@ from gpusim.measure.targets.crossings import fit_crossings
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["find_charuco", "find_chessboard"]
-
 DETECTION_SIZES = (1000, 1800, 500, 3200)  # px on the longer side, tried in this order
 ATTEMPTS = 3  # detections that are tried while a whole line of corners is missing
 MIN_STEP = 6.0  # px between corners

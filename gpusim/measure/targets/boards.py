@@ -19,16 +19,6 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.crossings import Crossings
 
-__all__ = [
-    "CharucoBoard",
-    "Chessboard",
-    "Sighting",
-    "TargetStatistics",
-    "Turns",
-    "check_dictionary",
-    "target_statistics",
-]
-
 
 @dataclass(frozen=True)
 class Chessboard:

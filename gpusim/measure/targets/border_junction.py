@@ -28,19 +28,6 @@ import scipy
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.levenberg_marquardt import ManyFits, fit_many
 
-__all__ = [
-    "CENTRE",
-    "PARAMETERS",
-    "EdgeSamples",
-    "box_by_turn",
-    "fit_junctions",
-    "frames",
-    "near_border",
-    "profile_and_slopes",
-    "residual_and_slopes",
-    "slope_by_turn",
-]
-
 FLAT_SIGMAS = 7.0  # 1 - 1e-12 of the Gaussian step
 MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
 Rows = npt.NDArray[np.int64]
@@ -239,13 +226,13 @@ def fit_junctions(
     """
 
     def fit(rows: Rows, first: FloatArray, least: float, tolerance: float, most: int) -> ManyFits:
-        own = (x, y, grey)
+        samples = (x, y, grey)
         if len(rows) < len(start):
-            own = x[rows], y[rows], grey[rows]
+            samples = x[rows], y[rows], grey[rows]
 
         def model(p: FloatArray, which: Rows) -> tuple[FloatArray, FloatArray]:
             every = len(which) == len(rows)
-            return residual_and_slopes(p, *(own if every else (v[which] for v in own)))
+            return residual_and_slopes(p, *(samples if every else (v[which] for v in samples)))
 
         lower = np.array([-np.inf] * 8 + [least])
         return fit_many(
@@ -253,19 +240,19 @@ def fit_junctions(
             lower=lower, tolerance=tolerance, iterations=most,
         )  # fmt: skip
 
-    found = fit(np.arange(len(start)), start, ROUNDING, ROUGH, ITERATIONS)
+    junctions = fit(np.arange(len(start)), start, ROUNDING, ROUGH, ITERATIONS)
     if rough:
-        return found
-    sharp = found.parameters[:, 8] <= ROUNDING
+        return junctions
+    sharp = junctions.parameters[:, 8] <= ROUNDING
     for rows, least, most in (
         (np.flatnonzero(~sharp), ROUNDING, ITERATIONS),
         (np.flatnonzero(sharp), MIN_VARIANCE, POLISH),
     ):
         if not rows.size:
             continue
-        fine = fit(rows, found.parameters[rows], least, TOLERANCE, most)
+        fine = fit(rows, junctions.parameters[rows], least, TOLERANCE, most)
         for name in ("parameters", "rms", "covariance"):
-            getattr(found, name)[rows] = getattr(fine, name)
+            getattr(junctions, name)[rows] = getattr(fine, name)
         if least == ROUNDING:
-            found.converged[rows] &= fine.converged
-    return found
+            junctions.converged[rows] &= fine.converged
+    return junctions

@@ -26,8 +26,6 @@ from gpusim.measure.targets.noise import allowed_residual, noise_level
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["MarkerStatus", "Markers", "find_markers", "locate_markers"]
-
 MIN_RESPONSE = 0.01  # lowest Harris response over the highest of the image
 MAX_RESIDUAL = 0.15  # RMS of what a fit leaves over the contrast, besides the picture's noise
 HARRIS_K = 0.04
@@ -125,8 +123,8 @@ def find_markers(
         raise InputError(
             f"min_response, max_residual: got {min_response!r}, {max_residual!r}; expected 0..1"
         )
-    found = _crosses([array], low, high, min_response, max_residual, [None])[0]
-    return _markers(found, np.zeros(len(found), dtype=np.int8))
+    crosses = _crosses([array], low, high, min_response, max_residual, [None])[0]
+    return _markers(crosses, np.zeros(len(crosses), dtype=np.int8))
 
 
 def _crosses(
@@ -145,21 +143,21 @@ def _crosses(
         grey, span = _grey(array)
         spans.append(span)
         if span > 0:
-            own = _candidates(grey, low, min_response, around)
-            places += [(grey, *place) for place in own]
-            whose += [k] * len(own)
+            crosses = _candidates(grey, low, min_response, around)
+            places += [(grey, *place) for place in crosses]
+            whose += [k] * len(crosses)
             greys[k] = grey
     every, owner = fit_crosses(places, low, high), np.array(whose, dtype=np.int64)
-    found = []
+    markers = []
     for k, span in enumerate(spans):
-        own = every[(owner == k) & np.isfinite(every[:, 0])]
+        crosses = every[(owner == k) & np.isfinite(every[:, 0])]
         most: float | FloatArray = max_residual
-        if not (own[:, 4] <= max_residual).all():
-            most = allowed_residual(max_residual, noise_level(greys[k]), own[:, 3])
-        own = own[own[:, 4] <= most]
-        own[:, 3] *= span
-        found.append(_distinct(own, low))
-    return found
+        if not (crosses[:, 4] <= max_residual).all():
+            most = allowed_residual(max_residual, noise_level(greys[k]), crosses[:, 3])
+        crosses = crosses[crosses[:, 4] <= most]
+        crosses[:, 3] *= span
+        markers.append(_distinct(crosses, low))
+    return markers
 
 
 def _candidates(
@@ -215,7 +213,7 @@ def locate_markers(
         raise InputError(f"search_px: got {search_px!r}; expected px > 0")
     count = len(places)
     status = np.full(count, MarkerStatus.NOT_FOUND, dtype=np.int8)
-    found = np.full((count, 7), np.nan)
+    crosses = np.full((count, 7), np.nan)
     height, width = array.shape
     reach = search_px + high
     rows: list[int] = []
@@ -234,18 +232,18 @@ def locate_markers(
         corners.append((x0, y0))
     around = [(*(places[i] - c), search_px) for i, c in zip(rows, corners, strict=True)]
     near = _crosses(windows, low, high, MIN_RESPONSE, MAX_RESIDUAL, around)
-    for i, (x0, y0), own in zip(rows, corners, near, strict=True):
-        own[:, :2] += x0, y0
-        close = own[np.hypot(*(own[:, :2] - places[i]).T) <= search_px]
+    for i, (x0, y0), nearby in zip(rows, corners, near, strict=True):
+        nearby[:, :2] += x0, y0
+        close = nearby[np.hypot(*(nearby[:, :2] - places[i]).T) <= search_px]
         if len(close) > 1:
             status[i] = MarkerStatus.AMBIGUOUS
         elif len(close):
             status[i] = MarkerStatus.FOUND
-            found[i] = close[0]
-    apart = np.hypot(*np.moveaxis(found[:, None, :2] - found[None, :, :2], -1, 0))
+            crosses[i] = close[0]
+    apart = np.hypot(*np.moveaxis(crosses[:, None, :2] - crosses[None, :, :2], -1, 0))
     np.fill_diagonal(apart, np.inf)
     status[(apart < 0.25 * low).any(axis=1)] = MarkerStatus.AMBIGUOUS
-    return _markers(np.where((status == MarkerStatus.FOUND)[:, None], found, np.nan), status)
+    return _markers(np.where((status == MarkerStatus.FOUND)[:, None], crosses, np.nan), status)
 
 
 def _check_size(size_px: tuple[float, float]) -> tuple[float, float]:
@@ -335,16 +333,16 @@ def _checkered(grey: npt.NDArray[np.float32], place: tuple[float, float], size: 
     return True
 
 
-def _distinct(found: FloatArray, size: float) -> FloatArray:
+def _distinct(fits: FloatArray, size: float) -> FloatArray:
     """Drop the poorer one of two fits that ended at the same place; row by row."""
     kept: list[int] = []
-    for k in np.argsort(found[:, 4], kind="stable"):
-        if (np.hypot(*(found[kept, :2] - found[k, :2]).T) > 0.25 * size).all():
+    for k in np.argsort(fits[:, 4], kind="stable"):
+        if (np.hypot(*(fits[kept, :2] - fits[k, :2]).T) > 0.25 * size).all():
             kept.append(int(k))
-    own = found[kept]
-    return np.asarray(own[np.lexsort([own[:, 0], np.rint(own[:, 1] / size)])])
+    best = fits[kept]
+    return np.asarray(best[np.lexsort([best[:, 0], np.rint(best[:, 1] / size)])])
 
 
-def _markers(found: FloatArray, status: npt.NDArray[np.int8]) -> Markers:
-    angle, contrast, residual = found[:, 2:5].T.copy()
-    return Markers(found[:, :2].copy(), found[:, 5:].copy(), angle, contrast, residual, status)
+def _markers(fits: FloatArray, status: npt.NDArray[np.int8]) -> Markers:
+    angle, contrast, residual = fits[:, 2:5].T.copy()
+    return Markers(fits[:, :2].copy(), fits[:, 5:].copy(), angle, contrast, residual, status)

@@ -29,15 +29,6 @@ from gpusim.measure.targets.plumb_lines import (
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = [
-    "Codes",
-    "SideSamples",
-    "Sides",
-    "find_aruco",
-    "fit_sides",
-    "side_samples",
-]
-
 SHARE = 0.8  # of a side that is fitted
 BAND = 0.6  # cells on either side of it, at most MAX_BAND px
 MAX_BAND = 4.0
@@ -105,13 +96,13 @@ def side_samples(image: Image, corners: FloatArray, cells: int) -> SideSamples:
             middle, angle, 0.5 * SHARE * length, np.where(enough, band, 1.0), strict=True
         )
     ]
-    most = max(1, max(len(own) for own in samples))
+    most = max(1, max(len(pixels) for pixels in samples))
     offset, grey, weight = (np.zeros((len(samples), most, k)) for k in (2, 1, 1))
-    for k, own in enumerate(samples):
-        offset[k, : len(own)] = own[:, :2]
-        grey[k, : len(own), 0] = own[:, 2]
-        weight[k, : len(own)] = 1.0
-        enough[k] &= len(own) >= 4 * PARAMETERS
+    for k, pixels in enumerate(samples):
+        offset[k, : len(pixels)] = pixels[:, :2]
+        grey[k, : len(pixels), 0] = pixels[:, 2]
+        weight[k, : len(pixels)] = 1.0
+        enough[k] &= len(pixels) >= 4 * PARAMETERS
     return SideSamples(middle, angle, length, offset, grey[..., 0], weight[..., 0], enough)
 
 
@@ -158,29 +149,33 @@ def fit_sides(samples: SideSamples, straighten: Straighten | None = None) -> Sid
         fit.covariance[:, 0, 0] + (0.5 * samples.length) ** 2 * fit.covariance[:, 1, 1]
     )
     bend, sigma = np.zeros(len(p)), np.full(len(p), np.inf)
-    left, slopes = model(p, np.arange(len(p)))
+    residual, slopes = model(p, np.arange(len(p)))
     for k in np.flatnonzero(good):
-        bend[k], sigma[k] = _bend(offset[k], normal[k], left[k], slopes[k], weight[k])
+        bend[k], sigma[k] = _bend(offset[k], normal[k], residual[k], slopes[k], weight[k])
     return Sides(samples.middle, normal, p[:, 0], spread, bend, sigma, good)
 
 
 def _bend(
-    offset: FloatArray, normal: FloatArray, left: FloatArray, slopes: FloatArray, weight: FloatArray
+    offset: FloatArray,
+    normal: FloatArray,
+    residual: FloatArray,
+    slopes: FloatArray,
+    weight: FloatArray,
 ) -> tuple[float, float]:
     """A curvature that explains what a fit leaves (P,), beside its own parameters; its sigma."""
     along = offset[:, 1] * normal[0] - offset[:, 0] * normal[1]
     used = weight > 0
     # a border that is bent towards its normal is further out by half the curvature times along^2
-    own = (slopes[0] * 0.5 * along**2)[used]
+    bending = (slopes[0] * 0.5 * along**2)[used]
     others = slopes[:, used].T
-    own -= others @ np.linalg.lstsq(others, own, rcond=None)[0]
-    square = float(own @ own)
+    bending -= others @ np.linalg.lstsq(others, bending, rcond=None)[0]
+    square = float(bending @ bending)
     if not square > 0:
         return 0.0, np.inf
     freedom = max(int(used.sum()) - PARAMETERS - 1, 1)
-    bend = -float(own @ left[used]) / square
-    rest = left[used] + bend * own
-    return bend, float(np.sqrt(rest @ rest / freedom / square)) + 1e-12
+    bend = -float(bending @ residual[used]) / square
+    remainder = residual[used] + bend * bending
+    return bend, float(np.sqrt(remainder @ remainder / freedom / square)) + 1e-12
 
 
 def _pixels(
@@ -252,11 +247,11 @@ def find_aruco(
     """
     known = check_dictionary(dictionary, "find_aruco dictionary")
     array = check_image(image, "image")
-    found, numbers, _ = cv2.aruco.ArucoDetector(known).detectMarkers(eight_bit(array))
+    detected, numbers, _ = cv2.aruco.ArucoDetector(known).detectMarkers(eight_bit(array))
     if numbers is None or len(numbers) == 0:
         return Codes(np.zeros(0, np.int64), np.zeros((0, 4, 2)), np.zeros((0, 2)), np.zeros(0), 0)
     number = np.asarray(numbers, dtype=np.int64).reshape(-1)
-    rough = np.asarray(found, dtype=np.float64).reshape(-1, 4, 2)
+    rough = np.asarray(detected, dtype=np.float64).reshape(-1, 4, 2)
     order = np.argsort(number, kind="stable")
     number, rough = number[order], rough[order]
     cells = int(known.markerSize) + 2

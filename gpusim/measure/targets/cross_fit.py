@@ -15,8 +15,6 @@ import numpy.typing as npt
 from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.border_junction import CENTRE, fit_junctions, frames
 
-__all__ = ["fit_crosses"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 SAMPLES = 64  # on the ring that gives the first angle
@@ -41,7 +39,7 @@ def fit_crosses(
     """
     reach = int(np.ceil(0.75 * high)) + 3
     size = 2 * reach + 1
-    found = [np.zeros((0, 7))]
+    fits = [np.zeros((0, 7))]
     chunk = max(1, CHUNK // size**2)
     for first in range(0, len(places), chunk):
         part = places[first : first + chunk]
@@ -50,12 +48,12 @@ def fit_crosses(
         for patch, (grey, x, y), at in zip(patches, part, corner, strict=True):
             at[:] = round(x) - reach, round(y) - reach
             x0, y0 = np.maximum(at, 0)
-            own = grey[y0 : at[1] + size, x0 : at[0] + size]
-            inner = slice(y0 - at[1], y0 - at[1] + own.shape[0])
-            patch[inner, x0 - at[0] : x0 - at[0] + own.shape[1]] = own
+            window = grey[y0 : at[1] + size, x0 : at[0] + size]
+            inner = slice(y0 - at[1], y0 - at[1] + window.shape[0])
+            patch[inner, x0 - at[0] : x0 - at[0] + window.shape[1]] = window
         start = np.array([[x, y] for _, x, y in part], dtype=np.float64) - corner.astype(np.float64)
-        found.append(_fit_patches(patches, corner, start, low, high))
-    return np.concatenate(found)
+        fits.append(_fit_patches(patches, corner, start, low, high))
+    return np.concatenate(fits)
 
 
 def _fit_patches(
@@ -83,8 +81,8 @@ def _fit_patches(
     with np.errstate(invalid="ignore"):
         good &= np.linalg.norm(fine[:, :2] - start, axis=1) <= max(2.0, 0.2 * low)
     angle, contrast = 0.5 * (fine[:, 2] + fine[:, 3]), fine[:, 5]
-    found = np.column_stack([fine[:, :2] + corner, angle, contrast, rms / np.abs(contrast), width])
-    return np.where(good[:, None], found, np.nan)
+    fits = np.column_stack([fine[:, :2] + corner, angle, contrast, rms / np.abs(contrast), width])
+    return np.where(good[:, None], fits, np.nan)
 
 
 def _sampled(patches: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -147,16 +145,16 @@ def _fit(
         return p, rms, good
     fit = fit_junctions(x, y, grey, weight, start[rows], rough=rough)
     p[rows], rms[rows] = fit.parameters, fit.rms
-    own = p[rows]
+    fitted = p[rows]
     good[rows] = (
         # a start for another fit need not have settled
         (fit.converged | rough)
-        & np.isfinite(own).all(axis=1)
-        & (np.abs(own[:, 5]) > 1e-3)
-        & (own[:, 8] < MAX_SIGMA**2)
-        & (np.abs(own[:, 2] - own[:, 3]) < MAX_SKEW)
-        & (np.abs(own[:, 2]) < MAX_TURN)
-        & (np.linalg.norm(own[:, :2] - start[rows, :2], axis=1) < MAX_MOVE)
+        & np.isfinite(fitted).all(axis=1)
+        & (np.abs(fitted[:, 5]) > 1e-3)
+        & (fitted[:, 8] < MAX_SIGMA**2)
+        & (np.abs(fitted[:, 2] - fitted[:, 3]) < MAX_SKEW)
+        & (np.abs(fitted[:, 2]) < MAX_TURN)
+        & (np.linalg.norm(fitted[:, :2] - start[rows, :2], axis=1) < MAX_MOVE)
     )
     return p, rms, good
 
@@ -208,12 +206,12 @@ def _ends(
         share = step / inside
         below = ~(share >= 0.5)
     k = np.argmax(below, axis=-1)
-    some = below.any(axis=-1) & (k > 0)
+    ended = below.any(axis=-1) & (k > 0)
     before, after = (
         np.take_along_axis(share, index[..., None], axis=-1)[..., 0]
         for index in (np.maximum(k - 1, 0), k)
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         end = t[np.maximum(k - 1, 0)] + END_STEP * (before - 0.5) / (before - after)
-    ends[rows] = np.where(some & np.isfinite(after), end, np.nan)
+    ends[rows] = np.where(ended & np.isfinite(after), end, np.nan)
     return ends

@@ -32,8 +32,6 @@ from gpusim.measure.targets.plumb_lines import Straighten, plumb_lines, straight
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-__all__ = ["Crossings", "fit_crossings"]
-
 INSIDE = 0.62  # of the way to the next corner
 MIN_SHARE = 0.4  # … at least, next to a pattern's end
 MIN_REACH, ROUGH_REACH, MAX_REACH = 3.0, 7.0, 12.0  # px; the second in a first fit

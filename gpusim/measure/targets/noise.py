@@ -20,8 +20,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["allowed_residual", "noise_level", "widening"]
-
 FloatArray = npt.NDArray[np.float64]
 
 WINDOW = 7  # px: noise that neighbours share keeps most of its variance in it
@@ -72,14 +70,16 @@ def widening(
     """
     used = weight > 0
     count = np.maximum(used.sum(axis=(1, 2)), 1)
-    left = np.where(used, residual, 0.0)
-    scale = np.sqrt((left * left).sum(axis=(1, 2)) / count)
-    left = left / np.where(scale > 0, scale, 1.0)[:, None, None]
-    own = np.where(used[:, None], influence, 0.0)
-    some = np.unique(np.linspace(0, len(used) - 1, min(SAMPLED_FITS, len(used))).astype(np.int64))
-    taken = _FittedShare(np.where(used[some, None], slopes[some], 0.0))
-    share = len(used) / len(some)
-    observed = _alike(left, REACH, (0,))
+    standardised = np.where(used, residual, 0.0)
+    scale = np.sqrt((standardised * standardised).sum(axis=(1, 2)) / count)
+    standardised = standardised / np.where(scale > 0, scale, 1.0)[:, None, None]
+    influences = np.where(used[:, None], influence, 0.0)
+    sampled = np.unique(
+        np.linspace(0, len(used) - 1, min(SAMPLED_FITS, len(used))).astype(np.int64)
+    )
+    taken = _FittedShare(np.where(used[sampled, None], slopes[sampled], 0.0))
+    share = len(used) / len(sampled)
+    observed = _alike(standardised, REACH, (0,))
     pairs = np.rint(_alike(used.astype(np.float64), REACH, (0,)))
     independent = -share * taken.trace
     known = [(0, 0)] + [
@@ -95,7 +95,7 @@ def widening(
         # so much is taken up that distances can't be told apart
         known = [(0, 0), *(lag for lag in LAGS if pairs[lag])]
         covariance = _as_blurred(known, *_equations(known, taken, share, pairs, observed))
-    alike = _alike(own, REACH, (1,))
+    alike = _alike(influences, REACH, (1,))
     alone = alike[:, 0, 0]
     together = covariance[0] * alone
     for value, (down, across) in zip(covariance[1:], known[1:], strict=True):
@@ -121,15 +121,15 @@ def _equations(
 def _as_blurred(known: list[Lag], matrix: FloatArray, sums: FloatArray) -> FloatArray:
     """The covariance of white noise behind a Gaussian blur that fits the equations best."""
     square = np.array([float(d * d + a * a) for d, a in known])
-    best, found = np.inf, np.zeros(len(known))
+    best, covariance = np.inf, np.zeros(len(known))
     for blur in BLURS:
         alike = np.exp(-square / (4.0 * blur * blur))
-        left = matrix @ alike
-        scale = float(left @ sums / max(float(left @ left), 1e-300))
-        error = float(np.square(sums - scale * left).sum())
+        predicted = matrix @ alike
+        scale = float(predicted @ sums / max(float(predicted @ predicted), 1e-300))
+        error = float(np.square(sums - scale * predicted).sum())
         if error < best:
-            best, found = error, scale * alike
-    return found
+            best, covariance = error, scale * alike
+    return covariance
 
 
 class _FittedShare:
@@ -145,9 +145,9 @@ class _FittedShare:
         for down in range(REACH + 1):
             for across in range(-REACH if down else 0, REACH + 1):
                 one, other = (v.reshape(count, number, -1) for v in _shifted(basis, down, across))
-                found = other @ one.transpose(0, 2, 1)
-                self.overlap[down, across] = found
-                self.overlap[-down, -across] = found.transpose(0, 2, 1)
+                gram = other @ one.transpose(0, 2, 1)
+                self.overlap[down, across] = gram
+                self.overlap[-down, -across] = gram.transpose(0, 2, 1)
         self.trace = _alike(basis, 2 * REACH, (0, 1))
         """Sum over pairs at each distance of H: the trace of G, up to twice the reach."""
 

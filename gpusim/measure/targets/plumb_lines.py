@@ -17,15 +17,6 @@ import numpy.typing as npt
 
 from gpusim.measure.images import FloatArray
 
-__all__ = [
-    "PlumbField",
-    "Straighten",
-    "field_of_bends",
-    "field_slope",
-    "plumb_lines",
-    "straight_offsets",
-]
-
 Straighten = Callable[[FloatArray], FloatArray]
 """From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
 
@@ -82,7 +73,7 @@ def field_of_bends(
         slope = field_slope(before, at)
         bend = bend + before.bends(at, normal, slope) @ before.weights
     middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
-    best, found = np.inf, None
+    best, best_field = np.inf, None
     for terms in LENSES:
         field = PlumbField(terms, np.zeros(terms(at[:1]).shape[-1]), middle, scale)
         unknown = len(field.weights)
@@ -90,11 +81,11 @@ def field_of_bends(
             break
         matrix = field.bends(at, normal, slope) / sigma[:, None]
         weights = np.asarray(np.linalg.lstsq(matrix, bend / sigma, rcond=1e-9)[0], np.float64)
-        left = float(np.square(bend / sigma - matrix @ weights).sum())
-        score = left + unknown * np.log(max(len(at), 2))
+        misfit = float(np.square(bend / sigma - matrix @ weights).sum())
+        score = misfit + unknown * np.log(max(len(at), 2))
         if score < best:
-            best, found = score, replace(field, weights=weights)
-    return found if found is not None and found.weights.size else None
+            best, best_field = score, replace(field, weights=weights)
+    return best_field if best_field is not None and best_field.weights.size else None
 
 
 def plumb_lines(
@@ -107,7 +98,7 @@ def plumb_lines(
     """
     middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
     x = (points - middle) / scale
-    best, found = np.inf, None
+    best, best_fit = np.inf, None
     for terms in (*LENSES, *map(_polynomial, DEGREES)):
         unknown = 8 + terms(x[:1]).shape[-1]
         if 2 * len(x) < EQUATIONS_PER_UNKNOWN * unknown:
@@ -116,10 +107,10 @@ def plumb_lines(
         variance = square / (2 * used) + (GOOD_FIT / scale) ** 2
         score = 2 * len(x) * np.log(variance) + unknown * np.log(2 * len(x))
         if score < best:
-            best, found = score, (terms, weights)
-    if found is None or not found[1].size:
+            best, best_fit = score, (terms, weights)
+    if best_fit is None or not best_fit[1].size:
         return None
-    return PlumbField(*found, middle, scale)
+    return PlumbField(*best_fit, middle, scale)
 
 
 def straight_offsets(straighten: Straighten, at: FloatArray, offset: FloatArray) -> FloatArray:
@@ -162,10 +153,10 @@ def _polynomial(degree: int) -> Straighten:
         every = [np.ones((2, *x.shape[:-1]))]
         for _ in range(degree):
             every.append(every[-1] * np.moveaxis(x, -1, 0))
-        own = np.stack([every[a][0] * every[b][1] for a, b in powers], axis=-1)
+        monomials = np.stack([every[a][0] * every[b][1] for a, b in powers], axis=-1)
         both = np.zeros((*x.shape, 2 * len(powers)))
-        both[..., 0, : len(powers)] = own
-        both[..., 1, len(powers) :] = own
+        both[..., 0, : len(powers)] = monomials
+        both[..., 1, len(powers) :] = monomials
         return both
 
     return terms
@@ -174,27 +165,27 @@ def _polynomial(degree: int) -> Straighten:
 def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray, float, int]:
     """Weights (T,) of the terms, the sum of squares that is left, and of how many points."""
     grid = (grid - grid.mean(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1.0)
-    own = terms(x)
-    weights = np.zeros(own.shape[-1])
+    values = terms(x)
+    weights = np.zeros(values.shape[-1])
     h = _homography(grid, x)
     use = np.ones(len(x), dtype=bool)
     square = np.inf
     for _ in range(ROUNDS):
         image, slopes = _seen(h, grid)
-        left = x + own @ weights - image
-        length = np.linalg.norm(left, axis=1)
+        deviation = x + values @ weights - image
+        length = np.linalg.norm(deviation, axis=1)
         # the length of two normal errors has the median 1.1774 sigma
         limit = max(FARTHEST * float(np.median(length)) / 1.1774, 1e-9)
         use = length <= limit
-        jacobian = np.concatenate([own, -slopes], axis=-1)[use].reshape(2 * use.sum(), -1)
-        step = np.linalg.lstsq(jacobian, -left[use].ravel(), rcond=1e-9)[0]
+        jacobian = np.concatenate([values, -slopes], axis=-1)[use].reshape(2 * use.sum(), -1)
+        step = np.linalg.lstsq(jacobian, -deviation[use].ravel(), rcond=1e-9)[0]
         weights, h = weights + step[: len(weights)], h + step[len(weights) :]
-        before, square = square, float(np.square(left[use]).sum())
+        before, square = square, float(np.square(deviation[use]).sum())
         if abs(before - square) <= 1e-6 * square:
             break
     image, _ = _seen(h, grid)
-    left = (x + own @ weights - image)[use]
-    return weights, float(np.square(left).sum()), int(use.sum())
+    deviation = (x + values @ weights - image)[use]
+    return weights, float(np.square(deviation).sum()), int(use.sum())
 
 
 def _homography(grid: FloatArray, x: FloatArray) -> FloatArray:
@@ -202,8 +193,8 @@ def _homography(grid: FloatArray, x: FloatArray) -> FloatArray:
     one, zero = np.ones(len(grid)), np.zeros((len(grid), 3))
     flat = np.column_stack([grid, one])
     rows = [np.hstack([flat, zero, -x[:, :1] * grid]), np.hstack([zero, flat, -x[:, 1:] * grid])]
-    found: FloatArray = np.linalg.lstsq(np.vstack(rows), x.T.ravel(), rcond=None)[0]
-    return found
+    entries: FloatArray = np.linalg.lstsq(np.vstack(rows), x.T.ravel(), rcond=None)[0]
+    return entries
 
 
 def _seen(h: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,12 +2,6 @@
 
 In the order in which data passes:
 
-- `text`: The lines of a text file from anywhere, their numbers, and files that they include.
-- `coordinate_systems`: Coordinate systems in which files give nodes: rectangular, cylindrical,
-  spherical.
-- `numbering`: How other programs number kinds of cells, their nodes and their sides.
-- `cell_blocks`: What mesh files hold before it is a `Mesh`: blocks of any dimension, with named
-  groups.
 - `abaqus`: Meshes in input files of Abaqus and CalculiX.
 - `nastran_cards`, `nastran`: Nastran's bulk data: its cards, and the mesh that they make.
 - `vtk`, `vtu`: VTK's unstructured grids: legacy files, XML.

@@ -19,9 +19,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, assemble
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble
+from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, set_sizes
-from gpusim.mesh.formats.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.mesh import Mesh
 from gpusim.parallel.machine import memory_limit
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child

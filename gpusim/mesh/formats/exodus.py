@@ -18,7 +18,7 @@ from scipy.io import netcdf_file
 from gpusim.errors import InputError
 from gpusim.files.hdf5_file import read_hdf5
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.numbering import EXODUS_SIDES, from_upright_first, local_faces
+from gpusim.mesh.file_content.numbering import EXODUS_SIDES, from_upright_first, local_faces
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["ExodusSteps", "read_exodus", "read_exodus_steps"]

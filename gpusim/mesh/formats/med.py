@@ -15,8 +15,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.hdf5_file import Hdf5Object, read_hdf5
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
-from gpusim.mesh.formats.numbering import MED_KINDS, NODES, right_handed_cells
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
+from gpusim.mesh.file_content.numbering import MED_KINDS, NODES, right_handed_cells
 
 __all__ = ["read_med"]
 

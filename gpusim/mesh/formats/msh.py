@@ -9,9 +9,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh, index_of
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, index_of
+from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, dimension_of, from_gmsh_order
 from gpusim.mesh.formats.msh_numbers import MshNumbers, MshSource
-from gpusim.mesh.formats.numbering import GMSH_KINDS, NODES, dimension_of, from_gmsh_order
 
 __all__ = ["read_msh"]
 

@@ -11,15 +11,16 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.formats.abaqus.cards import Source
-from gpusim.mesh.formats.cell_blocks import (
+from gpusim.mesh.file_content.cell_blocks import (
     RawBlock,
     RawMesh,
     assemble,
     in_numbers_of_file,
     index_of,
 )
-from gpusim.mesh.formats.coordinate_systems import Frame, from_cylindrical, from_spherical
+from gpusim.mesh.file_content.coordinate_systems import Frame, from_cylindrical, from_spherical
+from gpusim.mesh.file_content.numbering import from_upright_first
+from gpusim.mesh.formats.abaqus.cards import Source
 from gpusim.mesh.formats.nastran_cards import (
     NASTRAN_ELEMENTS,
     SYSTEMS,
@@ -31,7 +32,6 @@ from gpusim.mesh.formats.nastran_cards import (
     real,
     reals,
 )
-from gpusim.mesh.formats.numbering import from_upright_first
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["read_bdf"]

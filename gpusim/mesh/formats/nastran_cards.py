@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.mesh.file_content.text import Includes, text_lines
 from gpusim.mesh.formats.abaqus.cards import LARGEST
-from gpusim.mesh.formats.text import Includes, text_lines
 
 __all__ = [
     "NASTRAN_ELEMENTS",

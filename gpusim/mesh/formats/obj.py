@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.text import fail, numbers, statements, whole_numbers
+from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
 from gpusim.mesh.polygons import cut_polygons
 
 __all__ = ["ObjFile", "read_obj"]

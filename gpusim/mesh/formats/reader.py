@@ -10,9 +10,9 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.file_content.cell_blocks import RawMesh, assemble
 from gpusim.mesh.formats.abaqus.reader import read_inp
 from gpusim.mesh.formats.cad import CAD_SUFFIXES
-from gpusim.mesh.formats.cell_blocks import RawMesh, assemble
 from gpusim.mesh.formats.exodus import read_exodus
 from gpusim.mesh.formats.med import read_med
 from gpusim.mesh.formats.msh import read_msh

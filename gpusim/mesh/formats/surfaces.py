@@ -20,9 +20,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
 from gpusim.mesh.formats.gltf.primitives import gltf_faces
 from gpusim.mesh.formats.obj import read_obj
-from gpusim.mesh.formats.text import fail, numbers, statements, whole_numbers
 from gpusim.mesh.polygons import check_corners, cut_polygons
 
 __all__ = ["read_surface"]

@@ -13,10 +13,10 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.file_content.text import fail, numbers, statements
 from gpusim.mesh.formats.gltf.base_colors import gltf_looks
 from gpusim.mesh.formats.obj import ObjFile, read_obj
 from gpusim.mesh.formats.surfaces import merged, numbered_surface
-from gpusim.mesh.formats.text import fail, numbers, statements
 
 __all__ = ["TEXTURED_SUFFIXES", "FileMaterial", "TexturedSurface", "read_textured"]
 

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
-from gpusim.mesh.formats.numbering import NODES, VTK_KINDS, right_handed_wedges
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
+from gpusim.mesh.file_content.numbering import NODES, VTK_KINDS, right_handed_wedges
 
 __all__ = ["read_vtk", "vtk_blocks"]
 

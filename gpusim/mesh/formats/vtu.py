@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
-from gpusim.mesh.formats.cell_blocks import RawBlock, RawMesh
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.formats.vtk import vtk_blocks
 from gpusim.parallel.machine import memory_limit
 

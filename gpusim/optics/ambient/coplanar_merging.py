@@ -18,8 +18,6 @@ import numpy.typing as npt
 from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.topology import sorted_keys
 
-__all__ = ["QuadStrips", "links", "merge_flat", "neighbours", "rows_of"]
-
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
@@ -39,13 +37,13 @@ class QuadStrips:
         before = np.full(len(link), -1)
         followed = np.flatnonzero(link >= 0)
         before[link[followed]] = followed
-        some = (link >= 0) | (before >= 0)
+        linked = (link >= 0) | (before >= 0)
         head, place = _ahead(before)
         ring = place[head] > 0
         if ring.any():
             before[_lowest(before, ring)] = -1
             head, place = _ahead(before)
-        member = np.flatnonzero(some)
+        member = np.flatnonzero(linked)
         count = np.bincount(head[member], minlength=len(link))
         face = np.empty(len(member), np.int64)
         face[(np.cumsum(count) - count)[head[member]] + place[member]] = member
@@ -181,8 +179,8 @@ def merge_flat(
         across = {k: number[owner[side[name]]] for k, side in sides.items()}
         along = along.among(number, links(corner, across[2], across[0], 2))
     into = _joined(at, tolerance, corner, along, 2)[: len(name)]
-    left = np.flatnonzero(into == np.arange(len(name)))
-    return np.stack([np.take(column, left) for column in corner], axis=1)
+    remaining = np.flatnonzero(into == np.arange(len(name)))
+    return np.stack([np.take(column, remaining) for column in corner], axis=1)
 
 
 def rows_of(faces: Numbers, beside: Numbers) -> tuple[QuadStrips, QuadStrips]:
@@ -209,12 +207,12 @@ def _joined(
     -2 and -1 where they are looked up. ``corner``: columns (F,), those of the joined ones are
     changed; so is what is across their ``sides``, one face or none, level by level."""
     into = np.append(np.arange(len(corner[0])), [-2, -1])
-    own = [np.take(corner[(j + k) % 4], rows.face) for j in range(4)]
+    vertices = [np.take(corner[(j + k) % 4], rows.face) for j in range(4)]
     good, asked = np.zeros(len(rows.face), bool), rows.linked
     for level in range(ROUNDS):
         after = rows.after
         ask = np.flatnonzero(asked & rows.linked)
-        good[ask] = _suit(points, tolerance, own, ask, after[ask])
+        good[ask] = _suit(points, tolerance, vertices, ask, after[ask])
         first = rows.every_second(good)
         if not len(first):
             break
@@ -227,7 +225,7 @@ def _joined(
                 a, b = into[a], into[b]
             # on a long side is one face, or none
             side[one] = np.where((a >= 0) & (a == b), a, -1)
-        for column in own[:2]:
+        for column in vertices[:2]:
             column[first] = column[second]
         linked = rows.linked.copy()
         linked[first] = linked[second]
@@ -236,14 +234,14 @@ def _joined(
         asked[first] = True
         asked |= asked[after]
         good &= ~asked
-        left = np.ones(len(good), bool)
-        left[second] = False
-        kept = np.flatnonzero(left)
+        remaining = np.ones(len(good), bool)
+        remaining[second] = False
+        kept = np.flatnonzero(remaining)
         rows = replace(rows, linked=linked).some(kept)
-        own = [_taken(column, kept) for column in own]
+        vertices = [_taken(column, kept) for column in vertices]
         good, asked = _taken(good, kept), _taken(asked, kept)
     for j in range(2):
-        corner[(j + k) % 4][rows.face] = own[j]
+        corner[(j + k) % 4][rows.face] = vertices[j]
     for _ in range(ROUNDS.bit_length()):
         into = into[into]
     return into

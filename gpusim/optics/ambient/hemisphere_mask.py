@@ -26,15 +26,6 @@ import numpy.typing as npt
 from gpusim.optics.ambient.silhouette_bvh import AGAINST, TILT, EdgeAdjacency, SamplePoints, tangent
 from gpusim.optics.ambient.silhouette_search import GROUP, SilhouetteBuffers, SilhouetteLists
 
-__all__ = [
-    "COLUMNS",
-    "ROWS",
-    "HemisphereMasks",
-    "directions",
-    "hemisphere_masks",
-    "hemisphere_masks_twin",
-]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 ROWS, COLUMNS = 64, 32
@@ -130,15 +121,15 @@ def hemisphere_masks_twin(points: SamplePoints, around: SilhouetteLists) -> Hemi
     facets = around.facets
     for group in range(len(around.edge_start) - 1):
         part = slice(group * GROUP, (group + 1) * GROUP)
-        own = points.part(part)
+        chunk = points.part(part)
         face = around.face[around.face_start[group] : around.face_start[group + 1]]
         edge = around.edge[around.edge_start[group] : around.edge_start[group + 1]]
-        start, leaves[part] = _along_normal(own, facets, face)
-        change = np.zeros((len(own.at), ROWS, COLUMNS + 1), np.int64)
+        start, leaves[part] = _along_normal(chunk, facets, face)
+        change = np.zeros((len(chunk.at), ROWS, COLUMNS + 1), np.int64)
         change[:, :, 0] = start
         step = max(PAIRS // GROUP, 1)
         for first in range(0, len(edge), step):
-            _cross(change, own, facets, edge[first : first + step])
+            _cross(change, chunk, facets, edge[first : first + step])
         before = np.cumsum(change, axis=2)[:, :, :COLUMNS] > 0
         hidden[part] = (before << np.arange(COLUMNS, dtype=np.uint32)).sum(axis=2, dtype=np.uint32)
     return HemisphereMasks(hidden, leaves > 0)
@@ -231,8 +222,8 @@ def _along_normal(
     start = np.zeros((len(points.at), ROWS), np.int64)
     hiding = _hiding(points, facets, face)
     point, which = np.nonzero(hiding)
-    crossed, left, _, _ = _crossed(local[point, which].reshape(-1, 2, 3))
-    turn = (hiding[point, which, None] * sign[which]).reshape(-1, 1) * np.where(left, -1, 1)
+    crossed, leaving, _, _ = _crossed(local[point, which].reshape(-1, 2, 3))
+    turn = (hiding[point, which, None] * sign[which]).reshape(-1, 1) * np.where(leaving, -1, 1)
     gone = np.where(crossed, turn, 0).reshape(-1, 4, ROWS).sum(axis=1)
     np.add.at(start, point, (gone < 0).astype(np.int64))
     return start, leaves

@@ -21,23 +21,6 @@ import numpy.typing as npt
 from gpusim.arrays.ragged import expand
 from gpusim.surface.topology import sorted_keys
 
-__all__ = [
-    "AGAINST",
-    "LOW",
-    "MEMBERS",
-    "TILT",
-    "BoundingSpheres",
-    "EdgeAdjacency",
-    "NormalCones",
-    "SamplePoints",
-    "SilhouetteBVH",
-    "direction_cells",
-    "in_order",
-    "levels",
-    "tangent",
-    "traverse",
-]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
@@ -121,9 +104,9 @@ class EdgeAdjacency:
         one[first + 1] = False
         second = np.full(len(slot), -1)
         second[first] = slot[first + 1]
-        own, other = slot[one], second[one]
+        half_edges, other = slot[one], second[one]
         edges = np.full(faces.size, -1)
-        edges[own] = 2 * np.arange(len(own))
+        edges[half_edges] = 2 * np.arange(len(half_edges))
         pair = np.flatnonzero(other >= 0)
         edges[other[pair]] = 2 * pair + 1
         corners = points[faces]
@@ -133,8 +116,8 @@ class EdgeAdjacency:
         offset = np.sum(normal * middle, axis=1)
         radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
         return EdgeAdjacency(
-            points[np.stack([start[own], end[own]], axis=1)],
-            np.stack([own // 4, np.where(other >= 0, other // 4, -1)], axis=1),
+            points[np.stack([start[half_edges], end[half_edges]], axis=1)],
+            np.stack([half_edges // 4, np.where(other >= 0, other // 4, -1)], axis=1),
             edges.reshape(-1, 4), np.concatenate([normal, offset[:, None]], axis=1),
             np.concatenate([middle, radius[:, None]], axis=1), both_sides,
         )  # fmt: skip
@@ -145,9 +128,9 @@ class EdgeAdjacency:
         edge_at[edge], face_at[face] = np.arange(len(edge)), np.arange(len(face))
         face_at[-1] = -1
         edges = self.edges[face]
-        found = 2 * edge_at[np.maximum(edges, 0) // 2] + edges % 2
+        reordered = 2 * edge_at[np.maximum(edges, 0) // 2] + edges % 2
         return EdgeAdjacency(
-            self.ends[edge], face_at[self.beside[edge]], np.where(edges >= 0, found, -1),
+            self.ends[edge], face_at[self.beside[edge]], np.where(edges >= 0, reordered, -1),
             self.planes[face], self.balls[face], self.both_sides[face],
         )  # fmt: skip
 
@@ -222,11 +205,11 @@ class NormalCones:
         first = np.arange(0, len(normal), size)
         axis = np.add.reduceat(normal, first)
         axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-300)[:, None]
-        own = np.repeat(axis, size, axis=0)[: len(normal)]
-        product = np.einsum("na,na->n", own, point)
+        axes = np.repeat(axis, size, axis=0)[: len(normal)]
+        product = np.einsum("na,na->n", axes, point)
         low, high = np.minimum.reduceat(kind, first), np.maximum.reduceat(kind, first)
         return NormalCones(
-            axis, np.maximum.reduceat(np.linalg.norm(normal - own, axis=1), first),
+            axis, np.maximum.reduceat(np.linalg.norm(normal - axes, axis=1), first),
             np.minimum.reduceat(product, first), np.maximum.reduceat(product, first),
             np.where(low == high, low, MIXED),
         )  # fmt: skip

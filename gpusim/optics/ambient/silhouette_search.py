@@ -35,15 +35,6 @@ from gpusim.optics.ambient.silhouette_bvh import (
     traverse,
 )
 
-__all__ = [
-    "GROUP",
-    "DeviceSilhouetteLists",
-    "SilhouetteBuffers",
-    "SilhouetteLists",
-    "in_groups",
-    "silhouettes_near",
-]
-
 Array = npt.NDArray[np.float64]
 
 Numbers = npt.NDArray[np.int64]
@@ -111,13 +102,13 @@ def _contour(
     height = np.einsum("pa,pa->p", to, groups.up[group])
     rise = height + reach + thick + groups.lean[group] * (away + reach + r)
     kept = rise > LOW * np.maximum(away - reach - r, 0.0)
-    left = np.flatnonzero(kept)
-    group, cluster, span = group[left], cluster[left], (away + reach + r)[left]
+    undecided = np.flatnonzero(kept)
+    group, cluster, span = group[undecided], cluster[undecided], (away + reach + r)[undecided]
     one, two = (
         _hiding(groups, slopes, contours.rounding, group, cluster, span)
         for slopes in contours.slopes[level]
     )
-    kept[left] = (one == UNKNOWN) | (one != two)
+    kept[undecided] = (one == UNKNOWN) | (one != two)
     return np.asarray(kept)
 
 
@@ -178,11 +169,11 @@ class _Groups:
         up = np.add.reduceat(points.normal, first)
         up /= np.maximum(np.linalg.norm(up, axis=1), 1e-300)[:, None]
         to = points.at - np.repeat(middle, count, axis=0)
-        own = np.repeat(up, count, axis=0)
+        axes = np.repeat(up, count, axis=0)
         return _Groups(
             middle, np.maximum.reduceat(np.linalg.norm(to, axis=1), first), up,
-            np.maximum.reduceat(np.abs(np.einsum("na,na->n", to, own)), first),
-            np.maximum.reduceat(np.linalg.norm(points.normal - own, axis=1), first),
+            np.maximum.reduceat(np.abs(np.einsum("na,na->n", to, axes)), first),
+            np.maximum.reduceat(np.linalg.norm(points.normal - axes, axis=1), first),
             np.stack([np.minimum.reduceat(points.tolerance, first),
                       np.maximum.reduceat(points.tolerance, first)], axis=1),
         )  # fmt: skip
@@ -285,12 +276,12 @@ class SilhouetteBuffers:
         while begin < len(points.at):
             count = min(POINTS, max(ENTRIES // max(self._most), 1), len(points.at) - begin)
             near = self._near(points.part(slice(begin, begin + count)), self._most)
-            found = near.counts.read(np.uint32, (count, 2)).max(axis=0)
-            if (found > self._most).any():
+            needed = near.counts.read(np.uint32, (count, 2)).max(axis=0)
+            if (needed > self._most).any():
                 near.release()
                 # those that come next may need some more
                 edges, faces = (
-                    int(1.25 * n) if n > m else m for n, m in zip(found, self._most, strict=True)
+                    int(1.25 * n) if n > m else m for n, m in zip(needed, self._most, strict=True)
                 )
                 self._most = (edges, faces)
                 continue

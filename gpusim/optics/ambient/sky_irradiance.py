@@ -18,8 +18,6 @@ from gpusim.optics.ambient.silhouette_bvh import tangent
 from gpusim.optics.light.environment import Environment
 from gpusim.optics.light.lights import AmbientLight, EnvironmentLight, Light
 
-__all__ = ["SkyIrradiance"]
-
 Array = npt.NDArray[np.float64]
 CHUNK = 512
 """Points at a time."""
@@ -73,8 +71,8 @@ def _seen_of(environment: Environment, seen: HemisphereMasks, normal: Array) -> 
     result = np.ones(len(normal))
     for begin in range(0, len(normal), CHUNK):
         part = slice(begin, begin + CHUNK)
-        first, own = np.unique(kind[part], return_index=True)
-        radiance = _radiances(environment, normal[part][own])
+        first, of_kind = np.unique(kind[part], return_index=True)
+        radiance = _radiances(environment, normal[part][of_kind])
         radiance = radiance[np.searchsorted(first, kind[part])]
         bits = np.unpackbits(hidden[part].astype("<u4").view(np.uint8), axis=1, bitorder="little")
         total = radiance.sum(axis=1)

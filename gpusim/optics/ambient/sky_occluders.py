@@ -17,8 +17,6 @@ from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["JoinedFaces", "joined_faces"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
@@ -74,13 +72,13 @@ def joined_faces(
             # both their sides hide: from its mean plane a bent face would hide part of itself
             triangles = surface.topology.triangles
             used = np.column_stack([triangles, np.full(len(triangles), -1)])
-        own = np.where(used >= 0, used, np.roll(used, 1, axis=1))
-        known = _known(surface.topology, own)
+        faces_of = np.where(used >= 0, used, np.roll(used, 1, axis=1))
+        known = _known(surface.topology, faces_of)
         if several:
-            own = merge_flat(surface.points, own, sag, known.beside, known.rows)
+            faces_of = merge_flat(surface.points, faces_of, sag, known.beside, known.rows)
         points.append(surface.points)
-        faces.append(own + first)
-        both_sides.append(np.full(len(own), not known.closed))
+        faces.append(faces_of + first)
+        both_sides.append(np.full(len(faces_of), not known.closed))
         first += len(surface.points)
     return np.concatenate(points), np.concatenate(faces), np.concatenate(both_sides)
 
@@ -96,8 +94,8 @@ def _bent(points: Array, faces: Numbers) -> bool:
 
 def _known(topology: Topology, faces: Numbers) -> _FaceNeighbours:
     """What is known of a topology's faces, or of its triangles, for all frames."""
-    found = _KNOWN.setdefault(topology, {})
-    if len(faces) not in found:
+    by_count = _KNOWN.setdefault(topology, {})
+    if len(faces) not in by_count:
         beside, closed = neighbours(faces)
-        found[len(faces)] = _FaceNeighbours(beside, closed, rows_of(faces, beside))
-    return found[len(faces)]
+        by_count[len(faces)] = _FaceNeighbours(beside, closed, rows_of(faces, beside))
+    return by_count[len(faces)]

@@ -32,8 +32,6 @@ from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["SkyVisibility", "Value", "lattice", "sky_visibility_texels"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Value = Callable[[HemisphereMasks, Array], Array]
@@ -105,20 +103,24 @@ class SkyVisibility:
         cells = np.zeros(int(slots.sum()), np.int64)
         due, m = np.flatnonzero(_in_image(view, triangle, place)), 1
         cells[slot] = 1  # pieces outside the image share three values that nobody reads
-        found: list[tuple[Numbers, Array]] = []
+        leaves: list[tuple[Numbers, Array]] = []
         before = np.zeros(0)
         while len(due):
-            own = triangle[due]
+            triangles = triangle[due]
             u, v = lattice(m)
             uv = place[due, 0][:, None] + u[:, None] * (place[due, 1] - place[due, 0])[:, None]
             uv = uv + v[:, None] * (place[due, 2] - place[due, 0])[:, None]
             s, t = uv[..., :1], uv[..., 1:]
-            at = corners[own][:, None, 0] + s * a[own][:, None] + t * b[own][:, None]
-            n = normals[own]
+            at = (
+                corners[triangles][:, None, 0]
+                + s * a[triangles][:, None]
+                + t * b[triangles][:, None]
+            )
+            n = normals[triangles]
             normal = (1.0 - s - t) * n[:, None, 0] + s * n[:, None, 1] + t * n[:, None, 2]
             shares, even, buried = nodes.look(at, normal)
             if cut_off is not None:
-                buried |= cut_off.behind(own, at)
+                buried |= cut_off.behind(triangles, at)
             # a gap may show between nodes that all lie under bodies
             rough = _mixed(buried) | (buried.all(axis=1) & (m < GAP))
             if m == 1:
@@ -130,14 +132,14 @@ class SkyVisibility:
             grid = _grids(shares, buried, m)
             done = due[~further]
             cells[slot[done]] = m
-            found.append((slot[done], grid[~further].reshape(-1)))
+            leaves.append((slot[done], grid[~further].reshape(-1)))
             due = due[further]
             before = _finer(_grids(even, buried & False, m)[further], m)
             m *= 2
         nodes.release()
         start = np.zeros(len(cells), np.int64)
         values, filled = [np.ones(4)], 4
-        for number, shares in found:
+        for number, shares in leaves:
             size = len(shares) // max(len(number), 1)
             start[number] = filled + size * np.arange(len(number))
             values.append(shares)
@@ -203,14 +205,14 @@ def _pieces(count: Numbers, first: Numbers) -> tuple[Numbers, Numbers, Array]:
     triangles, slots, places = [], [], [np.zeros((0, 3, 2))]
     corner = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 1], [0, 1], [1, 0]]], np.float64)
     for n in np.flatnonzero(np.bincount(count, minlength=1)):
-        own = np.flatnonzero(count == n)
+        parents = np.flatnonzero(count == n)
         j, i, half = np.nonzero(
             np.add.outer(np.add.outer(np.arange(n), np.arange(n)), np.arange(2)) < n
         )
         at = (np.stack([i, j], axis=1)[:, None] + corner[half]) / n
-        triangles.append(np.repeat(own, len(i)))
-        slots.append((first[own][:, None] + 2 * (j * n + i) + half).reshape(-1))
-        places.append(np.tile(at, (len(own), 1, 1)))
+        triangles.append(np.repeat(parents, len(i)))
+        slots.append((first[parents][:, None] + 2 * (j * n + i) + half).reshape(-1))
+        places.append(np.tile(at, (len(parents), 1, 1)))
     none = np.zeros(0, np.int64)
     return (
         np.concatenate([none, *triangles]), np.concatenate([none, *slots]), np.concatenate(places)
@@ -301,28 +303,28 @@ class _Nodes:
         at, normal = at.reshape(-1, 3), normal.reshape(-1, 3)
         normal = normal / np.linalg.norm(normal, axis=1)[:, None]
         key = _keys(at, normal, self.joined.sag)
-        own, inverse = _inverse(key)
-        place = np.searchsorted(self._key, own)
+        keys, inverse = _inverse(key)
+        place = np.searchsorted(self._key, keys)
         known = place < len(self._key)
-        known[known] = self._key[place[known]] == own[known]
+        known[known] = self._key[place[known]] == keys[known]
         if not known.all():
-            many = np.bincount(inverse, minlength=len(own))
+            many = np.bincount(inverse, minlength=len(keys))
             pull: Array = np.stack([np.bincount(inverse, w) / many for w in toward.T], axis=1)
-            rise = np.zeros(len(own))
+            rise = np.zeros(len(keys))
             np.maximum.at(rise, inverse, np.abs(np.sum(toward * normal, axis=1)))
-            thick = np.zeros(len(own))
+            thick = np.zeros(len(keys))
             np.maximum.at(thick, inverse, wide)
-            one = np.zeros(len(own), np.int64)
+            one = np.zeros(len(keys), np.int64)
             one[inverse] = np.arange(len(key))
             up = normal[one]
             pull -= np.sum(pull * up, axis=1)[:, None] * up
             moved = at[one] + INSIDE * (pull + 2.0 * rise[:, None] * up)
-            flat = np.full(len(own), 2.0 * self.joined.sag)
+            flat = np.full(len(keys), 2.0 * self.joined.sag)
             new = ~known
             self._add(
-                own[new], SamplePoints(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new))
+                keys[new], SamplePoints(moved, up, flat, 0.3 * thick).part(np.flatnonzero(new))
             )
-            place = np.searchsorted(self._key, own)
+            place = np.searchsorted(self._key, keys)
         back = place[inverse].reshape(shape)
         return self._share[back], self._even[back], self._buried[back]
 
@@ -330,16 +332,16 @@ class _Nodes:
         order = in_groups(points)
         key, points = key[order], points.part(order)
         if self._tables is None:
-            found = hemisphere_masks_twin(points, silhouettes_near(self.joined.contours, points))
+            masks = hemisphere_masks_twin(points, silhouettes_near(self.joined.contours, points))
         else:
-            found = hemisphere_masks(self._tables, points)
-        share = self.value(found, points.normal)
-        buried = found.inside
+            masks = hemisphere_masks(self._tables, points)
+        share = self.value(masks, points.normal)
+        buried = masks.inside
         keys = np.concatenate([self._key, key])
         order = np.argsort(keys, kind="stable")
         self._key = keys[order]
         self._share = np.concatenate([self._share, share])[order]
-        self._even = np.concatenate([self._even, found.open_share])[order]
+        self._even = np.concatenate([self._even, masks.open_share])[order]
         self._buried = np.concatenate([self._buried, buried])[order]
 
 
@@ -357,8 +359,8 @@ def _keys(at: Array, normal: Array, sag: float) -> Numbers:
 
 def _inverse(key: Numbers) -> tuple[Numbers, Numbers]:
     """Distinct numbers, ascending, and which of them each one is."""
-    own = distinct(key)
-    return own, np.searchsorted(own, key)
+    keys = distinct(key)
+    return keys, np.searchsorted(keys, key)
 
 
 def sky_visibility_texels(device: Device, openness: SkyVisibility | None) -> Texels:

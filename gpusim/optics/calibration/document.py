@@ -20,19 +20,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = [
-    "Document",
-    "angles_of",
-    "five",
-    "from_angles",
-    "make",
-    "number",
-    "pose_of",
-    "read_document",
-    "relative",
-    "xml_root",
-]
-
 Document = dict[str, Any]
 
 DEEPEST = 20

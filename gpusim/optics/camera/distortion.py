@@ -22,8 +22,6 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["LENGTHS", "Distortion"]
-
 Array = npt.NDArray[np.float64]
 
 LENGTHS = (4, 5, 8, 12, 14)
@@ -160,10 +158,10 @@ class Distortion:
         return result.reshape(np.shape(points))
 
     def _inverse(self, target: Array) -> Array:
-        start, found = self._radial_inverse(np.sqrt(np.sum(target**2, axis=-1)))
+        start, solvable = self._radial_inverse(np.sqrt(np.sum(target**2, axis=-1)))
         guess = target * start[:, None]
         result = np.full(guess.shape, np.nan)
-        rows = np.flatnonzero(found)
+        rows = np.flatnonzero(solvable)
         guess, target = guess[rows], target[rows]
         for _ in range(ITERATIONS):
             moved, jacobian = self._on_flat_sensor(guess)
@@ -176,14 +174,14 @@ class Distortion:
             good = (worst <= 1e-3 * TOLERANCE) | (worst <= 4e-16 * np.abs(target).max(axis=1))
             good &= turn > 0.0
             result[rows[good]] = guess[good]
-            left = ~good & np.isfinite(worst) & (turn != 0.0)
-            if not left.any():
+            unsolved = ~good & np.isfinite(worst) & (turn != 0.0)
+            if not unsolved.any():
                 return result
-            rows, guess, target = rows[left], guess[left], target[left]
-            error, turn = error[left], turn[left]
+            rows, guess, target = rows[unsolved], guess[unsolved], target[unsolved]
+            error, turn = error[unsolved], turn[unsolved]
             step = np.empty(guess.shape)
-            step[:, 0] = (d[left] * error[:, 0] - b[left] * error[:, 1]) / turn
-            step[:, 1] = (a[left] * error[:, 1] - c[left] * error[:, 0]) / turn
+            step[:, 0] = (d[unsolved] * error[:, 0] - b[unsolved] * error[:, 1]) / turn
+            step[:, 1] = (a[unsolved] * error[:, 1] - c[unsolved] * error[:, 0]) / turn
             after = guess - step
             if np.isfinite(self.limit):
                 radius = np.sqrt(np.sum(after**2, axis=1))

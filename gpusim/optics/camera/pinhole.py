@@ -23,8 +23,6 @@ from gpusim.validation import checked, real_numbers
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Camera"]
-
 
 def _identity() -> npt.NDArray[np.float64]:
     return np.eye(4)

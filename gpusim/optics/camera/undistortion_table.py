@@ -17,8 +17,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = ["DistortionMap", "distortion_map"]
-
 Array = npt.NDArray[np.float64]
 
 SIZES = (128, 64, 32, 16, 8, 4, 2, 1)
@@ -112,6 +110,18 @@ def distortion_map(camera: Camera) -> DistortionMap | None:
         camera.width, camera.height, camera.distorting_K.tobytes(),
         camera.lens.coefficients.tobytes(), camera.name,
     )  # fmt: skip
+
+
+def undistorted(camera: Camera, at: Array) -> tuple[Array, Array]:
+    """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
+
+    Change [:, :, k]: a side of a pixel's sensitive square in pixels of the ideal image.
+    """
+    bends, side = distortion_map(camera), camera.pixel_side
+    if bends is None:
+        return at, np.broadcast_to(side * np.eye(2), (len(at), 2, 2))
+    ideal, change = bends.ideal(at)
+    return ideal, side * change
 
 
 @lru_cache(maxsize=16)

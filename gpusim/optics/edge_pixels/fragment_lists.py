@@ -23,8 +23,6 @@ from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
 from gpusim.optics.geometry.view import View
 
-__all__ = ["MARGIN", "EdgePixels", "Ranks", "find_edge_pixels", "segment_hits", "segment_pixels"]
-
 Numbers = npt.NDArray[np.int64]
 
 
@@ -44,9 +42,9 @@ class Ranks:
         result = np.empty(len(index), np.int64)
         one = np.uint64(1)
         for first in range(0, len(index), CHUNK):
-            own = index[first : first + CHUNK]
-            word = own >> 6
-            below = (one << (own & 63).view(np.uint64)) - one
+            chunk = index[first : first + CHUNK]
+            word = chunk >> 6
+            below = (one << (chunk & 63).view(np.uint64)) - one
             below &= np.take(self._bits, word, mode="clip")
             out = result[first : first + CHUNK]
             np.take(self._before, word, out=out, mode="clip")
@@ -84,8 +82,8 @@ class EdgePixels:
         """The pixels that are ``wanted`` (E,), or those of these numbers in their order."""
         depth = self.depth[wanted]
         start = np.concatenate([[0], np.cumsum(depth)])
-        own = np.repeat(self.start[:-1][wanted] - start[:-1], depth) + np.arange(start[-1])
-        return EdgePixels(self.pixel[wanted], start, self.triangle[own], self.pierced[wanted])
+        entries = np.repeat(self.start[:-1][wanted] - start[:-1], depth) + np.arange(start[-1])
+        return EdgePixels(self.pixel[wanted], start, self.triangle[entries], self.pierced[wanted])
 
 
 def segment_pixels(
@@ -143,19 +141,19 @@ def find_edge_pixels(view: View) -> EdgePixels:
     cut = segment_pixels(_cuts(view), width, height)
     if len(cut):
         pixel = distinct(np.concatenate([pixel, cut]))
-    some, place, low, high = _near_pixels(pixel, view)
+    near_triangles, place, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
     ranks = Ranks(pixel, width * height)
     first = ranks.of(row * width + low[triangle, 0])
     last = ranks.of(row * width + high[triangle, 0] + 1)
     run, step = expand(np.maximum(last - first, 0))
-    entry, own = first[run] + step, triangle[run]
+    entry, near_row = first[run] + step, triangle[run]
     row, column = np.divmod(pixel, width)
     at = np.stack([column, row]).astype(np.float64)
-    corners = _relative(place, own, np.take(at, entry, axis=1))
+    corners = _relative(place, near_row, np.take(at, entry, axis=1))
     keep = np.flatnonzero(_touches(corners))
-    entry, triangle, corners = entry[keep], some[own[keep]], pick(corners, keep)
+    entry, triangle, corners = entry[keep], near_triangles[near_row[keep]], pick(corners, keep)
     pierced = np.zeros(len(pixel), bool)
     pierced[np.searchsorted(pixel, cut)] = True
     start = np.concatenate([[0], np.cumsum(np.bincount(entry, minlength=len(pixel)))])
@@ -224,10 +222,10 @@ def _near_pixels(
         (left, top), (right, bottom) = (low // TILE).T, (high // TILE + 1).T
         near = np.flatnonzero(in_boxes(total, left, top, right, bottom) > 0)
         parts.append((chunk[near], pick(place, near), pick(low, near), pick(high, near)))
-    some, low, high = (np.concatenate([part[k] for part in parts]) for k in (0, 2, 3))
+    triangles, low, high = (np.concatenate([part[k] for part in parts]) for k in (0, 2, 3))
     # corner by corner in memory
     place = np.concatenate([part[1].T for part in parts], axis=2).T
-    return some, place, low, high
+    return triangles, place, low, high
 
 
 def _relative(

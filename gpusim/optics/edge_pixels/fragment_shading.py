@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
 from gpusim.optics.edge_pixels.visible_polygons import (
@@ -35,21 +36,11 @@ from gpusim.optics.geometry.triangle_corners import corner_range
 from gpusim.optics.geometry.view import FIXED
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.paint.footprint_mean import mean_albedo
+from gpusim.optics.shading.coefficients import PerTriangle
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.color import grey
-
-__all__ = [
-    "CONTACT",
-    "SEVERAL",
-    "THIN",
-    "backdrops",
-    "corners_over",
-    "fills",
-    "left_open",
-    "resolve_on_host",
-]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -82,24 +73,24 @@ def backdrops(
     row = np.flatnonzero(full)
     # the nearest that fills each pixel, behind others
     row = row[np.flatnonzero(np.diff(pixel[row], prepend=-1))]
-    own = pixel[row]
-    suits = (row > edges.start[own]) & ~edges.pierced[own]
+    pixel_of = pixel[row]
+    suits = (row > edges.start[pixel_of]) & ~edges.pierced[pixel_of]
     triangle = edges.triangle[: len(full)]
-    suits &= (setup.groups[triangle[row]] == 0) & ~setup.bumpy[triangle[row]]
-    row, own = row[suits], own[suits]
+    suits &= (setup.traits.groups[triangle[row]] == 0) & ~setup.traits.bumpy[triangle[row]]
+    row, pixel_of = row[suits], pixel_of[suits]
     if setup.lighting.shadows is not None and len(row):
-        several = row - edges.start[own] >= SEVERAL
-        row, own = row[several], own[several]
+        several = row - edges.start[pixel_of] >= SEVERAL
+        row, pixel_of = row[several], pixel_of[several]
         last = np.full(count, -1)
-        last[own] = row
+        last[pixel_of] = row
         front = np.flatnonzero(np.arange(len(full)) < last[pixel])
         farthest = np.full(count, np.inf)
         inverse = corner_range(setup.view.inverse_depth(triangle[front]))[0]
         np.minimum.at(farthest, pixel[front], inverse)
         a, b, c = depth_planes(corners[row], setup.view.inverse_depth(triangle[row])).T
         nearest = 1.0 / (c + 0.5 * (np.abs(a) + np.abs(b)))
-        side = float(np.linalg.norm(setup.rays()[:, 0]))
-        gap = nearest - 1.0 / farthest[own]
+        side = float(np.linalg.norm(setup.view.rays()[:, 0]))
+        gap = nearest - 1.0 / farthest[pixel_of]
         row = row[gap > CONTACT * side * nearest]
     result[row] = True
     return result
@@ -111,14 +102,14 @@ def left_open(
     """What pieces leave of ``count`` pixels: area (m,), centroid (m, 2) and second moments (m, 3)
     about the pixel's centre, of which pieces have ``size`` (n,), ``middle`` (n, 2) and ``second``
     (n, 3). ``number`` (n,): the pixel of each piece, -1 for none."""
-    own = np.flatnonzero(number >= 0)
-    values = np.column_stack([size, size[:, None] * middle, second])[own]
-    left = np.stack([
-        total - np.bincount(number[own], column, count)
+    inside = np.flatnonzero(number >= 0)
+    values = np.column_stack([size, size[:, None] * middle, second])[inside]
+    rest = np.stack([
+        total - np.bincount(number[inside], column, count)
         for total, column in zip(PIXEL, values.T, strict=True)
     ], axis=1)  # fmt: skip
-    area = np.maximum(left[:, 0], 0.0)
-    return area, left[:, 1:3] / np.where(area > 0.0, area, 1.0)[:, None], left[:, 3:]
+    area = np.maximum(rest[:, 0], 0.0)
+    return area, rest[:, 1:3] / np.where(area > 0.0, area, 1.0)[:, None], rest[:, 3:]
 
 
 THIN = 5e-4
@@ -171,13 +162,13 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
         wall = np.flatnonzero(behind)
         number = np.full(count, -1)
         number[pixel[wall]] = np.arange(len(wall))
-        left = left_open(number[pixel[row]], len(wall), size, middle, second)
-        open_ = np.flatnonzero(left[0] > SLIVER)
+        gaps = left_open(number[pixel[row]], len(wall), size, middle, second)
+        open_ = np.flatnonzero(gaps[0] > SLIVER)
         wall = wall[open_]
         row = np.concatenate([row, wall])
         size, middle, second = (
-            np.concatenate([own, more[open_]])
-            for own, more in zip((size, middle, second), left, strict=True)
+            np.concatenate([of_pieces, of_gaps[open_]])
+            for of_pieces, of_gaps in zip((size, middle, second), gaps, strict=True)
         )
         piece = np.concatenate([piece, pick(polygon, wall)])
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
@@ -187,12 +178,17 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
         sides = rectangles(size, middle, second)
     else:
         area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
-        some = np.flatnonzero(area > 0.0)
+        covered = np.flatnonzero(area > 0.0)
         printed, x, y, *albedos = (
-            np.bincount(row, size * values, len(pixel))[some] / area[some]
+            np.bincount(row, size * values, len(pixel))[covered] / area[covered]
             for values in (printed, *middle.T, *albedo)
         )
-        row, size, middle, albedo = some, area[some], np.stack([x, y], axis=1), np.stack(albedos)
+        row, size, middle, albedo = (
+            covered,
+            area[covered],
+            np.stack([x, y], axis=1),
+            np.stack(albedos),
+        )
     x, y = (at[row] + view.camera.pixel_side * middle).T
     light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides, shares)
     seen = np.bincount(pixel[row], size, count)
@@ -216,51 +212,36 @@ def _mean_albedo(
     featured = setup.table.paints["featured"][paint]
     # all of a polygon through the cubic of its pixel
     within = side * np.concatenate([centroid[:, None], polygon], axis=1)
-    ideal = _undistorted(setup, at, at[:, None] + within)
+    ideal = _undistorted(setup.view.camera, at, at[:, None] + within)
+
+    def seen(rows: Long) -> tuple[Long, Array, Array, Array]:
+        """Cell, place, polygons and weights of some rows, on their paint."""
+        records = setup.coefficients.of(triangle[rows])
+        middle, w0 = _paint_positions(records, ideal[rows, :1])
+        corners, w = _paint_positions(records, ideal[rows, 1:])
+        return records.cell, middle[:, 0], corners - middle, w / w0
+
     rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
     if len(rows):
-        own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
-        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
+        footprints = seen(rows)
         for values, band in zip(albedo, setup.bands, strict=True):
-            values[rows] = mean_albedo(
-                band.table, paint[rows], setup.of(own).cell, middle[:, 0], corners - middle, w / w0
-            )
+            values[rows] = mean_albedo(band.table, paint[rows], *footprints)
     for number in setup.bitmaps.images:
         rows = np.flatnonzero(paint == number)
-        own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
-        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
+        footprints = seen(rows)
         for values, band in zip(albedo, setup.bands, strict=True):
             image = band.bitmaps.images[number]
-            values[rows] = mean_over_polygons(
-                image,
-                grey(image.ground),
-                setup.of(own).cell,
-                middle[:, 0],
-                corners - middle,
-                w / w0,
-            )
+            values[rows] = mean_over_polygons(image, grey(image.ground), *footprints)
     printed = np.zeros(len(paint))
-    rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
+    rows = np.flatnonzero((featured == 1) & setup.traits.shiny[triangle])
     if len(rows):
-        own = triangle[rows]
-        middle, w0 = _paint_positions(setup, own, ideal[rows, :1])
-        corners, w = _paint_positions(setup, own, ideal[rows, 1:])
-        printed[rows] = mean_albedo(
-            setup.table.mask(),
-            paint[rows],
-            setup.of(own).cell,
-            middle[:, 0],
-            corners - middle,
-            w / w0,
-        )
+        printed[rows] = mean_albedo(setup.table.mask(), paint[rows], *seen(rows))
     return albedo, printed
 
 
-def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
+def _undistorted(camera: Camera, pixel: Array, at: Array) -> Array:
     """Ideal positions of image positions (n, V, 2) in pixels (n, 2)."""
-    bends = distortion_map(setup.view.camera)
+    bends = distortion_map(camera)
     if bends is None:
         return at
     owner = np.repeat(pixel.astype(np.int64), at.shape[1], axis=0)
@@ -268,11 +249,8 @@ def _undistorted(setup: Setup, pixel: Array, at: Array) -> Array:
     return (flat + bends.evaluate(owner, flat - owner)[0]).reshape(at.shape)
 
 
-def _paint_positions(
-    setup: Setup, triangle: npt.NDArray[np.int64], pixels: Array
-) -> tuple[Array, Array]:
+def _paint_positions(records: PerTriangle, pixels: Array) -> tuple[Array, Array]:
     """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
-    own = setup.of(triangle)
-    d, planes = pixels - own.anchor[:, None], own.planes[:, :3]
+    d, planes = pixels - records.anchor[:, None], records.planes[:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]
     return values[..., :2] / values[..., 2:], values[..., 2]

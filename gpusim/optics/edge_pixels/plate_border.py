@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import MARGIN, segment_hits
 from gpusim.optics.frame import Band, write_pixels
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.polygon_clipping import (
     clip_square,
     half_plane_share,
@@ -23,10 +24,8 @@ from gpusim.optics.geometry.polygon_clipping import (
     moments,
 )
 from gpusim.optics.geometry.triangle_corners import ST
-from gpusim.optics.geometry.view import RegionPaint, View
+from gpusim.optics.geometry.view import View
 from gpusim.surface.paint import Checker, Plain
-
-__all__ = ["Border", "PlateBorderPass"]
 
 Array = npt.NDArray[np.float64]
 

@@ -37,11 +37,9 @@ from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns
 from gpusim.optics.paint.feature_grid import LOOP_TURNS, FeatureGrid
 from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import Setup, footprint
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
-
-__all__ = ["EdgePixelPass", "edges_twin", "grazing_turns", "speckle_turns"]
 
 Array = npt.NDArray[np.float64]
 MAX_DEPTH = 64
@@ -68,12 +66,12 @@ class EdgePixelPass:
 
     def __init__(self, buffers: SceneBuffers, edges: EdgePixels) -> None:
         # about what one triangle takes: clipping and samples, then its features' corners
-        table, fine = buffers.setup.table, buffers.setup.constants([1], False, False)["fine"]
+        table, fine = buffers.setup.table, buffers.setup.programs.fine
         turns = 200 + table.most_in_a_cell * (2000 if fine else 50) + speckle_turns(table)
-        self._present = buffers.setup.groups_present()
+        self._present = buffers.setup.traits.groups_present()
         turns += 3000 if BITMAP in self._present else 0
         each = turns + grazing_turns(buffers.setup, edges)
-        groups = buffers.setup.groups[edges.triangle]
+        groups = buffers.setup.traits.groups[edges.triangle]
         deep = edges.pierced | (edges.depth > np.minimum(MAX_DEPTH, LOOP_TURNS // each))
         self.buffers = buffers
         order = _alike(edges, deep, np.broadcast_to(each, deep.shape), groups)
@@ -95,8 +93,8 @@ class EdgePixelPass:
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
         lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
-        found = device.empty(4 * self._words * count, "edges.found")
-        constants = setup.constants(self._present, bool(setup.shiny.any()), bool(setup.bumpy.any()))
+        values = device.empty(4 * self._words * count, "edges.found")
+        constants = setup.programs.constants(self._present, *setup.programs.looks)
         shared = {
             "params": {
                 "rays": self.buffers.rays(),
@@ -104,7 +102,7 @@ class EdgePixelPass:
                 "background": setup.background,
             },
             "lists": device.buffer(lists, "edges.lists"),
-            "found": found,
+            "found": values,
             **self.buffers.shared(),
             **self.buffers.vertex_buffers.outlines(),
         }
@@ -113,11 +111,11 @@ class EdgePixelPass:
         else:
             shared |= no_pieces(device)
             with device.recording("optics.edges") as recording:
-                name = setup.program("optics/edge_pixels/resolve")
+                name = setup.programs.name("optics/edge_pixels/resolve")
                 kernel = device.kernel(name, "main", constants)
                 bindings = kernel.bind_used(range=_range(0, count), **shared)
                 recording.dispatch(kernel, bindings, threads=(count,))
-        self._values = found.read(np.float32, (count, self._words))
+        self._values = values.read(np.float32, (count, self._words))
 
     def _find_pieces(
         self, shadows: Shadows, constants: dict[str, float], shared: dict[str, Any]
@@ -149,7 +147,7 @@ class EdgePixelPass:
         self, values: dict[str, Any], count: int, entry: str, constants: dict[str, float]
     ) -> None:
         device = self.buffers.device
-        name = self.buffers.setup.program("optics/edge_pixels/resolve")
+        name = self.buffers.setup.programs.name("optics/edge_pixels/resolve")
         kernel = device.kernel(name, entry, constants)
         with device.recording("optics.edges") as recording:
             recording.dispatch(kernel, kernel.bind_used(**values), threads=(count,))
@@ -205,15 +203,15 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     if setup.lighting.shadows is None:
         return result
     rows = np.flatnonzero(edges.depth > SEVERAL)
-    some = edges.select(rows)
+    chosen = edges.select(rows)
     # what a square lies in is twice as large at least; of fine meshes hardly any triangle is
-    a, b, c = np.moveaxis(setup.view.screen_of(some.triangle), 1, 0)
+    a, b, c = np.moveaxis(setup.view.screen_of(chosen.triangle), 1, 0)
     (x, y), (u, v) = (b - a).T, (c - a).T
     large = np.flatnonzero(np.abs(x * v - y * u) > 3.9 * setup.view.camera.pixel_side**2)
     corners, full = np.zeros((len(x), 3, 2)), np.zeros(len(x), bool)
-    corners[large] = corners_over(setup, some, large)[2]
+    corners[large] = corners_over(setup, chosen, large)[2]
     full[large] = fills(half_planes(corners[large]))
-    result[np.repeat(rows, some.depth)[backdrops(setup, some, full, corners)]] = True
+    result[np.repeat(rows, chosen.depth)[backdrops(setup, chosen, full, corners)]] = True
     return result
 
 
@@ -302,13 +300,13 @@ def _widest_part(setup: Setup, triangle: npt.NDArray[np.int64], st: Array) -> Ar
     result = np.zeros((len(triangle), 2))
     for corner in range(3):
         at = setup.view.screen[triangle, corner]
-        _, ex, ey, _ = footprint(setup, triangle, at[:, 0], at[:, 1])
+        _, _, ex, ey, _ = setup.coefficients.footprint(triangle, at[:, 0], at[:, 1])
         for axis in (0, 1):
-            own, other = np.stack([ex, ey])[:, :, [axis, 1 - axis]].transpose(2, 0, 1)
-            bounds = [np.abs(own).sum(axis=0)]
+            sides, across = np.stack([ex, ey])[:, :, [axis, 1 - axis]].transpose(2, 0, 1)
+            bounds = [np.abs(sides).sum(axis=0)]
             for k in (0, 1):
-                ratio = own[k] / np.where(other[k] != 0.0, other[k], 1e-300)
-                rest = np.abs(own[1 - k] - ratio * other[1 - k])
+                ratio = sides[k] / np.where(across[k] != 0.0, across[k], 1e-300)
+                rest = np.abs(sides[1 - k] - ratio * across[1 - k])
                 bounds.append(np.abs(ratio) * limit[:, 1 - axis] + rest)
             result[:, axis] = np.maximum(result[:, axis], np.min(bounds, axis=0))
     return result

@@ -26,8 +26,6 @@ from gpusim.optics.geometry.polygon_clipping import (
     pick,
 )
 
-__all__ = ["SLIVER", "TOUCH", "Cutting", "depth_planes", "order_overlapping", "visible_polygons"]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
@@ -107,12 +105,12 @@ def visible_polygons(
     before = np.where(vertex_buffers, fronts, 0)
     behind, before_it = [], []
     for part in batches(before, PAIRS):
-        own, step = expand(before[part])
-        own += part.start
-        other = first[own] + step
-        meets = _overlap(polygon, planes, corners, own, other)
-        behind.append(own[meets])
-        before_it.append(other[meets])
+        back_row, step = expand(before[part])
+        back_row += part.start
+        front_row = first[back_row] + step
+        meets = _overlap(polygon, planes, corners, back_row, front_row)
+        behind.append(back_row[meets])
+        before_it.append(front_row[meets])
     hidden, by = (
         np.concatenate([np.zeros(0, np.int64), *behind]),
         np.concatenate([np.zeros(0, np.int64), *before_it]),
@@ -148,18 +146,18 @@ def visible_polygons(
 
 
 def _overlap(
-    polygon: Array, planes: Array, corners: Array, own: Long, other: Long
+    polygon: Array, planes: Array, corners: Array, back: Long, front: Long
 ) -> npt.NDArray[np.bool_]:
-    """Whether no side of either triangle separates those of rows ``own`` from ``other`` (n,)."""
-    near = np.ones(len(own), bool)
+    """Whether no side of either triangle separates those of rows ``back`` from ``front`` (n,)."""
+    near = np.ones(len(back), bool)
     for axis in np.asfortranarray(polygon).T:
         low, high = axis.min(axis=0), axis.max(axis=0)
-        near &= (low[own] < high[other]) & (low[other] < high[own])
-    some = np.flatnonzero(near)
-    for shapes, sides, a, b in ((polygon, planes, own, other), (corners, planes, other, own)):
-        some = some[~beyond(pick(sides, b[some]), pick(shapes, a[some]), TOUCH)]
-    result = np.zeros(len(own), bool)
-    result[some[own[some] != other[some]]] = True
+        near &= (low[back] < high[front]) & (low[front] < high[back])
+    pairs = np.flatnonzero(near)
+    for shapes, sides, a, b in ((polygon, planes, back, front), (corners, planes, front, back)):
+        pairs = pairs[~beyond(pick(sides, b[pairs]), pick(shapes, a[pairs]), TOUCH)]
+    result = np.zeros(len(back), bool)
+    result[pairs[back[pairs] != front[pairs]]] = True
     return result
 
 
@@ -181,11 +179,11 @@ def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[
         np.concatenate(counts),
         np.tile(owner, len(shapes)),
     )
-    some = np.tile(touched, len(shapes)) & (moments(shape)[0] > SLIVER)
+    solid = np.tile(touched, len(shapes)) & (moments(shape)[0] > SLIVER)
     return (
-        np.concatenate([owner[~touched], whose[some]]),
-        np.concatenate([pick(pieces, ~touched), pick(shape, some)]),
-        np.concatenate([size[~touched], count[some]]),
+        np.concatenate([owner[~touched], whose[solid]]),
+        np.concatenate([pick(pieces, ~touched), pick(shape, solid)]),
+        np.concatenate([size[~touched], count[solid]]),
     )
 
 
@@ -227,11 +225,11 @@ def order_overlapping(
     """
     across, down, height = depth_planes(corners, inverse).T
     reach = 0.5 * (np.abs(across) + np.abs(down))
-    own = entry[order]
-    count = np.bincount(own)
+    pixel = entry[order]
+    count = np.bincount(pixel)
     # rows of the same pixel that come after each one
-    after = (np.cumsum(count) - 1)[own] - np.arange(len(order))
-    after[(count > MAX_THINGS)[own]] = 0
+    after = (np.cumsum(count) - 1)[pixel] - np.arange(len(order))
+    after[(count > MAX_THINGS)[pixel]] = 0
     kind = paint[order]
     firsts, seconds = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     first = np.arange(len(order))
@@ -257,33 +255,35 @@ def order_overlapping(
     result = order.copy()
     start = np.cumsum(count) - count
     wrong = distinct(entry[a[behind]])
-    there = np.isin(entry[a], wrong)
-    rest = there.copy()
+    disordered = np.isin(entry[a], wrong)
+    rest = disordered.copy()
     rest[maybe] = False
     both[rest], _ = _common(pick(corners, a[rest]), pick(corners, b[rest]))
-    told = np.flatnonzero(both & there)
+    overlapping = np.flatnonzero(both & disordered)
     front: set[tuple[int, int]] = set()
-    for k in told:
+    for k in overlapping:
         pair = int(a[k]), int(b[k])
         front.add(pair[::-1] if behind[k] else pair)
     for k in wrong:
-        left = order[start[k] : start[k] + count[k]].tolist()
+        waiting = order[start[k] : start[k] + count[k]].tolist()
         sorted_rows: list[int] = []
-        while left:
-            free = (row for row in left if not any((one, row) in front for one in left))
-            sorted_rows.append(next(free, left[0]))
-            left.remove(sorted_rows[-1])
+        while waiting:
+            free = (row for row in waiting if not any((one, row) in front for one in waiting))
+            sorted_rows.append(next(free, waiting[0]))
+            waiting.remove(sorted_rows[-1])
         result[start[k] : start[k] + count[k]] = sorted_rows
     return result
 
 
 def _common(one: Array, two: Array) -> tuple[npt.NDArray[np.bool_], Array]:
     """Whether triangles (n, 3, 2) have a part of the pixel in common, and its middle (n, 2)."""
-    own, other = half_planes(one), half_planes(two)
+    planes_one, planes_two = half_planes(one), half_planes(two)
     # neighbours share a side: most pairs are told apart by one line
-    meet = np.flatnonzero(~beyond(own, two, MIN_AREA))
-    meet = meet[~beyond(pick(other, meet), pick(one, meet), MIN_AREA)]
-    polygon, size = clip_square(np.concatenate([pick(own, meet), pick(other, meet)], axis=1))
+    meet = np.flatnonzero(~beyond(planes_one, two, MIN_AREA))
+    meet = meet[~beyond(pick(planes_two, meet), pick(one, meet), MIN_AREA)]
+    polygon, size = clip_square(
+        np.concatenate([pick(planes_one, meet), pick(planes_two, meet)], axis=1)
+    )
     area, centre = moments(polygon)
     both, middle = np.zeros(len(one), bool), np.zeros((len(one), 2))
     both[meet], middle[meet] = (size > 2) & (area > MIN_AREA), centre

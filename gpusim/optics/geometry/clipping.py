@@ -19,13 +19,6 @@ from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 
-__all__ = [
-    "MAX_EDGE", "SURELY_SHORT", "ClippedTriangles", "ImagePlane", "clip", "extent", "joined",
-    "split",
-    "without_area",
-    "wound",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 

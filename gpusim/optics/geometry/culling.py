@@ -13,8 +13,6 @@ from gpusim.optics.geometry.clipping import ImagePlane, wound
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.surface import Surface
 
-__all__ = ["Culled", "cull", "wound_inwards"]
-
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 

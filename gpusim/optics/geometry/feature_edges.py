@@ -10,17 +10,6 @@ import numpy.typing as npt
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.topology import Topology
 
-__all__ = [
-    "area_normals",
-    "border_of",
-    "corner_normals",
-    "creases",
-    "feature_edges",
-    "sharp_normals",
-    "smooth_normals",
-    "unit",
-]
-
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int64]
@@ -82,8 +71,8 @@ def feature_edges(
     if not front.all():
         jump |= front[first] != front[second]
     if region.any():
-        own = region[topology.source]
-        jump |= own[first] != own[second]
+        region_of = region[topology.source]
+        jump |= region_of[first] != region_of[second]
     if not seen.all():
         edge = np.flatnonzero(jump)
         jump[edge] = seen[first[edge]] | seen[second[edge]]
@@ -114,8 +103,8 @@ def creases(topology: Topology, normal: Array, smooth_angle: float, edges: Numbe
             part = slice(first, first + CHUNK)
             normal[:, part] = unit(of_triangles[:, part])
     for start in range(0, len(numbers), CHUNK):
-        own = numbers[start : start + CHUNK]
-        sides = [np.take(triangle, own) for triangle in (topology.first, topology.second)]
+        chunk = numbers[start : start + CHUNK]
+        sides = [np.take(triangle, chunk) for triangle in (topology.first, topology.second)]
         a, b = (np.take(topology.source, triangle, mode="clip") for triangle in sides)
         between = np.flatnonzero(a != b)
         one, other = (np.take(normal, side[between], axis=1, mode="clip") for side in sides)
@@ -164,11 +153,11 @@ def sharp_normals(
     area: Array,
     triangles: npt.NDArray[np.int64],
     sharp: npt.NDArray[np.bool_],
-    own: npt.NDArray[np.int64],
+    faces: npt.NDArray[np.int64],
     vertex: npt.NDArray[np.int64],
     smooth_angle: float,
 ) -> Array:
-    """Normals (n, 3) of triangles ``own`` at their corners ``vertex``, which are ``sharp``.
+    """Normals (n, 3) of triangles ``faces`` at their corners ``vertex``, which are ``sharp``.
 
     The mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the vertex
     whose normal lies within ``smooth_angle`` of the triangle's own.
@@ -184,13 +173,13 @@ def sharp_normals(
     row = np.repeat(np.arange(len(vertex)), degree)
     begin = np.cumsum(degree) - degree
     neighbour = around[start[vertex[row]] + np.arange(len(row)) - begin[row]]
-    there = np.take(area, neighbour, axis=1)
-    direction = unit(np.take(area, own, axis=1))
-    cosine = np.sum(direction[:, row] * unit(there), axis=0)
-    weight = np.where(cosine >= np.cos(smooth_angle), there, 0.0)
+    neighbour_area = np.take(area, neighbour, axis=1)
+    direction = unit(np.take(area, faces, axis=1))
+    cosine = np.sum(direction[:, row] * unit(neighbour_area), axis=0)
+    weight = np.where(cosine >= np.cos(smooth_angle), neighbour_area, 0.0)
     total = np.add.reduceat(weight, begin, axis=1)
-    found = np.any(total != 0.0, axis=0)
-    result: Array = np.where(found, unit(total), direction).T
+    defined = np.any(total != 0.0, axis=0)
+    result: Array = np.where(defined, unit(total), direction).T
     return result
 
 

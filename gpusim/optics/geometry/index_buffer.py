@@ -26,8 +26,6 @@ from gpusim.optics.geometry.clipping import (
 from gpusim.optics.geometry.triangle_corners import CHUNK, at_corners
 from gpusim.surface.frames import used_vertices
 
-__all__ = ["IndexedTriangles", "whole_triangles"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 
@@ -108,7 +106,7 @@ SHORT = 0.7
 
 
 def whole_triangles(
-    found: IndexedTriangles, screen: ImagePlane, crossing: Flags
+    triangles: IndexedTriangles, screen: ImagePlane, crossing: Flags
 ) -> tuple[IndexedTriangles, Flags]:
     """What is drawn as it is of triangles on the ideal image, at its place through the lens.
 
@@ -116,7 +114,7 @@ def whole_triangles(
     drawn of them is out of view.
     """
     # vertices behind the camera are those of triangles that are clipped
-    ideal = place = np.where(np.isfinite(found.place), found.place, 0.0)
+    ideal = place = np.where(np.isfinite(triangles.place), triangles.place, 0.0)
     bent = screen.camera.lens is not None
     limits = [SURELY_SHORT, SURELY_SHORT]
     if bent:
@@ -127,29 +125,29 @@ def whole_triangles(
             SHORT * min(np.sqrt(chord) * screen.straight, MAX_BENT_EDGE)
             for chord in (CHORD_INSIDE, CHORD)
         ]
-    count = len(found.source)
+    count = len(triangles.source)
     done, drawn, extent = np.empty(count, bool), np.empty(count, bool), 0.0
     for first in range(0, count, CHUNK):
         part = slice(first, first + CHUNK)
-        corner = [found.corner[part, k] for k in range(3)]
-        straight, own = (
+        corner = [triangles.corner[part, k] for k in range(3)]
+        straight, through_lens = (
             [[np.take(at[:, axis], c, mode="clip") for c in corner] for axis in range(2)]
             for at in (ideal, place)
         )
         size = np.zeros(len(corner[0]))
         seen = ~without_area(*straight)
-        for axis, (a, b, c) in enumerate(own):
+        for axis, (a, b, c) in enumerate(through_lens):
             low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
             np.maximum(size, high - low, out=size)
             if bent:
                 seen &= (high > screen.image[0][axis]) & (low < screen.image[1][axis])
         if bent:
-            seen &= _twice_area(*straight) * _twice_area(*own) > 0.0
-        done[part] = size <= np.where(found.shows[part].any(axis=1), limits[1], limits[0])
+            seen &= _twice_area(*straight) * _twice_area(*through_lens) > 0.0
+        done[part] = size <= np.where(triangles.shows[part].any(axis=1), limits[1], limits[0])
         done[part] &= ~crossing[part]
         drawn[part] = seen & done[part]
         extent = max(extent, float((size * drawn[part]).max()))
-    return found.some(drawn, place, extent), done
+    return triangles.some(drawn, place, extent), done
 
 
 def _twice_area(

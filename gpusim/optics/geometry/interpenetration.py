@@ -24,8 +24,6 @@ from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-__all__ = ["Discontinuities", "pierced", "piercings"]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
@@ -48,7 +46,7 @@ def pierced(bodies: Sequence[Array]) -> tuple[Array, Long]:
         for triangles in bodies
     ]
     first_of = np.cumsum([0, *(len(triangles) for triangles in bodies)])
-    found, numbers = [np.zeros((0, 2, 3))], [np.zeros((0, 2), np.int64)]
+    segments, numbers = [np.zeros((0, 2, 3))], [np.zeros((0, 2), np.int64)]
     for a, b in combinations(range(len(bodies)), 2):
         first, second = boxes[a], boxes[b]
         if first is None or second is None:
@@ -57,13 +55,15 @@ def pierced(bodies: Sequence[Array]) -> tuple[Array, Long]:
         if not (low <= high).all():
             continue
         rows = [_inside(bodies[k], low, high) for k in (a, b)]
-        own, other = (bodies[k][inside] for k, inside in zip((a, b), rows, strict=True))
-        i, j = _pairs(own, other, low, high)
-        pair, sections = _sections(own[i], other[j])
-        found.append(sections)
+        triangles_a, triangles_b = (
+            bodies[k][inside] for k, inside in zip((a, b), rows, strict=True)
+        )
+        i, j = _pairs(triangles_a, triangles_b, low, high)
+        pair, sections = _sections(triangles_a[i], triangles_b[j])
+        segments.append(sections)
         one, two = i[pair], j[pair]
         numbers.append(np.stack([first_of[a] + rows[0][one], first_of[b] + rows[1][two]], axis=1))
-    return np.concatenate(found), np.concatenate(numbers)
+    return np.concatenate(segments), np.concatenate(numbers)
 
 
 def _inside(triangles: Array, low: Array, high: Array) -> Long:
@@ -72,12 +72,12 @@ def _inside(triangles: Array, low: Array, high: Array) -> Long:
     return np.flatnonzero(meets.all(axis=1))
 
 
-def _pairs(own: Array, other: Array, low: Array, high: Array) -> tuple[Long, Long]:
+def _pairs(triangles_a: Array, triangles_b: Array, low: Array, high: Array) -> tuple[Long, Long]:
     """Numbers of triangles whose boxes overlap."""
-    side = int(np.clip(np.sqrt(len(own) + len(other)), 1, FINEST))
+    side = int(np.clip(np.sqrt(len(triangles_a) + len(triangles_b)), 1, FINEST))
     size = np.maximum(high - low, 1e-300) / side
     listed = []
-    for triangles in (own, other):
+    for triangles in (triangles_a, triangles_b):
         start = np.clip(np.floor((triangles.min(axis=1) - low) / size), 0, side - 1)
         stop = np.clip(np.floor((triangles.max(axis=1) - low) / size), 0, side - 1)
         span = (stop - start + 1).astype(np.int64)
@@ -91,48 +91,48 @@ def _pairs(own: Array, other: Array, low: Array, high: Array) -> tuple[Long, Lon
     (cell, number), (cells, numbers) = listed
     first = np.searchsorted(cells, cell)
     run, step = expand(np.searchsorted(cells, cell, side="right") - first)
-    pair = distinct(number[run] * max(len(other), 1) + numbers[first[run] + step])
-    i, j = np.divmod(pair, max(len(other), 1))
-    meets = (own[i].min(axis=1) <= other[j].max(axis=1)).all(axis=1)
-    meets &= (own[i].max(axis=1) >= other[j].min(axis=1)).all(axis=1)
+    pair = distinct(number[run] * max(len(triangles_b), 1) + numbers[first[run] + step])
+    i, j = np.divmod(pair, max(len(triangles_b), 1))
+    meets = (triangles_a[i].min(axis=1) <= triangles_b[j].max(axis=1)).all(axis=1)
+    meets &= (triangles_a[i].max(axis=1) >= triangles_b[j].min(axis=1)).all(axis=1)
     return i[meets], j[meets]
 
 
-def _sections(own: Array, other: Array) -> tuple[Long, Array]:
+def _sections(cutters: Array, crossed: Array) -> tuple[Long, Array]:
     """Which pairs of triangles (n, 3, 3) cut each other, and the segments (S, 2, 3) in which they
     do."""
-    normal = np.cross(own[:, 1] - own[:, 0], own[:, 2] - own[:, 0])
+    normal = np.cross(cutters[:, 1] - cutters[:, 0], cutters[:, 2] - cutters[:, 0])
     length = np.linalg.norm(normal, axis=1)
     normal = normal / np.where(length > 0.0, length, 1.0)[:, None]
-    height = np.einsum("nvd,nd->nv", other - own[:, :1], normal)
-    flat = PLANE_TOLERANCE * np.abs(np.concatenate([own, other], axis=1)).max(
+    height = np.einsum("nvd,nd->nv", crossed - cutters[:, :1], normal)
+    flat = PLANE_TOLERANCE * np.abs(np.concatenate([cutters, crossed], axis=1)).max(
         axis=(1, 2), initial=0.0
     )
     cuts = (height.min(axis=1) < -flat) & (height.max(axis=1) > flat) & (length > 0.0)
-    own, other, normal, height = own[cuts], other[cuts], normal[cuts], height[cuts]
+    cutters, crossed, normal, height = cutters[cuts], crossed[cuts], normal[cuts], height[cuts]
     # the corner alone on its side, then the ways from it to the other two
     above = height > 0.0
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), above.argmin(axis=1))
-    rows = np.arange(len(own))
+    rows = np.arange(len(cutters))
     ends = []
     for step in (1, 2):
         k = (alone + step) % 3
         h, g = height[rows, alone], height[rows, k]
         t = h / np.where(h != g, h - g, 1.0)
-        ends.append(other[rows, alone] + t[:, None] * (other[rows, k] - other[rows, alone]))
+        ends.append(crossed[rows, alone] + t[:, None] * (crossed[rows, k] - crossed[rows, alone]))
     p, q = ends
-    low, high = np.zeros(len(own)), np.ones(len(own))
+    low, high = np.zeros(len(cutters)), np.ones(len(cutters))
     for k in range(3):
-        a, b = own[:, k], own[:, (k + 1) % 3]
+        a, b = cutters[:, k], cutters[:, (k + 1) % 3]
         inward = np.cross(normal, b - a)
         d, e = np.sum(inward * (p - a), axis=1), np.sum(inward * (q - a), axis=1)
         t = d / np.where(d != e, d - e, 1.0)
         low = np.where(d < 0.0, np.where(e < 0.0, 2.0, np.maximum(low, t)), low)
         high = np.where((e < 0.0) & (d >= 0.0), np.minimum(high, t), high)
-    some = low < high
-    p, way = p[some], (q - p)[some]
-    ends = [p + low[some, None] * way, p + high[some, None] * way]
-    return np.flatnonzero(cuts)[some], np.stack(ends, axis=1)
+    crossing = low < high
+    p, way = p[crossing], (q - p)[crossing]
+    ends = [p + low[crossing, None] * way, p + high[crossing, None] * way]
+    return np.flatnonzero(cuts)[crossing], np.stack(ends, axis=1)
 
 
 Numbers = npt.NDArray[np.int64]
@@ -175,23 +175,23 @@ class Discontinuities:
         number = np.searchsorted(view.body, np.arange(len(surfaces) + 1))
         bodies = []
         for (a, b), sheet in zip(pairwise(number), open_, strict=True):
-            own, middle = corners[a:b], corners[a:b].mean(axis=1, keepdims=True)
+            triangles, middle = corners[a:b], corners[a:b].mean(axis=1, keepdims=True)
             # what only stands on another one parts it as well
-            bodies.append(middle + (1.0 + TOUCH) * (own - middle) if sheet else own)
+            bodies.append(middle + (1.0 + TOUCH) * (triangles - middle) if sheet else triangles)
         segments, pair = pierced(bodies)
-        own = np.concatenate([pair[:, 0], pair[:, 1]])
-        other = np.concatenate([pair[:, 1], pair[:, 0]])
+        parted = np.concatenate([pair[:, 0], pair[:, 1]])
+        cutting = np.concatenate([pair[:, 1], pair[:, 0]])
         segments = np.concatenate([segments, segments])
-        kept = np.flatnonzero(open_[view.body[other]])
-        kept = kept[np.argsort(own[kept], kind="stable")]
+        kept = np.flatnonzero(open_[view.body[cutting]])
+        kept = kept[np.argsort(parted[kept], kind="stable")]
         if not len(kept):
             return None
-        a, b, c = np.moveaxis(corners[other[kept]], 1, 0)
+        a, b, c = np.moveaxis(corners[cutting[kept]], 1, 0)
         normal = np.cross(b - a, c - a)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
         offset = -np.sum(normal * a, axis=1)
         planes = np.column_stack([normal, offset]) * np.where(offset < 0.0, -1.0, 1.0)[:, None]
-        first = np.searchsorted(own[kept], np.arange(view.count + 1))
+        first = np.searchsorted(parted[kept], np.arange(view.count + 1))
         ends = segments[kept]
         way = ends[:, 1] - ends[:, 0]
         way /= np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
@@ -206,24 +206,24 @@ class Discontinuities:
         that cuts the piece, or on it; none of pieces of which all are."""
         result = np.zeros(at.shape[:2], bool)
         count = np.diff(self.first)[triangle]
-        some = np.flatnonzero(count)
-        low, high = at[some].min(axis=1), at[some].max(axis=1)
+        pieces = np.flatnonzero(count)
+        low, high = at[pieces].min(axis=1), at[pieces].max(axis=1)
         size = (high - low).max(axis=1)
-        for part in batches(count[some], TOGETHER):
-            row, step = expand(count[some[part]])
+        for part in batches(count[pieces], TOGETHER):
+            row, step = expand(count[pieces[part]])
             row += part.start
-            section = self.first[triangle[some[row]]] + step
+            section = self.first[triangle[pieces[row]]] + step
             slack = NEAR * size[row][:, None]
             meets = (self.low[section] <= high[row] + slack).all(axis=1)
             meets &= (self.high[section] >= low[row] - slack).all(axis=1)
             row, section, slack = row[meets], section[meets], slack[meets]
-            places, plane = at[some[row]], self.planes[section]
+            places, plane = at[pieces[row]], self.planes[section]
             height = np.einsum("na,nka->nk", plane[:, :3], places) + plane[:, 3:]
             # where the way to the eye goes through the plane
             through = places * (plane[:, 3:] / np.maximum(plane[:, 3:] - height, 1e-300))[..., None]
             hidden = (height <= slack) & self._beside(section, through, slack)
             hidden |= (np.abs(height) <= slack) & self._beside(section, places, slack)
-            np.logical_or.at(result, some[row], hidden)
+            np.logical_or.at(result, pieces[row], hidden)
         result[result.all(axis=1)] = False
         return result
 

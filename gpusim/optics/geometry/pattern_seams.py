@@ -21,8 +21,6 @@ from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.topology import Topology
 
-__all__ = ["grain_of", "speckle_jumps"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
@@ -52,21 +50,21 @@ def grain_of(paint: Paint, frame: Frame) -> float:
 
 
 def speckle_jumps(
-    topology: Topology, kept: Numbers, own: Flags, st_of: Callable[[Numbers], Array],
+    topology: Topology, kept: Numbers, in_region: Flags, st_of: Callable[[Numbers], Array],
     points: Array, ideal: Array, grain: float, whole: bool,
 ) -> Numbers:  # fmt: skip
     """Numbers of the edges in a region with speckle whose pixels are put together.
 
     Parameters
     ----------
-    kept : (n,) triangles that may be seen; ``own`` (n,) which of them are the region's.
+    kept : (n,) triangles that may be seen; ``in_region`` (n,) which of them are the region's.
     st_of : paint coordinates (m, 3, 2) of the corners of some (m,) of the triangles ``kept``.
     grain : the speckle's diameter, or what stands for it (`grain_of`).
     points, ideal : vertices in camera space and on the ideal image; infinite behind the camera.
     whole : a vertex has the same coordinates in all triangles; then there are no seams.
     """
     place = np.full(len(topology.triangles), -1)
-    rows = np.flatnonzero(own)
+    rows = np.flatnonzero(in_region)
     place[kept[rows]] = rows
     if whole:
         # few triangles turn away so far: edges of others aren't looked at
@@ -96,19 +94,21 @@ def speckle_jumps(
     for vertices in corners:
         bent |= _cosine(points[vertices]) < STEEP
         bent &= np.isfinite(ideal[vertices]).all(axis=(1, 2))
-    some = np.flatnonzero(bent & ~seam)
-    edge = sides[0][1][some]
+    bent_edges = np.flatnonzero(bent & ~seam)
+    edge = sides[0][1][bent_edges]
     depth = points[edge, 2].mean(axis=1)
-    slopes, narrow = [], np.full(len(some), np.inf)
+    slopes, narrow = [], np.full(len(bent_edges), np.inf)
     for own_st, vertices, pair in zip(st, corners, ends, strict=True):
-        screen = ideal[vertices[some]]
-        slope, area = _slope(screen, points[vertices[some], 2], own_st[some], pair[some], depth)
+        screen = ideal[vertices[bent_edges]]
+        slope, area = _slope(
+            screen, points[vertices[bent_edges], 2], own_st[bent_edges], pair[bent_edges], depth
+        )
         slopes.append(slope)
         length = np.linalg.norm(ideal[edge[:, 1]] - ideal[edge[:, 0]], axis=1)
         narrow = np.minimum(narrow, np.abs(area) / np.maximum(length, 1e-300))
     jump = np.sqrt(((slopes[0] - slopes[1]) ** 2).sum(axis=(1, 2)))
     bends = jump > BEND * grain * np.clip(narrow, 1e-3, 1.0)
-    result: Numbers = inner[np.concatenate([np.flatnonzero(seam), some[bends]])]
+    result: Numbers = inner[np.concatenate([np.flatnonzero(seam), bent_edges[bends]])]
     return result
 
 
@@ -119,8 +119,8 @@ def _turned_away(points: Array, triangles: Numbers, rows: Numbers) -> Flags:
     every = len(rows) == len(triangles)
     for first in range(0, len(rows), CHUNK):
         part = slice(first, first + CHUNK)
-        own = triangles[part] if every else triangles[rows[part]]
-        x, y, z = ([np.take(column, own[:, k]) for k in range(3)] for column in columns)
+        corners = triangles[part] if every else triangles[rows[part]]
+        x, y, z = ([np.take(column, corners[:, k]) for k in range(3)] for column in columns)
         (ux, vx), (uy, vy), (uz, vz) = ((c[1] - c[0], c[2] - c[0]) for c in (x, y, z))
         sight = [c[0] + c[1] + c[2] for c in (x, y, z)]
         normal = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

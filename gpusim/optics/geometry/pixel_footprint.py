@@ -28,19 +28,6 @@ from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
 
-__all__ = [
-    "MAX_PIECES",
-    "MAX_ROW_PIECES",
-    "MAX_SIDE_PIECES",
-    "Pieces",
-    "RegionPaint",
-    "grazing_reach",
-    "may_graze",
-    "pieces_of",
-    "regions_of",
-    "with_reach",
-]
-
 Array = npt.NDArray[np.float64]
 
 MAX_PIECES, MAX_SIDE_PIECES = 144, 12
@@ -190,25 +177,25 @@ def with_reach(
     columns = _footprint_columns(vertices, ideal)
     for number, region in enumerate(regions):
         extent = float((region.high - region.low).max())
-        own = paint == number
-        count = int(np.count_nonzero(own)) if extent > 0.0 else 0
+        of_paint = paint == number
+        count = int(np.count_nonzero(of_paint)) if extent > 0.0 else 0
         whole = count == len(paint)
-        rows = np.flatnonzero(own) if count and not whole else np.zeros(0, np.int64)
+        rows = np.flatnonzero(of_paint) if count and not whole else np.zeros(0, np.int64)
         if count and isinstance(region.paint, Speckle):
             own_corner = corner if whole else corner[rows]
             used = used_vertices(own_corner, len(place))
             # column by column: along an axis of two numbers NumPy takes thirty times as long
             st = [np.take(column, used) for column in columns[4:]]
             seen = np.array([[at.min() for at in st], [at.max() for at in st]])
-            some = own_corner
+            candidates = own_corner
             if count >= MIN_TRIANGLES_FOR_BOUNDS:
-                some = own_corner[_maybe_largest(columns, own_corner)]
-            half, slope = _at_corners_of(vertices, some, camera, stretch)
+                candidates = own_corner[_maybe_largest(columns, own_corner)]
+            half, slope = _at_corners_of(vertices, candidates, camera, stretch)
             limit = None
-            if some is own_corner or may_graze(region.paint, float(half.max())):
-                if some is not own_corner:
+            if candidates is own_corner or may_graze(region.paint, float(half.max())):
+                if candidates is not own_corner:
                     half, slope = _at_corners_of(vertices, own_corner, camera, stretch)
-                widest[own] = half.max(axis=1)
+                widest[of_paint] = half.max(axis=1)
                 image = (camera.width, camera.height)
                 limit = grazing_reach(region.paint, half, slope, place[own_corner], image)
             reach = min(float(half.max()), extent) if limit is None else limit
@@ -228,8 +215,8 @@ def _at_corners_of(
 ) -> tuple[Array, Array]:
     """Half the size (n, 3) of pixels at the corners of triangles, and their sides (n, 3, 2, 2)."""
     parts = [corner[first : first + CHUNK] for first in range(0, len(corner), CHUNK)]
-    found = (_of_corners(vertices, part, camera) for part in parts)
-    slope = stretch * np.concatenate([_footprints(*one) for one in found])
+    footprints = (_of_corners(vertices, part, camera) for part in parts)
+    slope = stretch * np.concatenate([_footprints(*one) for one in footprints])
     return 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1), slope
 
 
@@ -325,7 +312,7 @@ def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]]
         u: list[Single] = []
         v: list[Single] = []
         for column in single:
-            first, second, third = (np.take(column, own, mode="clip") for own in vertices)
+            first, second, third = (np.take(column, rows, mode="clip") for rows in vertices)
             u.append(np.subtract(second, first, out=second))
             v.append(np.subtract(third, first, out=third))
         area = np.abs(u[0] * v[1] - u[1] * v[0])

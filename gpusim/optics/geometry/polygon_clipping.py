@@ -21,25 +21,6 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "MAX_CORNERS",
-    "MIN_AREA",
-    "beyond",
-    "clip",
-    "clip_square",
-    "disc_area",
-    "half_plane_area",
-    "half_plane_share",
-    "half_planes",
-    "moments",
-    "pick",
-    "polygon_area",
-    "quadrant_area",
-    "rectangles",
-    "second_moments",
-    "swept_area",
-]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 T = TypeVar("T", bound=np.generic)

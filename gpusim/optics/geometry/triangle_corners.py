@@ -14,11 +14,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = [
-    "CHUNK", "NORMAL", "POSITION", "REFERENCE", "ST", "at_corners", "barycentric_planes",
-    "corner_mean", "corner_range", "in_camera", "parts", "products",
-]  # fmt: skip
-
 Array = npt.NDArray[np.float64]
 
 POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)

@@ -30,8 +30,6 @@ from gpusim.optics.geometry.triangle_corners import (
 from gpusim.surface.frames import PaintFrame, used_vertices
 from gpusim.surface.surface import Surface
 
-__all__ = ["SurfaceNormals", "VertexTable", "surface_normals", "turned_corners"]
-
 Array = npt.NDArray[np.float64]
 
 
@@ -91,14 +89,14 @@ def surface_normals(surfaces: Sequence[Surface]) -> list[SurfaceNormals]:
     """The shapes of surfaces, which are kept until the next ones are asked for."""
     global _last
     kept = dict(enumerate(_last))
-    found = []
+    normals = []
     for number, surface in enumerate(surfaces):
         shape = kept.get(number)
-        found.append(
+        normals.append(
             shape if shape is not None and shape.is_of(surface) else SurfaceNormals(surface)
         )
-    _last = tuple(found)
-    return found
+    _last = tuple(normals)
+    return normals
 
 
 Numbers = npt.NDArray[np.int64]
@@ -116,8 +114,8 @@ def turned_corners(triangles: Numbers, kept: Numbers, turned: Flags) -> Numbers:
     corner = triangles.T
     if not whole:
         corner = np.empty((3, len(kept)), triangles.dtype)
-        for one, own in zip(triangles.T, corner, strict=True):
-            np.take(one, kept, out=own, mode="clip")
+        for one, out in zip(triangles.T, corner, strict=True):
+            np.take(one, kept, out=out, mode="clip")
     if len(away):
         corner = corner.copy() if whole else corner
         corner[1:, away] = corner[:0:-1, away]
@@ -198,21 +196,23 @@ class VertexTable:
                 continue
             rows = np.flatnonzero(surface.regions[surface.topology.source[kept]] == number)
             if isinstance(frame, PaintFrame):
-                own = self._apart(rows)
-                self.columns[ST, own] = frame.coordinates(self.columns[REFERENCE, own].T).T
+                vertices = self._apart(rows)
+                self.columns[ST, vertices] = frame.coordinates(
+                    self.columns[REFERENCE, vertices].T
+                ).T
                 continue
             st = frame.of_triangles(
                 surface.rest[surface.topology.triangles[kept[rows]]], kept[rows]
             )
             st[turned[rows]] = st[turned[rows]][:, [0, 2, 1]]
             for k in range(3):
-                own = self._own(rows, np.full(len(rows), k))
-                self.columns[ST, own] = st[:, k].T
+                vertices = self._own(rows, np.full(len(rows), k))
+                self.columns[ST, vertices] = st[:, k].T
 
     def paint_at(self, turned: Flags, rows: Numbers) -> Array:
         """Paint coordinates (m, 3, 2) at the corners of some triangles ``rows`` (m,), in the
         order that the surface has them in; ``turned``: as in `paint`."""
-        st = at_corners(self.columns[ST].T, [np.take(own, rows) for own in self.corner])
+        st = at_corners(self.columns[ST].T, [np.take(vertices, rows) for vertices in self.corner])
         away = turned[rows]
         st[away] = st[away][:, [0, 2, 1]]
         return st
@@ -226,11 +226,11 @@ class VertexTable:
         if sharp.any():
             rows, k = np.nonzero(np.stack([sharp[self.origin[c]] for c in self.corner], axis=1))
             vertex = self._own(rows, k)
-            found = sharp_normals(
+            normals = sharp_normals(
                 shape.area, surface.topology.triangles, sharp, kept[rows], self.origin[vertex],
                 surface.smooth_angle,
             )  # fmt: skip
-            self.columns[NORMAL, vertex] = found.T
+            self.columns[NORMAL, vertex] = normals.T
         away = np.flatnonzero(turned)
         if len(away):
             copies = self._apart(away)

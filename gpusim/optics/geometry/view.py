@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import (
-    MAX_EDGE,
     SURELY_SHORT,
     ClippedTriangles,
     ImagePlane,
@@ -48,8 +47,6 @@ from gpusim.optics.geometry.vertex_attributes import (
 )
 from gpusim.surface.frames import PaintFrame
 from gpusim.surface.surface import Surface
-
-__all__ = ["FIXED", "MAX_EDGE", "RegionPaint", "View", "look"]
 
 Array = npt.NDArray[np.float64]
 
@@ -200,15 +197,15 @@ class View:
 
     def over_rows(self, first: int, stop: int) -> View:
         """The triangles and edges that touch rows ``first`` … ``stop - 1``; others are left out."""
-        own = (self.box[1][:, 1] > first - 1.0) & (self.box[0][:, 1] < stop)
+        in_rows = (self.box[1][:, 1] > first - 1.0) & (self.box[0][:, 1] < stop)
         y = self.edges[:, :, 1]
         near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
         source = self.edge_source[near]
-        source[:, 0] = (np.cumsum(own) - 1)[source[:, 0]]
+        source[:, 0] = (np.cumsum(in_rows) - 1)[source[:, 0]]
         return replace(
-            self, corner=self.corner[own], paint=self.paint[own], face=self.face[own],
-            edges=self.edges[near], body=self.body[own], edge_source=source,
-            source=self.source[own], found=(self.paints, self.footprint[own]),
+            self, corner=self.corner[in_rows], paint=self.paint[in_rows], face=self.face[in_rows],
+            edges=self.edges[near], body=self.body[in_rows], edge_source=source,
+            source=self.source[in_rows], found=(self.paints, self.footprint[in_rows]),
         )  # fmt: skip
 
     def some(self, triangles: npt.NDArray[np.int64]) -> View:
@@ -235,11 +232,16 @@ class View:
         inverse = 1.0 / self.vertices[:, 2]
         return 0.999 / float(inverse.max()), inverse.astype(np.float32)
 
+    def rays(self) -> Array:
+        """(3, 3): columns x, y, 1 of the world-space ray of unit depth through a pixel."""
+        result: Array = self.camera.camera_from_world[:3, :3].T @ self.camera.ray_matrix()
+        return result
+
     def fixed(self) -> npt.NDArray[np.int32]:
         """Screen positions of the vertices in fixed point, (V, 2), one at least."""
         result = np.zeros((max(len(self.place), 1), 2), np.int32)
-        for own, column in zip(result.T, self.place.T, strict=True):
-            own[: len(column)] = np.rint(column * FIXED)
+        for fixed_column, column in zip(result.T, self.place.T, strict=True):
+            fixed_column[: len(column)] = np.rint(column * FIXED)
         return result
 
 
@@ -266,8 +268,8 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
             if len(surface.paints) == 1:
                 paint_ids.append(np.full(len(source), len(paints), np.int32))
             else:
-                own = np.take(surface.regions, source, mode="clip")
-                paint_ids.append(own + np.int32(len(paints)))
+                regions = np.take(surface.regions, source, mode="clip")
+                paint_ids.append(regions + np.int32(len(paints)))
             face_ids.append(source + np.int32(first_face) if first_face else source)
             body_ids.append(np.full(len(source), number, np.int32))
             sources.append(part.source + first)
@@ -332,10 +334,12 @@ def _seen_of(
         table.smooth(surface, shape, kept, turned)
     for number, paint in enumerate(surface.paints.values()):
         if number in surface.extents and (grain := grain_of(paint, surface.paint_frame(number))):
-            own = surface.regions[topology.source[kept]] == number
+            in_region = surface.regions[topology.source[kept]] == number
             plane = isinstance(surface.paint_frame(number), PaintFrame)
             st_of = partial(table.paint_at, turned)
-            shows[speckle_jumps(topology, kept, own, st_of, points, ideal, grain, plane)] = True
+            shows[speckle_jumps(topology, kept, in_region, st_of, points, ideal, grain, plane)] = (
+                True
+            )
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]

@@ -13,8 +13,6 @@ from gpusim.gpu import Buffer, Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.lens.psf import SampledKernel
 
-__all__ = ["ConvolvePass", "Target", "accumulate", "accumulate_twin", "convolve_twin"]
-
 
 @dataclass(frozen=True, eq=False)
 class Target:

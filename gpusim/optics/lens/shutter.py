@@ -21,17 +21,6 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = [
-    "CameraAt",
-    "Shutter",
-    "SurfacesAt",
-    "divided",
-    "moments",
-    "moments_for",
-    "motion",
-    "rolled",
-]
-
 Array = npt.NDArray[np.float64]
 SurfacesAt = Callable[[float], Sequence[Surface]]
 CameraAt = Callable[[float], Camera]

@@ -21,8 +21,6 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.psf import Psf, edge_profile
 from gpusim.validation import checked
 
-__all__ = ["Focus", "Lens", "Vignetting", "aperture_points", "focus_of", "seen_through"]
-
 Array = npt.NDArray[np.float64]
 
 

@@ -10,8 +10,6 @@ from gpusim.optics.lens.psf import SampledKernel
 from gpusim.optics.rendering.frame_plan import BAND_BYTES
 from gpusim.optics.rendering.renderer import MAX_SIDE
 
-__all__ = ["Tile", "largest_tile"]
-
 TILE_CELLS = 1 << 24
 
 

@@ -7,8 +7,6 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.validation import checked
 
-__all__ = ["blackbody"]
-
 COLDEST, HOTTEST = 800.0, 40_000.0
 """K"""
 SECOND_CONSTANT = 1.438776877e-2

@@ -18,8 +18,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.optics.light.lights import EnvironmentLight, Light
 
-__all__ = ["Environment"]
-
 Array = npt.NDArray[np.float64]
 HEIGHT = 32
 """Rows of a blurred map; columns are twice as many, or one where all columns are equal."""

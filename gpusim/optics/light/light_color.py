@@ -11,8 +11,6 @@ from typing import Any, ClassVar, Self
 from gpusim.errors import InputError
 from gpusim.surface.color import BANDS, Colored, color, in_band, is_colored
 
-__all__ = ["ColoredLight", "LightColor"]
-
 
 class LightColor:
     """A field of a light: red, green and blue with a mean of 1, or None where it is grey.

@@ -26,18 +26,6 @@ from gpusim.optics.light.panorama import read_panorama
 from gpusim.surface.color import BANDS
 from gpusim.validation import checked
 
-__all__ = [
-    "AmbientLight",
-    "AreaLight",
-    "EnvironmentLight",
-    "Light",
-    "PointLight",
-    "SpotLight",
-    "SunLight",
-    "is_light",
-    "watts",
-]
-
 Vector = tuple[float, float, float]
 
 LUMENS_PER_WATT = 683.0

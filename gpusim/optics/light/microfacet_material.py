@@ -19,19 +19,8 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.light.environment import Environment
-
-__all__ = [
-    "DIELECTRIC",
-    "SAMPLES",
-    "Gloss",
-    "Reflection",
-    "facet_terms",
-    "gloss_texels",
-    "reflectance_table",
-    "sharpest",
-]
 
 Array = npt.NDArray[np.float64]
 DIELECTRIC = 0.04

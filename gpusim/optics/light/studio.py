@@ -9,8 +9,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["HORIZON", "studio"]
-
 Array = npt.NDArray[np.float64]
 
 ROWS = 96

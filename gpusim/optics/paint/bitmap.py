@@ -17,17 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.geometry import polygon_clipping
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.surface.bitmap import MARGIN, Image, Level
-
-__all__ = [
-    "BITMAP",
-    "PIECES",
-    "BitmapTable",
-    "mean_over_pixels",
-    "mean_over_polygons",
-    "pieces_needed",
-]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -169,8 +160,8 @@ def mean_over_polygons(
     for i, j, sign in ((0, 0, 1.0), (1, 0, -1.0), (0, 1, -1.0), (1, 1, 1.0)):
         corner = [i, j] * size - cell - at
         seen = (polygon - corner[:, None]) * weight[..., None]
-        own = polygon_clipping.polygon_area(seen)
-        share += sign * polygon_clipping.quadrant_area(seen) / np.where(own != 0.0, own, 1.0)
+        area = polygon_clipping.polygon_area(seen)
+        share += sign * polygon_clipping.quadrant_area(seen) / np.where(area != 0.0, area, 1.0)
     result: Array = ground + (np.clip(value, 0.0, 1.0) - ground) * np.clip(share, 0.0, 1.0)
     return result
 
@@ -203,21 +194,21 @@ def _in_triangles(image: Image, cell: Long, at: Array, polygon: Array) -> Array:
     first = polygon[:, 0]
     for k in range(1, polygon.shape[1] - 1):
         a, b = polygon[:, k] - first, polygon[:, k + 1] - first
-        own = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+        twice_area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
         reach = np.max(np.maximum(np.maximum(np.abs(a), np.abs(b)), np.abs(a - b)), axis=1)
         cuts = np.maximum(np.ceil(reach / POLYGON), 1.0).astype(np.int64)
         arm = np.stack([a + b, b - 2.0 * a, a - 2.0 * b], axis=1) / (3.0 * cuts[:, None, None])
         square, mixed = np.sum(arm**2, axis=1), np.sum(arm[..., 0] * arm[..., 1], axis=1) / 12.0
         for n in np.unique(cuts):
-            rows = np.flatnonzero((cuts == n) & (own > 0.0))
+            rows = np.flatnonzero((cuts == n) & (twice_area > 0.0))
             for i, j, third in _small_triangles(int(n)):
                 place = ((i + third) * a[rows] + (j + third) * b[rows]) / n
                 value, weight = _piece(
                     image.levels[0], cell[rows], at[rows] + first[rows] + place, square[rows],
                     mixed[rows],
                 )  # fmt: skip
-                total[rows] += own[rows] / n**2 * value
-                area[rows] += own[rows] / n**2 * weight
+                total[rows] += twice_area[rows] / n**2 * value
+                area[rows] += twice_area[rows] / n**2 * weight
     return total / np.maximum(area, TINY)
 
 
@@ -261,18 +252,21 @@ def _in_window(image: Image, cell: Long, at: Array, polygon: Array) -> Array:
         many = np.maximum(last - first + 1, 0).max(axis=0, initial=0)
         for j in range(int(many[1])):
             for i in range(int(many[0])):
-                own = np.flatnonzero(
+                polygons = np.flatnonzero(
                     (first[:, 0] + i <= last[:, 0]) & (first[:, 1] + j <= last[:, 1])
                 )
-                place = first[own] + [i, j]
-                depth = np.einsum("nvk,nk->nv", normal[own], place.astype(np.float64)) - inner[own]
-                weight = np.where(length[own] > 0.0, cumulative(depth), 1.0).prod(axis=1)
-                for depth in (place - border[0][own], border[1][own] - place):
+                place = first[polygons] + [i, j]
+                depth = (
+                    np.einsum("nvk,nk->nv", normal[polygons], place.astype(np.float64))
+                    - inner[polygons]
+                )
+                weight = np.where(length[polygons] > 0.0, cumulative(depth), 1.0).prod(axis=1)
+                for depth in (place - border[0][polygons], border[1][polygons] - place):
                     weight *= cumulative(depth.astype(np.float64)).prod(axis=1)
-                at_level = place + base[own] + MARGIN
+                at_level = place + base[polygons] + MARGIN
                 at_flat = at_level[:, 1] * level.coefficients.shape[1] + at_level[:, 0]
-                total[own] += weight * flat[at_flat]
-                weights[own] += weight
+                total[polygons] += weight * flat[at_flat]
+                weights[polygons] += weight
         value[rows] = total / np.maximum(weights, TINY)
     return value
 
@@ -338,15 +332,15 @@ def _piece(level: Level, cell: Long, at: Array, square: Array, mixed: Array) -> 
         slope = (quintic(stop - place) - quintic(start - place)) / w
         taps.append((mean, slope))
     # beyond the taps of their own, short pieces meet zeros: any coefficient will do there
-    own = first + cell + MARGIN
+    texel = first + cell + MARGIN
     flat = level.coefficients.reshape(-1)
     rows, columns = level.coefficients.shape
     total = np.zeros(len(at))
     for j in range(count):
         along, bent = np.zeros(len(at)), np.zeros(len(at))
-        start = np.minimum(own[:, 1] + j, rows - 1) * columns
+        start = np.minimum(texel[:, 1] + j, rows - 1) * columns
         for i in range(count):
-            value = flat[start + np.minimum(own[:, 0] + i, columns - 1)]
+            value = flat[start + np.minimum(texel[:, 0] + i, columns - 1)]
             along += taps[0][0][:, i] * value
             bent += taps[0][1][:, i] * value
         total += taps[1][0][:, j] * along + mixed * taps[1][1][:, j] * bent

@@ -15,13 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.ragged import expand
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.polygon_clipping import MAX_CORNERS, clip, half_planes
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, ST, corner_range
-from gpusim.optics.geometry.view import FIXED, RegionPaint, View
+from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.light.microfacet_material import Gloss
 from gpusim.surface.paint import Checker
-
-__all__ = ["MARGIN", "BoardLines", "field_of", "lines_near", "matte_boards", "within_fields"]
 
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
@@ -74,21 +73,21 @@ class BoardLines:
     def of(view: View, printed: npt.NDArray[np.bool_]) -> BoardLines | None:
         """Those of a view; None where there are none, and behind lenses that bend lines.
 
-        ``printed`` (T,): `gpusim.optics.shading.setup.Setup.printed`.
+        ``printed`` (T,): `gpusim.optics.shading.triangle_traits.TriangleTraits.printed`.
         """
         if view.camera.lens is not None:
             return None
         member = np.zeros(view.count, bool)
-        found = []
+        boards = []
         for paint, reach, rows in _boards(view, printed):
             rows = rows[_spread(view.corners_of(rows, ST))]
             strips = _strips(view, rows, paint, reach)
             if strips is not None:
                 member[rows] = True
-                found.append(strips)
-        if not found:
+                boards.append(strips)
+        if not boards:
             return None
-        return BoardLines(member, *(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        return BoardLines(member, *(np.concatenate(parts) for parts in zip(*boards, strict=True)))
 
 
 def _boards(view: View, printed: npt.NDArray[np.bool_]) -> Iterator[tuple[Checker, float, Long]]:
@@ -240,10 +239,10 @@ def field_of(
     near, albedo = np.empty(len(corner), bool), np.empty(len(corner), np.float32)
     for start in range(0, len(corner), CHUNK):
         part = slice(start, start + CHUNK)
-        own = [corner[part, k] for k in range(3)]
-        a, b, c = (np.take(number, vertices, mode="clip") for vertices in own)
+        corners = [corner[part, k] for k in range(3)]
+        a, b, c = (np.take(number, vertices, mode="clip") for vertices in corners)
         near[part] = (a != b) | (a != c) | (a == CLOSE)
-        np.take(shade, own[0], out=albedo[part], mode="clip")
+        np.take(shade, corners[0], out=albedo[part], mode="clip")
     return near, albedo
 
 
@@ -268,10 +267,10 @@ def within_fields(
     region = view.paints[number]
     paint = region.paint
     assert isinstance(paint, Checker)
-    own = near & (view.paint == number)
-    whole = bool(own.all())
-    corner = view.corner if whole else view.corner[own]
+    of_board = near & (view.paint == number)
+    whole = bool(of_board.all())
+    corner = view.corner if whole else view.corner[of_board]
     close, plain = field_of(paint, albedos, region.reach, view.vertices[:, ST], corner)
-    rows = slice(None) if whole else np.flatnonzero(own)
+    rows = slice(None) if whole else np.flatnonzero(of_board)
     near[rows] = close
     albedo[rows] = np.where(close, albedo[rows], plain)

@@ -17,8 +17,6 @@ from gpusim.optics.geometry.pixel_footprint import MAX_PIECES, MAX_ROW_PIECES, M
 from gpusim.optics.paint.disc_grid import DiscGrid, SpeckleGrid
 from gpusim.surface.speckle import edge_opacity
 
-__all__ = ["EDGE_ROWS", "grazing_cover", "polygon_cover", "row_turns", "speckle_cover"]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 
@@ -49,15 +47,15 @@ def speckle_cover(
     if grid.smallest > 0.0:
         cuts = _cuts_under(table, grid, start, stop, local[inside], ex[inside], ey[inside])
     for n in np.unique(cuts):
-        some = np.flatnonzero(cuts == n)
-        own = inside[some]
+        entries = np.flatnonzero(cuts == n)
+        footprints = inside[entries]
         for j in range(n):
             for i in range(n):
                 x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
-                centre = local[own] + x * ex[own] + y * ey[own]
-                sides = ex[own] / n, ey[own] / n
-                cover[own] += part(table, start[some], stop[some], centre, *sides)
-        cover[own] /= n**2
+                centre = local[footprints] + x * ex[footprints] + y * ey[footprints]
+                sides = ex[footprints] / n, ey[footprints] / n
+                cover[footprints] += part(table, start[entries], stop[entries], centre, *sides)
+        cover[footprints] /= n**2
     return cover
 
 
@@ -68,11 +66,12 @@ def _cuts_under(
     reach = 0.5 * np.sqrt(np.maximum(((ex + ey) ** 2).sum(axis=1), ((ex - ey) ** 2).sum(axis=1)))
     cuts = np.ones(len(centre), np.int64)
     for k in range(int((stop - start).max(initial=0))):
-        own = np.flatnonzero(start + k < stop)
-        disc = table.disc[start[own] + k]
-        gap = np.hypot(*(centre[own] - disc[:, :2]).T) - disc[:, 2]
+        shown = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[shown] + k]
+        gap = np.hypot(*(centre[shown] - disc[:, :2]).T) - disc[:, 2]
         wanted = np.ceil(grid.cuts * grid.smallest / disc[:, 2] - 1e-4).astype(np.int64)
-        cuts[own] = np.where(np.abs(gap) < reach[own], np.maximum(cuts[own], wanted), cuts[own])
+        finer = np.maximum(cuts[shown], wanted)
+        cuts[shown] = np.where(np.abs(gap) < reach[shown], finer, cuts[shown])
     return cuts
 
 
@@ -97,17 +96,17 @@ def grazing_cover(
     cover = np.where(mean, grid.coverage, 0.0)
     part = _soft if grid.soft else _hard
     for k in range(int(total.max(initial=0))):
-        own = np.flatnonzero(k < total)
-        n = count[own]
+        footprints = np.flatnonzero(k < total)
+        n = count[footprints]
         o = (np.stack([k % n[:, 0], k // n[:, 0]], axis=1) + 0.5) / n - 0.5
-        w = 1.0 / (1.0 + (q[own] * o).sum(axis=1))[:, None]
-        move = (o[:, :1] * ex[own] + o[:, 1:] * ey[own]) * w
-        x = w / n[:, :1] * (ex[own] - move * q[own, :1])
-        y = w / n[:, 1:] * (ey[own] - move * q[own, 1:])
-        value, there = _looked_up(table, grid, at[own], local[own] + move)
-        start, stop, inside, centre = there
+        w = 1.0 / (1.0 + (q[footprints] * o).sum(axis=1))[:, None]
+        move = (o[:, :1] * ex[footprints] + o[:, 1:] * ey[footprints]) * w
+        x = w / n[:, :1] * (ex[footprints] - move * q[footprints, :1])
+        y = w / n[:, 1:] * (ey[footprints] - move * q[footprints, 1:])
+        value, lists = _looked_up(table, grid, at[footprints], local[footprints] + move)
+        start, stop, inside, centre = lists
         value[inside] = part(table, start, stop, centre, x[inside], y[inside])
-        cover[own] += value / total[own]
+        cover[footprints] += value / total[footprints]
     return cover
 
 
@@ -139,20 +138,20 @@ def _soft(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey
         + GAUSS[None, :, None] * ex[:, None, None]
         + GAUSS[:, None, None] * ey[:, None, None]
     )
-    left = _uncovered(table, start, stop, points.reshape(-1, 9, 2))
-    result: Array = 1.0 - left.reshape(-1, 3, 3) @ WEIGHT @ WEIGHT
+    uncovered = _uncovered(table, start, stop, points.reshape(-1, 9, 2))
+    result: Array = 1.0 - uncovered.reshape(-1, 3, 3) @ WEIGHT @ WEIGHT
     return result
 
 
 def _uncovered(table: DiscGrid, start: Long, stop: Long, points: Array) -> Array:
     """What soft discs leave open at points (n, P, 2)."""
-    left = np.ones(points.shape[:2])
+    uncovered = np.ones(points.shape[:2])
     for k in range(int((stop - start).max(initial=0))):
         rows = np.flatnonzero(start + k < stop)
         disc = table.disc[start[rows] + k]
         square = ((points[rows] - disc[:, None, :2]) ** 2).sum(axis=-1)
-        left[rows] *= 1.0 - edge_opacity((disc[:, 2:3] ** 2 - square) * disc[:, 3:4])
-    return left
+        uncovered[rows] *= 1.0 - edge_opacity((disc[:, 2:3] ** 2 - square) * disc[:, 3:4])
+    return uncovered
 
 
 def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array) -> Array:
@@ -164,15 +163,15 @@ def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey
     rows = _Rows(centre[:, None] - 0.5 * along[:, None] + y * across[:, None], along[:, None])
     total, whole = np.zeros(len(centre)), np.zeros(len(centre), bool)
     for k in range(int((stop - start).max(initial=0))):
-        own = np.flatnonzero(start + k < stop)
-        disc = table.disc[start[own] + k]
-        gap = np.hypot(*(centre[own] - disc[:, :2]).T) - disc[:, 2]
-        whole[own] |= gap <= -reach[own]
-        crossing = np.abs(gap) < reach[own]
-        own, disc = own[crossing], disc[crossing]
-        seen = corners[own] + (centre[own] - disc[:, :2])[:, None]
-        total[own] += polygon_clipping.disc_area(seen, disc[:, 2]) / area[own]
-        rows.add(own, disc)
+        footprints = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[footprints] + k]
+        gap = np.hypot(*(centre[footprints] - disc[:, :2]).T) - disc[:, 2]
+        whole[footprints] |= gap <= -reach[footprints]
+        crossing = np.abs(gap) < reach[footprints]
+        footprints, disc = footprints[crossing], disc[crossing]
+        seen = corners[footprints] + (centre[footprints] - disc[:, :2])[:, None]
+        total[footprints] += polygon_clipping.disc_area(seen, disc[:, 2]) / area[footprints]
+        rows.add(footprints, disc)
     twice: Array = (rows.total - rows.union()).mean(axis=1)
     return np.where(whole, 1.0, np.clip(total - twice, 0.0, 1.0))
 
@@ -187,13 +186,13 @@ def _by_steepness(
     """
     steep = np.zeros(len(centre))
     for k in range(min(int((stop - start).max(initial=0)), 32)):
-        own = np.flatnonzero(start + k < stop)
-        disc = table.disc[start[own] + k]
-        m = centre[own] - disc[:, :2]
+        footprints = np.flatnonzero(start + k < stop)
+        disc = table.disc[start[footprints] + k]
+        m = centre[footprints] - disc[:, :2]
         away = np.hypot(m[:, 0], m[:, 1])
-        slope = np.abs((m * ex[own]).sum(axis=1)) - np.abs((m * ey[own]).sum(axis=1))
-        crosses = np.abs(away - disc[:, 2]) < reach[own]
-        steep[own] += np.where(crosses, slope / np.maximum(away, 1e-300), 0.0)
+        slope = np.abs((m * ex[footprints]).sum(axis=1)) - np.abs((m * ey[footprints]).sum(axis=1))
+        crosses = np.abs(away - disc[:, 2]) < reach[footprints]
+        steep[footprints] += np.where(crosses, slope / np.maximum(away, 1e-300), 0.0)
     turned = (steep < 0.0)[:, None]
     return np.where(turned, ey, ex), np.where(turned, -ex, ey)
 
@@ -210,9 +209,9 @@ class _Rows:
         self.left, self.right = np.zeros(shape), np.ones(shape)
         self.low, self.high, self.total = np.ones(shape), np.zeros(shape), np.zeros(shape)
 
-    def add(self, own: Long, disc: Array) -> None:
-        """Put a disc each (m, 4) over segments ``own`` (m,)."""
-        m, d = self.first[own] - disc[:, None, :2], self.along[own]
+    def add(self, lines: Long, disc: Array) -> None:
+        """Put a disc each (m, 4) over segments ``lines`` (m,)."""
+        m, d = self.first[lines] - disc[:, None, :2], self.along[lines]
         a, b = (d * d).sum(axis=-1), (m * d).sum(axis=-1)
         c = (m * m).sum(axis=-1) - disc[:, 2:3] ** 2
         square = b * b - a * c
@@ -222,16 +221,16 @@ class _Rows:
         meets = (square > 0.0) & (high > 0.0) & (low < 1.0)
         starts, ends = meets & (low <= 0.0), meets & (high >= 1.0)
         between = meets & ~starts & ~ends
-        self.left[own] = np.where(
-            starts, np.maximum(self.left[own], np.minimum(high, 1.0)), self.left[own]
+        self.left[lines] = np.where(
+            starts, np.maximum(self.left[lines], np.minimum(high, 1.0)), self.left[lines]
         )
-        self.right[own] = np.where(
-            ends, np.minimum(self.right[own], np.maximum(low, 0.0)), self.right[own]
+        self.right[lines] = np.where(
+            ends, np.minimum(self.right[lines], np.maximum(low, 0.0)), self.right[lines]
         )
-        self.low[own] = np.where(between, np.minimum(self.low[own], low), self.low[own])
-        self.high[own] = np.where(between, np.maximum(self.high[own], high), self.high[own])
+        self.low[lines] = np.where(between, np.minimum(self.low[lines], low), self.low[lines])
+        self.high[lines] = np.where(between, np.maximum(self.high[lines], high), self.high[lines])
         span = np.minimum(high, 1.0) - np.maximum(low, 0.0)
-        self.total[own] += np.where(meets, span, 0.0)
+        self.total[lines] += np.where(meets, span, 0.0)
 
     def union(self) -> Array:
         """Covered share (n, R) of the segments."""
@@ -271,8 +270,8 @@ def polygon_cover(
         cover += area * part
         whole += area
     result = np.zeros(len(at))
-    some = whole != 0.0
-    result[inside[some]] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    filled = whole != 0.0
+    result[inside[filled]] = np.clip(cover[filled] / whole[filled], 0.0, 1.0)
     return result
 
 
@@ -289,20 +288,20 @@ def _grazing_polygon(
         rows = _rows_over(grid, longest)
         part = np.zeros(len(at))
         for j in range(int(rows[area != 0.0].max(initial=0))):
-            own = np.flatnonzero((j < rows) & (area != 0.0))
-            y, share = _row_step(grid, j, rows[own])
+            shapes = np.flatnonzero((j < rows) & (area != 0.0))
+            y, share = _row_step(grid, j, rows[shapes])
             # corners with their weights as a third component: straight in the image
             ends = [
-                (1.0 - y)[:, None] * _homogeneous(origin[own], first[own])
-                + y[:, None] * _homogeneous(corner[own, m], weight[own, m])
+                (1.0 - y)[:, None] * _homogeneous(origin[shapes], first[shapes])
+                + y[:, None] * _homogeneous(corner[shapes, m], weight[shapes, m])
                 for m in (k, k + 1)
             ]
-            part[own] += 2.0 * y * share * _grazing_row(table, grid, at[own], ends[0], ends[1])
+            part[shapes] += 2.0 * y * share * _grazing_row(table, grid, at[shapes], *ends)
         cover += area * part
         whole += area
     result = np.full(len(at), grid.coverage)
-    some = whole != 0.0
-    result[some] = np.clip(cover[some] / whole[some], 0.0, 1.0)
+    filled = whole != 0.0
+    result[filled] = np.clip(cover[filled] / whole[filled], 0.0, 1.0)
     return result
 
 
@@ -348,22 +347,22 @@ def _grazing_row(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Array, las
     result = np.zeros(len(at))
     steps = GAUSS if grid.soft else np.array([-0.5, 0.0, 0.5])
     for i in range(int(count.max(initial=0))):
-        own = np.flatnonzero(i < count)
-        u = (i + 0.5 + shrink[own, None] * steps) / count[own, None]
-        points = first[own, None] + u[..., None] * (last - first)[own, None]
+        segments = np.flatnonzero(i < count)
+        u = (i + 0.5 + shrink[segments, None] * steps) / count[segments, None]
+        points = first[segments, None] + u[..., None] * (last - first)[segments, None]
         points = points[..., :2] / points[..., 2:]
-        value, there = _looked_up(table, grid, at[own], points[:, 1])
-        start, stop, inside, centre = there
+        value, lists = _looked_up(table, grid, at[segments], points[:, 1])
+        start, stop, inside, centre = lists
         points = points[inside] + (centre - points[inside, 1])[:, None]
         if grid.soft:
             value[inside] = 1.0 - _uncovered(table, start, stop, points) @ WEIGHT
         else:
             rows = _Rows(points[:, :1], (points[:, 2] - points[:, 0])[:, None])
             for k in range(int((stop - start).max(initial=0))):
-                some = np.flatnonzero(start + k < stop)
-                rows.add(some, table.disc[start[some] + k])
+                crossed = np.flatnonzero(start + k < stop)
+                rows.add(crossed, table.disc[start[crossed] + k])
             value[inside] = rows.union()[:, 0]
-        result[own] += value / count[own]
+        result[segments] += value / count[segments]
     return result
 
 
@@ -391,6 +390,6 @@ def _row_cover(
         return result
     rows = _Rows(first[:, None], (last - first)[:, None])
     for k in range(int((stop - start).max(initial=0))):
-        own = np.flatnonzero(start + k < stop)
-        rows.add(own, table.disc[start[own] + k])
+        segments = np.flatnonzero(start + k < stop)
+        rows.add(segments, table.disc[start[segments] + k])
     return rows.union()[:, 0]

@@ -21,14 +21,6 @@ from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.pixel_footprint import MAX_CUTS, SAFETY, Pieces, pieces_of
 from gpusim.surface.speckle import EDGE, Speckle, outer_radius
 
-__all__ = [
-    "MAX_CUTS",
-    "MAX_TEXELS",
-    "DiscGrid",
-    "SpeckleGrid",
-    "speckle_table",
-]
-
 Array = npt.NDArray[np.float64]
 Long = npt.NDArray[np.int64]
 

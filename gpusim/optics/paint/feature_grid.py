@@ -20,15 +20,14 @@ from gpusim.arrays.ragged import in_boxes, summed
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.triangle_corners import CHUNK, ST, corner_range
-from gpusim.optics.geometry.view import RegionPaint, View
+from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.disc_grid import MAX_TEXELS, DiscGrid, speckle_table
 from gpusim.optics.paint.feature_overlap import refuse_overlap
 from gpusim.surface.color import Colored
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.speckle import Speckle
-
-__all__ = ["FINEST", "LOOP_TURNS", "PAINT", "FeatureGrid"]
 
 Array = npt.NDArray[np.float64]
 

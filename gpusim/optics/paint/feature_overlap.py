@@ -8,8 +8,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.surface.features import Features
 
-__all__ = ["refuse_overlap"]
-
 Array = npt.NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.paint.disc_coverage import grazing_cover, polygon_cover, speckle_cover
 from gpusim.optics.paint.feature_grid import FINEST, FeatureGrid
 
-__all__ = ["mean_albedo"]
-
 Array = npt.NDArray[np.float64]
 Pixel = tuple[Array, Array, Array]
 
@@ -45,11 +43,11 @@ def mean_albedo(
     records = table.paints[paint]
     albedo = records["ground"].astype(np.float64)
     for number in np.unique(paint[records["featured"] > 1]):
-        own = np.flatnonzero(paint == number)
-        albedo[own] = _speckle(
-            table, int(number), cell[own], st[own], polygon[own], weight[own],
-            None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
-            None if grazing is None else grazing[own],
+        pieces = np.flatnonzero(paint == number)
+        albedo[pieces] = _speckle(
+            table, int(number), cell[pieces], st[pieces], polygon[pieces], weight[pieces],
+            None if pixel is None else (pixel[0][pieces], pixel[1][pieces], pixel[2][pieces]),
+            None if grazing is None else grazing[pieces],
         )  # fmt: skip
     size = records["cell"].astype(np.float64)
     step = np.floor(st / size[:, None])
@@ -60,18 +58,18 @@ def mean_albedo(
     start, stop = table.cell_start[slot].astype(np.int64), table.cell_start[slot + 1]
     local = st[rows] - step[rows] * size[rows, None]
     for k in range(int((stop - start).max(initial=0)) if len(rows) else 0):
-        some = np.flatnonzero(start + k < stop)
-        target = rows[some]
-        feature = table.features[start[some] + k]
-        relative = local[some] - feature[:, 0:2]
+        listed = np.flatnonzero(start + k < stop)
+        target = rows[listed]
+        feature = table.features[start[listed] + k]
+        relative = local[listed] - feature[:, 0:2]
         patch = feature[:, 10] == 0.0
-        albedo_share = np.zeros(len(some))
-        share = np.zeros(len(some))
+        albedo_share = np.zeros(len(listed))
+        share = np.zeros(len(listed))
         if patch.any():
-            own = target[patch]
+            pieces = target[patch]
             value, part = _checker(
-                feature[patch], relative[patch], polygon[own], weight[own],
-                None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
+                feature[patch], relative[patch], polygon[pieces], weight[pieces],
+                None if pixel is None else (pixel[0][pieces], pixel[1][pieces], pixel[2][pieces]),
             )  # fmt: skip
             albedo_share[patch], share[patch] = value, part
         disc = feature[:, 10] == 1.0
@@ -80,10 +78,10 @@ def mean_albedo(
             albedo_share[disc], share[disc] = part * feature[disc, 8], part
         sector = feature[:, 10] == 2.0
         if sector.any():
-            own = target[sector]
+            pieces = target[sector]
             part = _sector(
-                feature[sector], relative[sector], polygon[own], weight[own],
-                None if pixel is None else (pixel[0][own], pixel[1][own], pixel[2][own]),
+                feature[sector], relative[sector], polygon[pieces], weight[pieces],
+                None if pixel is None else (pixel[0][pieces], pixel[1][pieces], pixel[2][pieces]),
             )  # fmt: skip
             albedo_share[sector], share[sector] = part * feature[sector, 8], part
         albedo[target] += albedo_share - records["ground"][target] * share
@@ -110,11 +108,13 @@ def _speckle(
     else:
         large = np.zeros(len(at), bool) if grazing is None else grazing
         cover = np.zeros(len(at))
-        for some, find in ((~large, speckle_cover), (large, grazing_cover)):
-            if not some.any():
+        for footprints, find in ((~large, speckle_cover), (large, grazing_cover)):
+            if not footprints.any():
                 continue
-            ex, ey, q = (values[some] for values in pixel)
-            cover[some] = find(table.speckle, grid, at[some], local[some], ex, ey, q)
+            ex, ey, q = (values[footprints] for values in pixel)
+            cover[footprints] = find(
+                table.speckle, grid, at[footprints], local[footprints], ex, ey, q
+            )
     ground, dot = float(record["ground"]), float(record["dot"])
     return ground + (dot - ground) * cover
 
@@ -129,8 +129,8 @@ def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
         # about its own middle a polygon's area loses no figures; slivers may have none at all
         area = polygon_clipping.polygon_area(polygon[near])
         known = area != 0.0
-        some = np.flatnonzero(near)[known]
-        share[some] = np.clip(inside[known] / area[known], 0.0, 1.0)
+        crossed = np.flatnonzero(near)[known]
+        share[crossed] = np.clip(inside[known] / area[known], 0.0, 1.0)
     return share
 
 
@@ -168,20 +168,20 @@ def _sector(
     parts = np.clip(np.stack([disc, *sides]), 0.0, 1.0)
     share: Array = parts.prod(axis=0)
     # whole in two of them: the third one's share is the answer
-    some = (share > 0.0) & ((parts < 1.0 - 1e-9).sum(axis=0) > 1)
-    if some.any():
-        p = shifted[some]
+    undecided = (share > 0.0) & ((parts < 1.0 - 1e-9).sum(axis=0) > 1)
+    if undecided.any():
+        p = shifted[undecided]
         q = np.roll(p, -1, axis=1)
         start, stop = np.zeros(p.shape[:2]), np.ones(p.shape[:2])
-        for normal in (left[some], right[some]):
+        for normal in (left[undecided], right[undecided]):
             a, b = np.sum(p * normal[:, None], axis=2), np.sum(q * normal[:, None], axis=2)
             at = a / np.where(a != b, a - b, 1.0)
             start = np.where(a < 0.0, np.where(b < 0.0, 2.0, np.maximum(start, at)), start)
             stop = np.where((b < 0.0) & (a >= 0.0), np.minimum(stop, at), stop)
         stop = np.maximum(start, stop)
         u, v = p + start[..., None] * (q - p), p + stop[..., None] * (q - p)
-        swept = polygon_clipping.swept_area(u, v, feature[some, 2])
-        share[some] = np.clip(swept / _divisor(polygon_clipping.polygon_area(p)), 0.0, 1.0)
+        swept = polygon_clipping.swept_area(u, v, feature[undecided, 2])
+        share[undecided] = np.clip(swept / _divisor(polygon_clipping.polygon_area(p)), 0.0, 1.0)
     return share
 
 

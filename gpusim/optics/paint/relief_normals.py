@@ -18,11 +18,10 @@ import numpy.typing as npt
 
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.triangle_corners import REFERENCE, corner_mean
-from gpusim.optics.geometry.view import RegionPaint, View
+from gpusim.optics.geometry.view import View
 from gpusim.surface.features import PERIOD, WAVES, Bump, bump_waves
-
-__all__ = ["Bumps", "bump_of", "bump_texels", "bump_uniform"]
 
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
@@ -30,8 +29,8 @@ Numbers = npt.NDArray[np.int64]
 
 def bump_of(region: RegionPaint) -> Bump | None:
     """The relief of a paint, if it has one."""
-    found: Bump | None = getattr(region.paint, "bump", None)
-    return found
+    bump: Bump | None = getattr(region.paint, "bump", None)
+    return bump
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +46,7 @@ class Bumps:
 
     @staticmethod
     def build(view: View, anchor: Array, mean_inverse: Array) -> Bumps:
-        """``anchor`` (T, 2) and ``mean_inverse`` (T,) as in `gpusim.optics.shading.setup.Setup`."""
+        """``anchor`` (T, 2) and ``mean_inverse`` (T,) as of `optics.shading.coefficients`."""
         member = np.zeros(view.count, bool)
         planes, amplitude = np.zeros((view.count, 3, 3)), np.zeros(view.count)
         for number, region in enumerate(view.paints):
@@ -61,9 +60,9 @@ class Bumps:
             # whole periods make no difference, but cost digits
             at -= np.round(corner_mean(at) / PERIOD)[:, None] * PERIOD
             basis = view.planes_of(rows) / mean_inverse[rows, None, None]
-            own = np.einsum("tca,tck->tak", at, basis)
-            own[:, :, 2] += np.einsum("tak,tk->ta", own[:, :, :2], anchor[rows])
-            planes[rows] = own
+            slopes = np.einsum("tca,tck->tak", at, basis)
+            slopes[:, :, 2] += np.einsum("tak,tk->ta", slopes[:, :, :2], anchor[rows])
+            planes[rows] = slopes
         return Bumps(member, planes, amplitude, view.camera.pixel_side)
 
     def texels(self) -> npt.NDArray[np.float32]:
@@ -98,13 +97,13 @@ class Bumps:
         dx, dy = across[rows], down[rows]
         xx, xy, yy = (np.einsum("ni,ni->n", a, b) for a, b in ((dx, dx), (dx, dy), (dy, dy)))
         inverse = np.stack([yy, -xy, xx]) / np.maximum(xx * yy - xy * xy, 1e-30)
-        slope, left = np.zeros((2, len(rows))), np.zeros(len(rows))
+        slope, lost_slope = np.zeros((2, len(rows))), np.zeros(len(rows))
         for *vector, phase in bump_waves():
             p, q = ex @ vector, ey @ vector
             kept = np.prod([np.sinc(self.side / (2.0 * np.pi) * turn) for turn in (p, q)], axis=0)
             slope -= np.stack([p, q]) * (kept * np.sin(place @ vector + phase))
             steep = inverse[0] * p * p + 2.0 * inverse[1] * p * q + inverse[2] * q * q
-            left += (1.0 - kept * kept) * steep
+            lost_slope += (1.0 - kept * kept) * steep
         amplitude = self.amplitude[triangle[rows]]
         rise = amplitude * np.stack(
             [
@@ -114,7 +113,7 @@ class Bumps:
         )
         turned = normal[rows] - rise[0][:, None] * dx - rise[1][:, None] * dy
         normal[rows] = turned / np.linalg.norm(turned, axis=1)[:, None]
-        widened[rows] = 0.5 * amplitude**2 * left
+        widened[rows] = 0.5 * amplitude**2 * lost_slope
         return normal, widened
 
 

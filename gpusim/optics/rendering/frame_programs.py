@@ -16,14 +16,14 @@ __all__ = ["frame_programs"]
 def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
     """What the edge pixels of a view and its shadows ask for: the slowest to compile, then the
     others in the order in which they run."""
-    glossy, bumpy = bool(setup.shiny.any()), bool(setup.bumpy.any())
-    resolve = setup.program("optics/edge_pixels/resolve")
-    constants = setup.constants(setup.groups_present(), glossy, bumpy)
+    glossy, bumpy = setup.programs.looks
+    resolve = setup.programs.name("optics/edge_pixels/resolve")
+    constants = setup.programs.constants(setup.traits.groups_present(), glossy, bumpy)
     if not plan.shadowed:
         return [] if plan.plate_border else [program_key(resolve, "main", constants)]
     both = lens_constants(setup.view.camera)
     pixels, pieces = {**both, "listed": 0.0}, {**both, "listed": 1.0}
-    relit = {**setup.light_constants(glossy, bumpy), "scaled": float(not glossy)}
+    relit = {**setup.programs.light_constants(glossy, bumpy), "scaled": float(not glossy)}
     search, groups = "optics/shadow/occluder_search", "optics/shadow/receiver_groups"
     mask, refinement = "optics/shadow/penumbra_mask", "optics/shadow/occluder_refinement"
     programs: list[tuple[str, str, dict[str, float]]] = [
@@ -44,9 +44,9 @@ def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
         (search, "coarse_tiles", pixels),
         (search, "tiles_of_pixels", pixels),
         *(
-            (setup.program("optics/shading/relighting"), entry, relit)
+            (setup.programs.name("optics/shading/relighting"), entry, relit)
             for entry in ("main", "list_tiles")
         ),
-        (setup.program("optics/shading/relighting"), "count_tiles", relit),
+        (setup.programs.name("optics/shading/relighting"), "count_tiles", relit),
     ]
     return [program_key(*program) for program in programs]

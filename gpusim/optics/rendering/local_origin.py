@@ -76,9 +76,9 @@ def origin_near(points: Sequence[Array]) -> Array:
     It lies on a grid as wide as a power of two, so that it stays where points move a little and
     nothing is rounded where it is subtracted.
     """
-    some = [own[:: max(len(own) // SAMPLED, 1)] for own in points]
-    low = np.min([own.min(axis=0) for own in some], axis=0)
-    high = np.max([own.max(axis=0) for own in some], axis=0)
+    sampled = [place[:: max(len(place) // SAMPLED, 1)] for place in points]
+    low = np.min([place.min(axis=0) for place in sampled], axis=0)
+    high = np.max([place.max(axis=0) for place in sampled], axis=0)
     size = float((high - low).max())
     if not size > 0.0:
         return np.zeros(3)

@@ -163,7 +163,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
     device.programs.begin(frame_programs(setup, plan))
     lines = None
     if plan.checker_lines and setup.lighting.openness is None:
-        lines = BoardLines.of(view, setup.printed)
+        lines = BoardLines.of(view, setup.traits.printed)
     buffers = SceneBuffers(device, setup, lines, fine=plan.deferred)
     tiles = LightTiles.of(setup) if plan.tile_light else None
     lit_by_all = ShadingPass(

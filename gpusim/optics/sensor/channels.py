@@ -15,8 +15,6 @@ from gpusim.optics.lens.convolution import Target, accumulate, accumulate_twin
 from gpusim.optics.sensor.demosaicing import TILES
 from gpusim.validation import real_numbers
 
-__all__ = ["Weights", "check_sensitivities", "picked", "seen", "weights_of"]
-
 Weights = tuple[float, ...]
 """Of the planes of a frame."""
 _ONE = (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)

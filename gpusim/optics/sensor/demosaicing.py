@@ -18,8 +18,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["METHODS", "TILES", "demosaiced"]
-
 TILES = {"RGGB": (0, 1, 1, 2), "BGGR": (2, 1, 1, 0), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1)}
 """Channels (0 red, 1 green, 2 blue) of the four pixels of a tile, row by row."""
 

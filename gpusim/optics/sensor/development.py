@@ -18,8 +18,6 @@ from gpusim.errors import InputError
 from gpusim.optics.sensor.demosaicing import TILES, demosaiced
 from gpusim.validation import real_numbers
 
-__all__ = ["RAW_BITS", "Development", "at_least", "check_gains", "stored"]
-
 F32 = npt.NDArray[np.float32]
 RAW_BITS = 16
 RAW_FULL = 2**RAW_BITS - 1

@@ -11,8 +11,6 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
-__all__ = ["scaled", "scaled_on_device", "scaled_twin"]
-
 _CHUNK = 1 << 16  # pixels at a time, so that they stay in the cache
 
 

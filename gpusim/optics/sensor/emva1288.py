@@ -19,18 +19,6 @@ import numpy.typing as npt
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
-__all__ = [
-    "CAMERAS",
-    "Preset",
-    "Signal",
-    "emva_twin",
-    "expose_noisy",
-    "normal_quantile",
-    "philox",
-    "poisson_quantile",
-    "uniform_of",
-]
-
 F32 = npt.NDArray[np.float32]
 U32 = npt.NDArray[np.uint32]
 SMALL = 12.0

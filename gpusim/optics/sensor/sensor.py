@@ -31,8 +31,6 @@ from gpusim.optics.sensor.digital_numbers import scaled, scaled_twin
 from gpusim.optics.sensor.emva1288 import CAMERAS, Signal, emva_twin, expose_noisy
 from gpusim.validation import checked
 
-__all__ = ["Sensor"]
-
 AUTO_LEVEL = 0.95
 UNLIMITED = 1e30  # electrons
 PLANCK_TIMES_LIGHT = 6.62607015e-34 * 299_792_458.0

@@ -8,8 +8,14 @@ In the order in which data passes:
   anchor pixel.
 - `spectrum`: Bands of the spectrum: what each of them has of its own, and how the device is told
   of three.
+- `triangle_traits`: What the triangles of a view are like: plain or near a feature, matte or
+  glossy, in relief.
+- `specialisation`: What of the shaders' code a view needs: names of programs, and their override
+  constants.
 - `setup`: A view set up for shading: per-triangle coefficients, pattern tables and lamps, in
   float64.
+- `triangle_records`: Triangles as the shader reads them: the coefficients and traits of each in
+  float32.
 - `radiance`: Radiance of pixels whose albedo is known, in NumPy.
 - `scene_buffers`: What shaders read of a setup: its triangles, paints, lights and shadows, on the
   device.

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.unique import distinct
+from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.geometry.triangle_corners import (
     NORMAL,
     ST,
@@ -26,8 +27,6 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 
-__all__ = ["BLOCK", "CoefficientCache", "Coefficients", "PerTriangle", "coefficients"]
-
 Array = npt.NDArray[np.float64]
 BLOCK = 4096
 
@@ -35,8 +34,7 @@ BLOCK = 4096
 @dataclass(frozen=True, eq=False)
 class Coefficients:
     """Of some triangles of a view: ``planes`` (6, 3, n), ``anchor`` (2, n), ``cell`` (2, n),
-    ``mean_inverse`` (n,), as in `gpusim.optics.shading.setup.Setup` but for the order of the
-    axes."""
+    ``mean_inverse`` (n,), as in `PerTriangle` but for the order of the axes."""
 
     part: slice
     planes: Array
@@ -58,7 +56,7 @@ def coefficients(
         part = slice(first, min(first + BLOCK, view.count))
         count = part.stop - first
         corners = view.corners_of(part)
-        own = barycentric_planes(corners, view.camera)
+        barycentric = barycentric_planes(corners, view.camera)
         planes, basis, term = all_planes[:, :, :count], all_basis[:, :, :count], spare[:count]
         inverse = [1.0 / corners[:, i, 2] for i in range(3)]
         mean_inverse = (inverse[0] + inverse[1] + inverse[2]) / 3.0
@@ -68,13 +66,13 @@ def coefficients(
         values: dict[int, list[Array]] = {}
         if patterned:
             paint = view.paint[part]
-            size, some = cell_of_paint[paint], featured[paint]
+            size, printed = cell_of_paint[paint], featured[paint]
             st = corners[:, :, ST]
             if bitmaps.images:
                 st = bitmaps.texel_positions(paint, st)
             for axis in range(2):
                 across = [st[:, i, axis] for i in range(3)]
-                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * some
+                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * printed
                 corner = cell[axis] * size
                 local = all_local[axis, :, :count]
                 for i in range(3):
@@ -86,7 +84,7 @@ def coefficients(
         scale = 1.0 / mean_inverse
         for i in range(3):
             for k in range(3):
-                np.multiply(own[:, i, k], scale, out=basis[i, k])
+                np.multiply(barycentric[:, i, k], scale, out=basis[i, k])
         for k in range(3):
             np.add(basis[0, k], basis[1, k], out=planes[2, k])
             planes[2, k] += basis[2, k]
@@ -105,7 +103,12 @@ def coefficients(
 
 
 class PerTriangle(NamedTuple):
-    """Coefficients triangle by triangle, as in `gpusim.optics.shading.setup.Setup`."""
+    """Coefficients triangle by triangle.
+
+    ``planes`` (T, 6, 3): s, t, w and the three normal components as affine functions of (dx, dy,
+    1), the offset from ``anchor`` (T, 2), whole px of the ideal image; ``cell`` (T, 2): the pattern
+    cell that s and t are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
+    """
 
     planes: Array
     anchor: Array
@@ -139,6 +142,24 @@ class CoefficientCache:
         row, (planes, anchor, cell, mean_inverse) = self._row[triangles] - 1, self._found
         return PerTriangle(planes[row], anchor[row], cell[row], mean_inverse[row])
 
+    def footprint(
+        self, triangle: npt.NDArray[np.int64], x: Array, y: Array
+    ) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
+        """At pixel positions, (n, 2) each: pattern cell, paint position in it, the change of this
+        along the sides of a pixel's sensitive square, and the relative change of 1 / z along these.
+        """
+        ideal, change = undistorted(self._setup[0].camera, np.stack([x, y], axis=1))
+        planes, anchor, cell, _ = self.of(triangle)
+        d = ideal - anchor
+        values = planes[:, :3, 0] * d[:, :1] + planes[:, :3, 1] * d[:, 1:] + planes[:, :3, 2]
+        w = values[:, 2:3]
+        st = values[:, :2] / w
+        ex = (planes[:, :2, 0] - st * planes[:, 2:3, 0]) / w
+        ey = (planes[:, :2, 1] - st * planes[:, 2:3, 1]) / w
+        turned = np.stack([ex, ey], axis=2) @ change
+        q = np.einsum("ni,nik->nk", planes[:, 2, :2] / w, change)
+        return cell, st, turned[:, :, 0], turned[:, :, 1], q
+
     @cached_property
     def all(self) -> PerTriangle:
         """Of all triangles (T,)."""
@@ -149,10 +170,10 @@ class CoefficientCache:
 
     def _coefficients(self, view: View, count: int) -> PerTriangle:
         result = _none(count)
-        for own in coefficients(view, *self._setup[1:]):
-            result.planes[own.part] = np.moveaxis(own.planes, 2, 0)
-            result.anchor[own.part], result.cell[own.part] = own.anchor.T, own.cell.T
-            result.mean_inverse[own.part] = own.mean_inverse
+        for block in coefficients(view, *self._setup[1:]):
+            result.planes[block.part] = np.moveaxis(block.planes, 2, 0)
+            result.anchor[block.part], result.cell[block.part] = block.anchor.T, block.cell.T
+            result.mean_inverse[block.part] = block.mean_inverse
         return result
 
 

@@ -25,16 +25,6 @@ from gpusim.optics.light.quadrature import closest_points, emitter_light, emitte
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.surface import Surface
 
-__all__ = [
-    "MAX_EMITTERS",
-    "Lighting",
-    "SharesOf",
-    "ambient",
-    "casts_shadows",
-    "emitting_points",
-    "find_shadows",
-]
-
 Array = npt.NDArray[np.float64]
 MAX_EMITTERS = 256
 

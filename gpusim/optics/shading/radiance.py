@@ -8,10 +8,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.setup import Setup
-
-__all__ = ["radiance_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -36,20 +35,20 @@ def radiance_of(
     """
     if not setup.lit:
         return albedo
-    ideal, bend = setup.undistorted(np.stack([x, y], axis=1))
-    own = setup.of(triangle)
-    d, planes = ideal - own.anchor, own.planes
+    ideal, bend = undistorted(setup.view.camera, np.stack([x, y], axis=1))
+    records = setup.coefficients.of(triangle)
+    d, planes = ideal - records.anchor, records.planes
     values = planes[:, 2:, 0] * d[:, :1] + planes[:, 2:, 1] * d[:, 1:] + planes[:, 2:, 2]
-    depth = 1.0 / (values[:, 0] * own.mean_inverse)
-    rays = setup.rays()
+    depth = 1.0 / (values[:, 0] * records.mean_inverse)
+    rays = setup.view.rays()
     position = depth[:, None] * (np.c_[ideal, np.ones(len(x))] @ rays.T)
     normal = values[:, 1:]
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     rate = (planes[:, 2, :2] / values[:, :1])[:, None]
     change = depth[:, None, None] * rays[:, :2] - position[:, :, None] * rate
     widened = np.zeros(len(x))
-    if setup.bumps is not None:
-        normal, widened = setup.bumps.leaning(
+    if setup.traits.bumps is not None:
+        normal, widened = setup.traits.bumps.leaning(
             triangle, d, values[:, 0], planes[:, 2, :2], normal, change[:, :, 0], change[:, :, 1]
         )
     change = change @ bend if sides is None else change @ (bend @ sides)

@@ -29,8 +29,6 @@ from gpusim.optics.shadow.receivers import (
 )
 from gpusim.optics.shadow.scene import Shadows
 
-__all__ = ["ListedShares", "PieceShares", "RelightingPass", "no_pieces"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 NEEDED = "shadow.capacity"
@@ -89,7 +87,7 @@ class RelightingPass:
         self.buffers, self.shade, self.stride = buffers, shade, shade.stride
         self._casting = shadows.casting
         # a relief may turn normals any way
-        self._spaces = shadows.spaces if setup.bumps is None else shadows.turned(1.0)
+        self._spaces = shadows.spaces if setup.traits.bumps is None else shadows.turned(1.0)
         self._receivers = self._pixels(shadows, shade.marks, shade.rows)
         self._found = _found_by(shadows, self._receivers, "band")
         self._band: Band | None = None
@@ -132,8 +130,8 @@ class RelightingPass:
 
     def _relight(self, band: Band) -> None:
         setup, width = self.buffers.setup, self.buffers.setup.view.camera.width
-        glossy = bool(setup.shiny.any())
-        constants = setup.light_constants(glossy, bool(setup.bumpy.any()))
+        glossy, bumpy = setup.programs.looks
+        constants = setup.programs.light_constants(glossy, bumpy)
         constants["scaled"] = float(not glossy)
         params = {
             "rays": self.buffers.rays(), "width": width, "rows": band.rows,
@@ -152,7 +150,7 @@ class RelightingPass:
         with self.buffers.device.recording("optics.relit") as recording:
             recording.clear(self._counters)
             count = -(-width // TILE) * -(-band.rows // TILE)
-            name = setup.program("optics/shading/relighting")
+            name = setup.programs.name("optics/shading/relighting")
             bound.run(recording, name, "list_tiles", constants, threads=(count,))
             bound.run(recording, name, "count_tiles", constants, groups=(1,))
             bound.run(recording, name, "main", constants, counted=self._groups)

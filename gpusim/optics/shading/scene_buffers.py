@@ -1,9 +1,9 @@
 """What shaders read of a setup: its triangles, paints, lights and shadows, on the device.
 
-A triangle's record (`gpusim.optics.shading.setup.TRIANGLE`) holds what its pixels have in common.
+A triangle's record (`gpusim.optics.shading.triangle_records`) holds what its pixels have in common.
 Where triangles cover a few pixels each, finding all of them on the host takes as long as the
 picture, and they are ten times as large as what they follow from: there the device makes them from
-the vertices that triangles share. Their twin is `Setup.record_blocks`, which also serves large
+the vertices that triangles share. Their twin is `record_blocks`, which also serves large
 triangles, bitmaps and reliefs.
 
 The planes of triangles, from which their pixels ask for lamps, follow from the records, so that a
@@ -27,12 +27,11 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
-from gpusim.optics.shading.setup import TRIANGLE, Setup
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.spectrum import tints
+from gpusim.optics.shading.triangle_records import TRIANGLE, paint_traits, record_blocks
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.visibility_buffer import VertexBuffers
-
-__all__ = ["SceneBuffers", "TriangleRecords", "planes_on_device", "planes_twin", "vertex_blocks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -65,8 +64,8 @@ class SceneBuffers:
         self.lamps = Uniform(device, setup.lighting.uniform(), "shade.lamps")
         self.gloss = gloss_texels(device, [band.lighting.gloss for band in setup.bands])
         self._color = _color_bindings(device, setup)
-        self.relief = Uniform(device, bump_uniform(setup.bumps), "shade.relief")
-        self.bumps = bump_texels(device, setup.bumps)
+        self.relief = Uniform(device, bump_uniform(setup.traits.bumps), "shade.relief")
+        self.bumps = bump_texels(device, setup.traits.bumps)
         self.openness = sky_visibility_texels(device, setup.lighting.openness)
         self.paints = _as_texels(device, table.paints, "shade.paints")
         self.patterns = table.texels(device)
@@ -125,7 +124,7 @@ class SceneBuffers:
     def rays(self) -> dict[str, npt.NDArray[np.float64]]:
         """The ray matrix as uniform columns."""
         columns = np.zeros((3, 4))
-        columns[:, :3] = self.setup.rays().T
+        columns[:, :3] = self.setup.view.rays().T
         return {"x": columns[0], "y": columns[1], "one": columns[2]}
 
 
@@ -156,14 +155,14 @@ def _triangles(device: Device, setup: Setup, lines: BoardLines | None) -> Texels
     """
     per, count = TRIANGLE.itemsize // 16, setup.view.count
     parent = np.zeros(0, np.int64) if lines is None else lines.parent
-    own = np.zeros((len(parent), 4 * per), np.float32)
+    records = np.zeros((len(parent), 4 * per), np.float32)
     texels = device.texels(per * max(count + len(parent), 1), "rgba32uint", "shade.triangles")
-    for first, words in setup.record_blocks():
+    for first, words in record_blocks(setup):
         texels.write(words.view(np.uint32).reshape(-1, 4), per * first)
         rows = np.flatnonzero((parent >= first) & (parent < first + len(words)))
-        own[rows] = words[parent[rows] - first]
+        records[rows] = words[parent[rows] - first]
     if lines is not None:
-        texels.write(own.view(np.uint32).reshape(-1, 4), per * count)
+        texels.write(records.view(np.uint32).reshape(-1, 4), per * count)
     return texels
 
 
@@ -180,7 +179,7 @@ class TriangleRecords:
         view, device = setup.view, vertex_buffers.device
         self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
         looks = device.buffer(_albedo_and_paint(setup), "records.looks")
-        traits = setup.traits().astype(np.float32)
+        traits = paint_traits(setup).astype(np.float32)
         traited = device.texels(len(traits), "rgba32float", "records.traits")
         traited.write(traits)
         per = TRIANGLE.itemsize // 16
@@ -194,7 +193,7 @@ class TriangleRecords:
     def of(device: Device, setup: Setup, vertex_buffers: VertexBuffers) -> TriangleRecords | None:
         """Those of a setup, not made yet; None where float32 or the shader can't."""
         view = setup.view
-        if not view.count or setup.bitmaps.images or setup.bumps is not None:
+        if not view.count or setup.bitmaps.images or setup.traits.bumps is not None:
             return None
         inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
         vertices = device.pool.texels(3 * len(view.place), "rgba32uint", "records.vertices")
@@ -215,9 +214,9 @@ class TriangleRecords:
 def _albedo_and_paint(setup: Setup) -> npt.NDArray[np.uint32]:
     """(T, 2): bits of the triangles' albedo, and their paint."""
     looks = np.empty((setup.view.count, 2), np.uint32)
-    looks[:, 0] = setup.albedo.view(np.uint32)
+    looks[:, 0] = setup.traits.albedo.view(np.uint32)
     looks[:, 1] = setup.view.paint
-    looks[:, 1] |= setup.near_feature.astype(np.uint32) << np.uint32(31)
+    looks[:, 1] |= setup.traits.near_feature.astype(np.uint32) << np.uint32(31)
     return looks
 
 
@@ -255,10 +254,10 @@ def vertex_blocks(
         if setup.lit:
             real[8:11] = vertices[part, NORMAL].T
         real[11] = sides[part]
-        own = words[: part.stop - first]
+        records = words[: part.stop - first]
         for k, column in enumerate(block):
-            own[:, k] = column
-        yield first, own, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
+            records[:, k] = column
+        yield first, records, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
 
 
 def _sides(setup: Setup) -> Array:
@@ -266,9 +265,9 @@ def _sides(setup: Setup) -> Array:
     view, paints = setup.view, setup.table.paints
     side = np.ones(len(view.place))
     for number in np.flatnonzero(paints["featured"] > 0):
-        own = view.paint == number
-        whole = bool(own.all())
-        rows = slice(None) if whole else view.corner[own].reshape(-1)
+        of_paint = view.paint == number
+        whole = bool(of_paint.all())
+        rows = slice(None) if whole else view.corner[of_paint].reshape(-1)
         side[rows] = paints["cell"][number]
     return side
 
@@ -295,7 +294,7 @@ def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels
 def planes_twin(view: View) -> tuple[Array, Array]:
     """(T, 3): n / d of the triangles of a view; (T,): how far normals for shading are from n."""
     planes = PixelReceivers.planes_of(view)
-    own = view.corners_of(slice(None), NORMAL)
-    cosine = np.abs(np.einsum("tka,ta->tk", own, planes)).min(axis=1)
+    normals = view.corners_of(slice(None), NORMAL)
+    cosine = np.abs(np.einsum("tka,ta->tk", normals, planes)).min(axis=1)
     cosine /= np.linalg.norm(planes, axis=1)
     return planes, np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0))

@@ -34,12 +34,11 @@ from gpusim.optics.paint.feature_grid import FINEST, LOOP_TURNS
 from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
-from gpusim.optics.shading.setup import GRAZING, Setup, footprint
+from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass
+from gpusim.optics.shading.triangle_traits import GRAZING
 from gpusim.optics.visibility_buffer import NONE, VisibilityBuffer
 from gpusim.surface.color import grey
-
-__all__ = ["DeferredPass", "ForwardPass", "ShadingPass", "shade_twin", "small_triangles"]
 
 MAX_PIXELS = 200.0
 """px; triangles that cover fewer are shaded pixel by pixel.
@@ -91,8 +90,8 @@ def shader_programs(
     boards = none if lines is None else lines.member
     groups = (BITMAP, 3 + GRAZING, 2 + GRAZING, 3, 2, 1, 0)
     each = (True, False)
-    kind = setup.groups.astype(np.uint8) << np.uint8(4)
-    for bit, flags in enumerate((tiled, setup.bumpy, setup.shiny, boards)):
+    kind = setup.traits.groups.astype(np.uint8) << np.uint8(4)
+    for bit, flags in enumerate((tiled, setup.traits.bumpy, setup.traits.shiny, boards)):
         if flags.any():
             kind |= flags.view(np.uint8) << np.uint8(bit)
     many = np.bincount(kind, minlength=256)
@@ -102,14 +101,15 @@ def shader_programs(
     for group, board, glossy, bumpy, lit in product(groups, each, each, each, each):
         wanted = 16 * group + 8 * board + 4 * glossy + 2 * bumpy + lit
         numbers = np.flatnonzero(kind == wanted) if many[wanted] else order[:0]
-        own: npt.NDArray[np.uint32] = (order[numbers] if sort else numbers).astype(np.uint32)
-        if len(own) or not (group or board or glossy or bumpy or lit or result):
-            constants = {**setup.constants([group], glossy, bumpy), "light_tiled": float(lit)}
+        triangles: npt.NDArray[np.uint32] = (order[numbers] if sort else numbers).astype(np.uint32)
+        if len(triangles) or not (group or board or glossy or bumpy or lit or result):
+            constants = setup.programs.constants([group], glossy, bumpy)
+            constants["light_tiled"] = float(lit)
             if board and lines is not None:
                 # in front of the others, which are then left out where they are
                 strip = setup.view.count + np.flatnonzero(strips == wanted)
                 result.insert(0, Program({**constants, "board": 2.0}, strip.astype(np.uint32)))
-            result.append(Program({**constants, "board": float(board)}, own))
+            result.append(Program({**constants, "board": float(board)}, triangles))
     return result
 
 
@@ -135,7 +135,7 @@ class ShadingPass:
         device, setup = buffers.device, buffers.setup
         _check_loops(setup)
         self.buffers, self.rows = buffers, rows
-        glossy = bool(setup.shiny.any())
+        glossy, _ = setup.programs.looks
         width = setup.view.camera.width
         self._tile_light = None if tiles is None else TileLightPass(buffers, tiles)
         programs = shader_programs(setup, tiles, buffers.lines, sort=not deferred)
@@ -211,7 +211,7 @@ class ForwardPass:
         self._draws: list[tuple[Raster, Buffer, int]] = []
         # what is in front comes first where depths are compared, else last
         programs = programs[::-1] if painter else programs
-        name, entries = setup.program("optics/shading/forward_pass"), ("vertex", entry)
+        name, entries = setup.programs.name("optics/shading/forward_pass"), ("vertex", entry)
         depth = "none" if painter else "greater"
         rasters = device.rasters([(name, formats, v.constants, entries, depth) for v in programs])
         for raster, program in zip(rasters, programs, strict=True):
@@ -228,7 +228,7 @@ class ForwardPass:
     ) -> None:
         """Shade a band into ``colors``, whose first one is cleared to the background."""
         size = (int(params["width"]), int(params["rows"]))
-        clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
+        clear: Sequence[float] | None = [band.background for band in self.buffers.setup.bands]
         for raster, order, count in self._draws:
             values = {**shared, **self.buffers.vertex_buffers.bindings(), "order": order}
             recording.draw(
@@ -256,12 +256,12 @@ class DeferredPass:
         device, view = buffers.device, buffers.setup.view
         self.buffers, self.visibility = buffers, visibility
         plain = len(colors) == len(buffers.setup.bands)
-        name, band = buffers.setup.program("optics/shading/forward_pass"), "vertex_band"
+        name, band = buffers.setup.programs.name("optics/shading/forward_pass"), "vertex_band"
         formats = tuple(texture.format for texture in colors)
         entries = (band, "fragment_seen" if plain else "fragment_seen_marked")
         self._raster_of_levels, *self._rasters = device.rasters([
             (name, (), programs[0].constants, (band, "fragment_levels"), "greater"),
-            *((name, formats, own.constants, entries, "equal") for own in programs),
+            *((name, formats, one.constants, entries, "equal") for one in programs),
         ])  # fmt: skip
         count = -(-view.count // PER_TEXEL)
         levels = np.zeros(PER_TEXEL * max(count, 1), np.uint8)
@@ -285,7 +285,7 @@ class DeferredPass:
         raster = self._raster_of_levels
         bindings = raster.bind(params=params, ids=ids, levels=self._levels)
         recording.draw(raster, bindings, colors=(), depth=self._depth, vertices=3, size=size)
-        clear: Sequence[float] | None = [own.background for own in self.buffers.setup.bands]
+        clear: Sequence[float] | None = [band.background for band in self.buffers.setup.bands]
         for k, raster in enumerate(self._rasters):
             level = {**params, "level": (k + 1) / LEVELS}
             recording.draw(
@@ -297,7 +297,7 @@ class DeferredPass:
 
 def _check_loops(setup: Setup) -> None:
     """Refuse patterns whose loops take more turns than devices allow."""
-    turns = FINEST * (FINEST + 1) + 1 if setup.constants([1], False, False)["fine"] else 1
+    turns = FINEST * (FINEST + 1) + 1 if setup.programs.fine else 1
     if not setup.table.most_in_a_cell * turns <= LOOP_TURNS:
         raise InputError(
             f"render: paint patterns; got up to {setup.table.most_in_a_cell} features that one "
@@ -321,28 +321,31 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.floa
         featured = setup.table.paints["featured"][paint]
         rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
-            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            cell, st, ex, ey, q = setup.coefficients.footprint(
+                triangle[rows], column[rows], row[rows]
+            )
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
-            for own, band in zip(albedo, setup.bands, strict=True):
-                own[rows] = mean_albedo(
-                    band.table, paint[rows], setup.of(triangle[rows]).cell, st, corners,
-                    np.ones(corners.shape[:2]), (ex, ey, q), setup.groups[triangle[rows]] > BITMAP,
+            grazing = setup.traits.groups[triangle[rows]] > BITMAP
+            for band_albedo, band in zip(albedo, setup.bands, strict=True):
+                band_albedo[rows] = mean_albedo(
+                    band.table, paint[rows], cell, st, corners,
+                    np.ones(corners.shape[:2]), (ex, ey, q), grazing,
                 )  # fmt: skip
         for number in setup.bitmaps.images:
             rows = np.flatnonzero(paint == number)
-            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
-            for own, band in zip(albedo, setup.bands, strict=True):
+            footprints = setup.coefficients.footprint(triangle[rows], column[rows], row[rows])
+            for band_albedo, band in zip(albedo, setup.bands, strict=True):
                 image = band.bitmaps.images[number]
-                own[rows] = mean_over_pixels(
-                    image, grey(image.ground), setup.of(triangle[rows]).cell, st, ex, ey, q
-                )
+                band_albedo[rows] = mean_over_pixels(image, grey(image.ground), *footprints)
         printed = np.zeros(len(paint))
-        rows = np.flatnonzero((featured == 1) & setup.shiny[triangle])
+        rows = np.flatnonzero((featured == 1) & setup.traits.shiny[triangle])
         if len(rows):
-            st, ex, ey, q = footprint(setup, triangle[rows], column[rows], row[rows])
+            cell, st, ex, ey, q = setup.coefficients.footprint(
+                triangle[rows], column[rows], row[rows]
+            )
             corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
             printed[rows] = mean_albedo(
-                setup.table.mask(), paint[rows], setup.of(triangle[rows]).cell, st, corners,
+                setup.table.mask(), paint[rows], cell, st, corners,
                 np.ones(corners.shape[:2]), (ex, ey, q),
             )  # fmt: skip
         radiance[:, y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)

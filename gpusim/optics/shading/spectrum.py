@@ -15,22 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.optics.geometry.view import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.lighting import MAX_EMITTERS, Lighting
 from gpusim.surface.color import BANDS, Color, in_band, is_colored
-
-__all__ = [
-    "SpectralBand",
-    "indexed",
-    "is_coloured_scene",
-    "regions_in_band",
-    "spectral_bands",
-    "tints",
-]
 
 Array = npt.NDArray[np.float64]
 
@@ -62,13 +53,13 @@ def spectral_bands(
     and of the latter's means."""
     result = []
     for band in BANDS:
-        own, lighting = regions_in_band(regions, band), first.lighting
+        band_regions, lighting = regions_in_band(regions, band), first.lighting
         if lights is not None:
             lamps = [lamp.light for lamp in lamps_of(lights)]
             share = np.array([1.0 if light.color is None else light.color[band] for light in lamps])
             lighting = lighting.with_strengths_of([in_band(one, band) for one in lights], share)
-        bitmaps = BitmapTable({n: own[n].paint for n in first.bitmaps.images})  # type: ignore[misc]
-        table = first.table.with_albedos_of(own)
+        bitmaps = BitmapTable({n: band_regions[n].paint for n in first.bitmaps.images})  # type: ignore[misc]
+        table = first.table.with_albedos_of(band_regions)
         result.append(SpectralBand(table, bitmaps, lighting, in_band(background, band)))
     return tuple(result)
 

@@ -23,8 +23,6 @@ from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 
-__all__ = ["LightTiles", "TileLightPass", "light_tiles_twin"]
-
 Array = npt.NDArray[np.float64]
 Numbers = npt.NDArray[np.int64]
 TILE = 8
@@ -68,25 +66,25 @@ class LightTiles:
         low = np.maximum(low, -0.5)
         high = np.minimum(high, np.array([camera.width, camera.height]) - 0.5)
         wide, tall = np.maximum(high - low, 0.0).T
-        area = np.where(setup.shiny | setup.bumpy, 0.0, 0.5 * (wide * tall))
+        area = np.where(setup.traits.shiny | setup.traits.bumpy, 0.0, 0.5 * (wide * tall))
         large = np.flatnonzero(area >= MIN_PIXELS)
         large = large[_flat(setup, large)]
         large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]
         shape = (-(-camera.height // SQUARE), -(-camera.width // SQUARE))
         owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
         member = np.zeros(view.count, bool)
-        left = large[np.argsort(-area[large], kind="stable")]
+        remaining = large[np.argsort(-area[large], kind="stable")]
         for plane in range(MAX_PLANES):
-            if not len(left):
+            if not len(remaining):
                 break
-            same = _in_plane(setup, left[0], left)
-            own, left = left[same], left[~same]
-            number, square = _squares(low[own], high[own], shape[1])
+            same = _in_plane(setup, remaining[0], remaining)
+            in_plane, remaining = remaining[same], remaining[~same]
+            number, square = _squares(low[in_plane], high[in_plane], shape[1])
             taken = plane_of[square] >= 0
-            free = np.bincount(number[taken], minlength=len(own)) == 0
+            free = np.bincount(number[taken], minlength=len(in_plane)) == 0
             square = square[free[number]]
-            owner[square], plane_of[square] = own[0] + 1, plane
-            member[own[free]] = True
+            owner[square], plane_of[square] = in_plane[0] + 1, plane
+            member[in_plane[free]] = True
         if not area[member].sum() >= MIN_SHARE * camera.width * camera.height:
             return None
         return LightTiles(member, owner.reshape(shape))
@@ -130,7 +128,7 @@ def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[n
     side = TILE * (1.0 if bends is None else bends.stretch)
     squares = np.zeros(len(triangles))
     for axis in range(2):  # how far the plane's points move per column and per row, at most
-        change = setup.rays()[:, axis] - world * plane[:, None, axis, None]
+        change = setup.view.rays()[:, axis] - world * plane[:, None, axis, None]
         squares += (side * depth * np.linalg.norm(change, axis=2)).max(axis=1) ** 2
     middle, normal = world.mean(axis=1), corners[:, 0, NORMAL]
     radius = np.linalg.norm(world - middle[:, None], axis=2).max(axis=1)
@@ -176,8 +174,8 @@ class TileLightPass:
     def record(self, recording: Recording) -> None:
         """Find the light of all tiles."""
         setup, buffers = self.buffers.setup, self.buffers
-        constants = setup.light_constants(False, False)
-        name = setup.program("optics/shading/tile_light")
+        constants = setup.programs.light_constants(False, False)
+        name = setup.programs.name("optics/shading/tile_light")
         kernel = buffers.device.kernel(name, constants=constants)
         bindings = kernel.bind_used(
             params={
@@ -201,13 +199,13 @@ def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
     shape = (-(-camera.height // TILE), -(-camera.width // TILE))
     row, column = np.mgrid[: shape[0], : shape[1]].reshape(2, -1)
     owner = tiles.owner[row // (SQUARE // TILE), column // (SQUARE // TILE)].astype(np.int64)
-    own = np.flatnonzero(owner)
+    owned = np.flatnonzero(owner)
     corners = []
     for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        x, y = (TILE * (column[own] + i) - 0.5, TILE * (row[own] + j) - 0.5)
-        one, none = np.ones((len(setup.bands), len(own))), np.zeros(len(own))
-        corners.append(radiance_of(setup, owner[own] - 1, x, y, one, none))
+        x, y = (TILE * (column[owned] + i) - 0.5, TILE * (row[owned] + j) - 0.5)
+        one, none = np.ones((len(setup.bands), len(owned))), np.zeros(len(owned))
+        corners.append(radiance_of(setup, owner[owned] - 1, x, y, one, none))
     a, b, c, d = corners
     result = np.zeros((shape[0] * shape[1], len(setup.bands), 4))
-    result[own] = np.stack([a.T, (b - a).T, (c - a).T, (a - b - c + d).T], axis=2)
+    result[owned] = np.stack([a.T, (b - a).T, (c - a).T, (a - b - c + d).T], axis=2)
     return result.reshape(*shape, len(setup.bands), 4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,19 +29,19 @@ def meshes(scene: Scene, inputs: Inputs, session: Session) -> Made:
     objects = scene_objects(scene, inputs, [one.shown for one in frames])
     stresses = Stresses(inputs.open("stress", STRESS)) if inputs.has("stress") else None
     try:
-        warnings = _write(objects, frames, stresses, inputs.scratch)
+        warnings = _write(objects, frames, stresses, inputs.new_file)
     finally:
         if stresses is not None:
             stresses.close()
-    files = {
-        path.relative_to(inputs.scratch).as_posix(): path
-        for path in sorted(inputs.scratch.rglob("*")) if path.is_file()
-    }  # fmt: skip
+    files = inputs.new_files()
     return Made(files, notes_of(warnings), f"{len(files)} files for other programs")
 
 
 def _write(
-    objects: SceneObjects, frames: FrameTable, stresses: Stresses | None, out: Path
+    objects: SceneObjects,
+    frames: FrameTable,
+    stresses: Stresses | None,
+    new_file: Callable[[str], Path],
 ) -> list[str]:
     """VTU per body and step with a .pvd each, STL per paint region and step; gives warnings."""
     bodies, output = objects.bodies, objects.scene.output
@@ -54,7 +55,7 @@ def _write(
         for step, time in enumerate(times):
             u = objects.displacement(index, step)
             if output.vtu:
-                file = out / "solution" / f"{name}-{step:04d}.vtu"
+                file = new_file(f"solution/{name}-{step:04d}.vtu")
                 of_points, of_cells = (
                     stresses.fields(index, step, parts) if stresses is not None else ({}, {})
                 )
@@ -66,7 +67,7 @@ def _write(
             if output.stl:
                 surface = parts.surface
                 write_region_stls(
-                    out / "stl" / (name if len(bodies) > 1 else "."),
+                    new_file(f"stl/{name}/-" if len(bodies) > 1 else "stl/-").parent,
                     surface.rest + parts.skin.at_vertices(u),
                     _with_triangles(surface.faces),
                     surface.regions,
@@ -75,7 +76,7 @@ def _write(
                     origin=origin,
                 )
         if steps:
-            write_pvd(out / "solution" / f"{name}.pvd", steps)
+            write_pvd(new_file(f"solution/{name}.pvd"), steps)
     if not (output.stl and origin.any()):
         return []
     place = ", ".join(f"{value:.10g}" for value in origin)

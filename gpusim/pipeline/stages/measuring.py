@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 from typing import Any
 
 import numpy.typing as npt
@@ -26,14 +25,13 @@ __all__ = ["measure", "tracks"]
 def measure(scene: Scene, inputs: Inputs, session: Session) -> Made:
     """One measurement."""
     (spec,) = scene.measures
-    place = inputs.scratch / "measure"
-    if inputs.has(f"tracks/{spec.name}"):
-        for name in inputs.names(f"tracks/{spec.name}"):
-            place.mkdir(exist_ok=True)
-            shutil.copy(inputs.path(f"tracks/{spec.name}", name), place / Path(name).name)
-    result = measured(spec, scene, _objects(scene, inputs), _sources(scene, inputs, place))
-    result.write(place)
-    return Made(_files(inputs), words=result.note)
+    tracked = f"tracks/{spec.name}"
+    for name in inputs.names(tracked) if inputs.has(tracked) else ():
+        shutil.copy(inputs.path(tracked, name), inputs.new_file(name))
+    sources = _sources(scene, inputs)
+    result = measured(spec, scene, _objects(scene, inputs), sources)
+    result.write(sources.markers.folder)
+    return Made(inputs.new_files(), words=result.note)
 
 
 def tracks(scene: Scene, inputs: Inputs, session: Session) -> Made:
@@ -41,20 +39,15 @@ def tracks(scene: Scene, inputs: Inputs, session: Session) -> Made:
     (spec,) = scene.measures
     prepare = kind_of(spec).prepare
     if prepare is not None:
-        place = inputs.scratch / "measure"
-        prepare(spec, scene, _objects(scene, inputs), _sources(scene, inputs, place))
-    return Made(_files(inputs))
+        prepare(spec, scene, _objects(scene, inputs), _sources(scene, inputs))
+    return Made(inputs.new_files())
 
 
 def _objects(scene: Scene, inputs: Inputs) -> SceneObjects:
     return scene_objects(scene, inputs, [one.shown for one in inputs.row])
 
 
-def _files(inputs: Inputs) -> dict[str, Path]:
-    return {f"measure/{path.name}": path for path in sorted(inputs.scratch.glob("measure/*"))}
-
-
-def _sources(scene: Scene, inputs: Inputs, place: Path) -> Sources:
+def _sources(scene: Scene, inputs: Inputs) -> Sources:
     def image(camera: str, frame: int) -> npt.NDArray[Any]:
         stage, name = f"render/{camera}", image_name(scene, camera, frame)
         path = inputs.path(stage, name)
@@ -67,4 +60,4 @@ def _sources(scene: Scene, inputs: Inputs, place: Path) -> Sources:
         name = corners_name(image_name(scene, camera, pose, "calib-"))
         return read_corners(scene, inputs.read(f"calib-render/{camera}", name))
 
-    return Sources(image, corners, MarkerCache(place))
+    return Sources(image, corners, MarkerCache(inputs.new_file("measure/-").parent))

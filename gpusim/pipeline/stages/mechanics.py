@@ -16,76 +16,32 @@ import numpy.typing as npt
 from gpusim import fem
 from gpusim.errors import InputError, NotConverged
 from gpusim.files.input_file import open_input
-from gpusim.gpu import Device
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import Made
 from gpusim.motion import Given, Superposed
-from gpusim.pipeline.build.modelling import BodyModel, build_body_model, build_model, temperature
+from gpusim.pipeline.build.modelling import BodyModel, build_body_model, temperature
 from gpusim.pipeline.build.scene_objects import (
     MovingBodies,
     SceneSolution,
     moving_bodies,
     solver_seconds,
 )
-from gpusim.pipeline.build.surfaces import MeshedBody, build_body
+from gpusim.pipeline.build.surfaces import MeshedBody
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
 from gpusim.plan.stages import RunOptions
 from gpusim.report import StressPeak
 from gpusim.scene import Scene
-from gpusim.scene.amplitudes import LoadGroup, load_groups
+from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable
 
-__all__ = ["Stresses", "given", "model", "solution", "solve", "solve_bodies", "solve_scene",
-           "stress", "superposed", "write_stresses"]  # fmt: skip
+__all__ = ["Stresses", "given", "model", "solution", "solve_bodies", "solve_scene", "stress",
+           "superposed", "write_stresses"]  # fmt: skip
 
 DISPLACEMENT, STRESS = "solution/displacement.npz", "solution/stress.npz"
 Array = npt.NDArray[np.float64]
-
-
-def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
-    """Solve K u = F for a `Model`, or for the one body of a `Scene` at load factor 1.
-
-    Loads of a scene whose amplitudes aren't multiples of each other are separate load cases.
-
-    ``options`` are those of `gpusim.fem.solve` (``tolerance``, ``formulation``, ``backend``,
-    ``max_iterations``, ``method``, ``start``, ``progress``); a scene brings its own
-    tolerance, formulation and method, which they override.
-
-    Raises
-    ------
-    InputError
-        Neither a model nor a scene, or a scene without exactly one body; and what
-        `gpusim.fem.solve` raises.
-
-    Examples
-    --------
-    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
-    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
-    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
-    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.0)], fixed=fixed, forces=forces))
-    >>> print(f"{1e6 * solution.u[:, 0].max():.3f} micrometres")
-    4.762 micrometres
-    """
-    if isinstance(problem, Scene):
-        if len(problem.bodies) != 1:
-            raise InputError(
-                f"solve: scene {problem.name!r}; got {len(problem.bodies)} bodies; expected one "
-                "(run the scene, or solve a Model per body)"
-            )
-        body, solver = problem.bodies[0], problem.solver
-        defaults = {
-            "tolerance": solver.tolerance,
-            "formulation": body.formulation,
-            "max_iterations": solver.max_iterations,
-            "method": solver.method,
-        }
-        groups = load_groups(body, problem.analysis.load_factors)
-        model = build_model(build_body(body, problem.input), groups)
-        return fem.solve(model, device, **{**defaults, **options})
-    return fem.solve(problem, device, **options)
 
 
 def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
@@ -137,7 +93,7 @@ def stress(scene: Scene, inputs: Inputs, session: Session) -> Made:
     frames = FrameTable(inputs.row)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
     models = [inputs[f"model/{body.name}"].model for body in scene.bodies]
-    place = inputs.scratch / "stress.npz"
+    place = inputs.new_file(STRESS)
     peaks = write_stresses(place, objects, models, frames, session.options.skip, inputs.progress)
     most = max((peak.von_mises for peak in peaks), default=0.0)
     notes = asdict(Notes()) | {"peaks": [asdict(peak) for peak in peaks]}

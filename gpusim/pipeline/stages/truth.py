@@ -36,7 +36,7 @@ def truth(scene: Scene, inputs: Inputs, session: Session) -> Made:
     objects = scene_objects(scene, inputs, [one.shown for one in frames])
     if scene.calibration is not None:
         objects.board = scene.calibration.board
-    path = inputs.scratch / "truth.h5"
+    path = inputs.new_file("truth.h5")
     bodies, word = objects.bodies, frame_word(scene)
     regions = [f"{parts.body.name}/{name}" for parts in bodies for name in parts.surface.paints]
     attributes = {

@@ -11,9 +11,9 @@ from typing import Any
 
 from gpusim.errors import Fault
 from gpusim.scene.description.finishes import NamedFinish
-from gpusim.scene.toml_text import DEEPEST
 
 __all__ = [
+    "DEEPEST",
     "Keys",
     "Origins",
     "dotted",
@@ -26,6 +26,9 @@ __all__ = [
     "put",
     "with_names",
 ]
+
+DEEPEST = 16
+"""Levels of tables and lists, and of a dotted key."""
 
 Keys = tuple[str | int, ...]
 Origins = Mapping[Keys, str]

@@ -1,5 +1,6 @@
-// y = K u in float64 with K in block texels (gpusim/fem/device/stiffness.py has twin and driver,
-// gpusim/fem/device/block_texels.py the layout): (K u)_i = sum_j K_ij (u_j - u_i), the diagonal is not
+// y = K u in float64 with K in block texels (gpusim/fem/device/stiffness.py is the driver,
+// gpusim/fem/device/block_texels.py has the layout): the NumPy form is `apply_stiffness` in
+// gpusim/fem/sparse/stiffness_product.py. (K u)_i = sum_j K_ij (u_j - u_i), the diagonal is not
 // stored. K and u are pairs of float32 textures (high, low); one thread per node and load case.
 #import lib/numeric/index
 #import lib/numeric/texel

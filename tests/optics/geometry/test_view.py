@@ -12,8 +12,9 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels, segment_pixels
+from gpusim.optics.geometry.clipping import MAX_EDGE
 from gpusim.optics.geometry.feature_edges import area_normals, creases, feature_edges
-from gpusim.optics.geometry.view import MAX_EDGE, look
+from gpusim.optics.geometry.view import look
 from tests.support.optics_reference import Array, Plate, flat, pattern, reference
 
 QUAD = np.array([[0, 1, 2, 3]])

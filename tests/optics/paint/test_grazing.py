@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import look
-from gpusim.optics.shading.setup import GRAZING, Setup
+from gpusim.optics.shading.setup import Setup
+from gpusim.optics.shading.triangle_traits import GRAZING
 from gpusim.surface.speckle import EDGE, edge_opacity
 
 SIZE, DISTANCE, RADIUS = 160, 640.0, 60.0
@@ -113,7 +114,7 @@ def test_a_plane_at_85_degrees(device: Device, softness: float) -> None:
     surface = tilted(paint, 85.0)
     frame = gs.render([surface], camera(), device=device).radiance
     setup = Setup.build(look([surface], camera(), lit=False), None, 0.0)
-    assert set(setup.groups.tolist()) == {(3 if softness == 0.0 else 2) + GRAZING}
+    assert set(setup.traits.groups.tolist()) == {(3 if softness == 0.0 else 2) + GRAZING}
     row, column = np.mgrid[SIZE // 2 - 14 : SIZE // 2 + 30 : 2, 30:130:3]
     pixels = np.stack([row.ravel(), column.ravel()], axis=1)
     d = rays(pixels, 32 if softness == 0.0 else 16)

@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.mesh.file_content.coordinate_systems import rotation
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent, Numbering, add_members, read_set
 from gpusim.mesh.formats.abaqus.elements import ElementBlock, read_elements
 from gpusim.mesh.formats.abaqus.nodes import NODE_CARDS, Nodes
-from gpusim.mesh.formats.coordinate_systems import rotation
 
 __all__ = ["read_content"]
 

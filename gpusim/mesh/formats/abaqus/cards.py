@@ -23,7 +23,7 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.formats.text import Includes, text_lines
+from gpusim.mesh.file_content.text import Includes, text_lines
 
 __all__ = [
     "LARGEST",

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.mesh.file_content.coordinate_systems import Frame, from_cylindrical, rotation
 from gpusim.mesh.formats.abaqus.cards import LARGEST, Card, is_plain, number, whole
-from gpusim.mesh.formats.coordinate_systems import Frame, from_cylindrical, rotation
 
 __all__ = ["MAX_GENERATED", "NODE_CARDS", "Nodes"]
 

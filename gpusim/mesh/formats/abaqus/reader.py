@@ -8,13 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.mesh.file_content.cell_blocks import in_numbers_of_file, index_of, match_faces, padded
+from gpusim.mesh.file_content.numbering import ABAQUS_SIDES, local_faces, middles_in_order
 from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Source, read_cards
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES, ElementBlock
 from gpusim.mesh.formats.abaqus.keywords import check_mesh_cards
-from gpusim.mesh.formats.cell_blocks import in_numbers_of_file, index_of, match_faces, padded
-from gpusim.mesh.formats.numbering import ABAQUS_SIDES, local_faces, middles_in_order
 from gpusim.mesh.mesh import Mesh
 
 __all__ = ["LabelledMesh", "label_mesh", "read_inp"]

@@ -1,0 +1,29 @@
+"""Applications: files in, results and files out; the command line calls them, and so may programs.
+
+Its modules:
+
+- `correlation_output`: How pictures are correlated, and what is written of each of them and of all.
+- `correlation`: Pictures of a surface correlated, by one camera or two.
+- `calibration`: Cameras calibrated from pictures of a board.
+- `decks`: The steps of an input deck solved.
+"""
+
+from gpusim.applications.calibration import CalibrationOutput, calibrate_files
+from gpusim.applications.correlation import correlate_files, correlate_pairs
+from gpusim.applications.correlation_output import CorrelationOutput, CorrelationSettings
+from gpusim.applications.decks import DeckOutput, solve_deck
+
+__all__ = [
+    "CalibrationOutput",
+    "CorrelationOutput",
+    "CorrelationSettings",
+    "DeckOutput",
+    "calibrate_files",
+    "correlate_files",
+    "correlate_pairs",
+    "solve_deck",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,355 @@
+"""Pictures correlated, and what was found written as tables, maps and a page."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim.applications.correlation_output import (
+    CorrelationOutput,
+    CorrelationSettings,
+    ResultWriter,
+    described,
+)
+from gpusim.arrays.array_types import Bool
+from gpusim.errors import InputError
+from gpusim.export.correlation import FORMATS, write_correlation, write_stereo
+from gpusim.files.atomic_files import PathLike
+from gpusim.files.frame_source import Frames, FrameSource, read_frames
+from gpusim.files.output_folder import claim
+from gpusim.files.picture_file import picture_file, read_grey
+from gpusim.gpu import Device, working_device
+from gpusim.measure import (
+    CalibratedCamera,
+    DicResult,
+    MappedResult,
+    StereoResult,
+    StrainResult,
+    dic_sequence,
+    lens_mapping,
+    mapped,
+    rig_camera,
+    stereo_dic,
+    stereo_shape,
+    strain,
+    surface_strain,
+)
+from gpusim.measure.correlation.strain import StrainKind
+from gpusim.measure.images import check_image
+from gpusim.optics.calibration.formats import read_calibration
+from gpusim.report.correlation import (
+    draw_maps,
+    draw_stereo_maps,
+    stereo_summary,
+    summary,
+)
+
+Progress = Callable[[str, float, str], None]
+USUAL = CorrelationSettings()
+STRAINS = (*get_args(StrainKind), "none")
+SURFACE_STRAINS = ("green-lagrange", "hencky", "none")
+
+
+def _silent(stage: str, done: float, text: str) -> None:
+    """Show no progress."""
+
+
+def correlate_files(
+    reference: PathLike | npt.NDArray[Any],
+    deformed: Frames | FrameSource,
+    output: PathLike,
+    settings: CorrelationSettings = USUAL,
+    *,
+    progress: Progress = _silent,
+    keep_results: bool = True,
+) -> CorrelationOutput:
+    """Measure how pictures moved against the first one; write tables, maps and ``report.html``.
+
+    Each picture has its ``<number>_<name>.csv`` (or other formats) and ``<number>_<name>.png``.
+    Pictures are read one at a time. All but the pictures is checked before the first is measured.
+
+    Parameters
+    ----------
+    reference : a file, or a picture (H, W).
+    deformed : pictures after it, as ``read_frames`` takes them: a folder, files, a TIFF stack,
+        arrays.
+    output : a folder, made if need be.
+    settings : how they are correlated.
+    progress : called with ("dic", how much is done 0..1, a text).
+    keep_results : return them, too; False: a series of any length needs little memory.
+
+    Raises
+    ------
+    InputError
+        Files or settings that are wrong, pictures of different sizes.
+
+    Examples
+    --------
+    >>> settings = gs.applications.CorrelationSettings(step=20, backend="numpy")
+    >>> done = gs.applications.correlate_files("before.png", ["after.png"], "dic", settings)
+    >>> done.report["images"][0]["measured"], [path.name for path in done.files]
+    (35, ['0001_after.csv', '0001_after.png', 'report.json', 'report.html'])
+    """
+    with claim(output):
+        _check_settings(settings, STRAINS)
+        _check_files(reference, deformed)
+        frames = read_frames(deformed)
+        if isinstance(reference, np.ndarray):
+            first, name = check_image(reference, "reference"), "reference"
+        else:
+            first, name = read_grey(reference), str(reference)
+        lens = None
+        if settings.calibration is not None:
+            (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")
+        mask = _mask(settings.mask, first.shape)
+        device = working_device("correlate", settings.backend)
+        kinds = write_correlation, draw_maps, summary
+        notes = described(name, settings, device)
+        written = ResultWriter(
+            Path(output), first, notes, settings.formats, kinds, keep_results=keep_results
+        )
+        clock = time.perf_counter()
+        progress("dic", 0.0, f"{len(frames)} images")
+
+        def keep(number: int, result: DicResult) -> None:
+            nonlocal clock
+            found: StrainResult | None = None
+            flat: DicResult | MappedResult = result
+            if lens is not None:
+                result, flat = _undistorted(result, lens)
+            if settings.strain != "none":
+                found = strain(flat, window=settings.strain_window, kind=settings.strain)
+            seconds = time.perf_counter() - clock
+            pictures = {"deformed": frames.names[number]}
+            text = written.add(pictures, result, found, seconds, frames.times[number])
+            progress("dic", (number + 1) / len(frames), f"{text} measured")
+            clock = time.perf_counter()
+
+        dic_sequence(
+            first,
+            _alike(frames, first.shape, name),
+            roi=settings.roi,
+            mask=mask,
+            progress=keep,
+            keep_results=False,
+            **_motion_options(settings),
+            **_subset_options(settings, device),
+        )
+        return written.finished()
+
+
+def correlate_pairs(
+    lefts: Frames | FrameSource,
+    rights: Frames | FrameSource,
+    rig: PathLike,
+    output: PathLike,
+    settings: CorrelationSettings = USUAL,
+    *,
+    progress: Progress = _silent,
+) -> CorrelationOutput:
+    """Measure a surface in space from pairs of pictures, the reference pair first; lengths are mm.
+
+    With one pair only its shape is measured. What is written is as in ``correlate_files``.
+
+    Parameters
+    ----------
+    lefts, rights : pictures of the two cameras, as ``read_frames`` takes them.
+    rig : calibration file of both cameras.
+    output, settings, progress : as in ``correlate_files``.
+
+    Raises
+    ------
+    InputError
+        As ``correlate_files``, or not as many pictures of both cameras.
+
+    Examples
+    --------
+    >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
+    >>> right = np.eye(4)
+    >>> right[0, 3] = -0.02
+    >>> rig = [gs.Camera(160, 120, np.array(K, float), name="left"),
+    ...        gs.Camera(160, 120, np.array(K, float), None, right, "right")]
+    >>> _ = gs.write_calibration("rig.yaml", rig, "kalibr")
+    >>> lefts, rights = (["left.png", "left-1.png"], ["right.png", "right-1.png"])
+    >>> settings = gs.applications.CorrelationSettings(step=20, backend="numpy")
+    >>> done = gs.applications.correlate_pairs(lefts, rights, "rig.yaml", "stereo", settings)
+    >>> print(f"U {done.report['images'][0]['U_mean']:.2f} mm")
+    U 1.00 mm
+    """
+    with claim(output):
+        if settings.calibration is not None:
+            raise InputError("`calibration`: the cameras are in `rig`; expected one of the two")
+        _check_settings(settings, SURFACE_STRAINS, " with `rig`")
+        _check_files(lefts, rights)
+        one, two = read_frames(lefts), read_frames(rights)
+        if not 0 < len(one) == len(two):
+            raise InputError(
+                f"lefts, rights: got {len(one)} and {len(two)} pictures; expected pairs"
+            )
+        left, right = one[0], two[0]
+        cameras = _cameras(settings, rig, [left.shape, right.shape], "rig")
+        mask = _mask(settings.mask, left.shape)
+        device = working_device("correlate", settings.backend)
+        notes = described(one.names[0], settings, device) | {"stereo": str(rig)}
+        kinds = write_stereo, draw_stereo_maps, stereo_summary
+        written = ResultWriter(Path(output), left, notes, settings.formats, kinds)
+        common = _subset_options(settings, device) | {"roi": settings.roi, "mask": mask}
+        clock = time.perf_counter()
+        progress("dic", 0.0, f"{len(one)} pairs")
+        if len(one) == 1:
+            results = [stereo_shape(left, right, (cameras[0], cameras[1]), **common)]
+        else:
+            results = stereo_dic(
+                left,
+                right,
+                _alike(one[1:], left.shape, one.names[0]),
+                _alike(two[1:], right.shape, two.names[0]),
+                (cameras[0], cameras[1]),
+                **_motion_options(settings),
+                **common,
+            )
+        seconds = (time.perf_counter() - clock) / len(results)
+        start = len(one) - len(results)  # 0: the shape of the reference pair
+        for number, result in enumerate(results, start):
+            found = None
+            if settings.strain != "none" and start:
+                kind: Any = settings.strain
+                found = surface_strain(result, window=settings.strain_window, kind=kind)
+            pictures = {"left": one.names[number], "right": two.names[number]}
+            text = written.add(pictures, result, found, seconds, one.times[number])
+            progress("dic", (number + 1 - start) / len(results), f"{text} points")
+        return written.finished(stand_off_warnings(Path(rig), cameras, results))
+
+
+def _subset_options(settings: CorrelationSettings, device: Device | None) -> dict[str, Any]:
+    """Arguments of every correlation."""
+    names = ("subset", "step", "blur_px", "min_zncc", "tolerance")
+    own = {name: getattr(settings, name) for name in names}
+    return own | {"device": device, "backend": "numpy" if device is None else "gpu"}
+
+
+def _motion_options(settings: CorrelationSettings) -> dict[str, Any]:
+    """Arguments of those that follow a motion."""
+    names = ("shape", "update", "start", "search_px", "apart_px")
+    return {name: getattr(settings, name) for name in names}
+
+
+def _undistorted(result: DicResult, lens: CalibratedCamera) -> tuple[DicResult, MappedResult]:
+    """The result with the lens undone, at its places in the picture; and where they really are."""
+    flat = mapped(result, lens_mapping(lens))
+    own = replace(
+        result,
+        displacement=flat.displacement,
+        gradient=flat.gradient,
+        sigma=flat.sigma,
+        status=flat.status,
+    )
+    return own, flat
+
+
+def _cameras(
+    settings: CorrelationSettings, path: PathLike, shapes: Sequence[tuple[int, ...]], argument: str
+) -> list[CalibratedCamera]:
+    """As many cameras from a calibration file as there are picture sizes; lengths in mm."""
+    cameras = read_calibration(path, (shapes[0][1], shapes[0][0]), settings.calibration_unit)
+    if len(cameras) < len(shapes):
+        raise InputError(
+            f"`{argument}`: {path}: got {len(cameras)} cameras; expected {len(shapes)}"
+        )
+    result = []
+    first = np.linalg.inv(cameras[0].camera_from_world)
+    for camera, shape in zip(cameras, shapes, strict=False):
+        if (camera.height, camera.width) != tuple(shape):
+            raise InputError(
+                f"`{argument}`: {path}: camera {camera.name!r} has {camera.width}x{camera.height} "
+                f"px; expected {shape[1]}x{shape[0]} as its pictures"
+            )
+        pose = camera.camera_from_world @ first
+        result.append(
+            rig_camera((camera.width, camera.height), camera.K, camera.distortion, pose[:3, :3],
+                       1000.0 * pose[:3, 3], camera.name)
+        )  # fmt: skip
+    return result
+
+
+def _alike(
+    frames: FrameSource, shape: tuple[int, ...], reference: str
+) -> Iterator[npt.NDArray[Any]]:
+    """The pictures; InputError for one that isn't of the reference's size: then the same pixel
+    isn't the same place of the sensor."""
+    for name, picture in zip(frames.names, frames, strict=True):
+        if picture.shape[:2] != shape[:2]:
+            got, expected = (f"{size[1]} x {size[0]} px" for size in (picture.shape, shape))
+            raise InputError(
+                f"image file: {name}: not of {Path(reference).name}'s size; got {got}; expected "
+                f"{expected}"
+            )
+        yield picture
+
+
+def _check_files(*sources: object) -> None:
+    """InputError that names all files that are missing."""
+    every = [one for each in sources for one in (each if isinstance(each, list) else [each])]
+    paths = [one for one in every if isinstance(one, str | os.PathLike)]
+    missing = [str(path) for path in paths if not picture_file(path)[0].exists()]
+    if missing:
+        raise InputError(
+            f"image file{'s' if len(missing) > 1 else ''} not found: {', '.join(missing)}"
+        )
+
+
+def _check_settings(settings: CorrelationSettings, strains: Sequence[str], where: str = "") -> None:
+    """Refuse what would be found wrong only after a picture has been measured."""
+    for name, value, known, rest in (
+        ("strain", settings.strain, strains, where),
+        *(("formats", value, FORMATS, "") for value in settings.formats),
+    ):
+        if value not in known:
+            raise InputError(f"`{name}`: got {value}; expected {', '.join(known)}{rest}")
+    if settings.strain_window < 3 or settings.strain_window % 2 == 0:
+        raise InputError(
+            f"`strain_window`: got {settings.strain_window}; expected an odd number >= 3"
+        )
+
+
+def _mask(path: PathLike | None, shape: tuple[int, ...]) -> Bool | None:
+    if path is None:
+        return None
+    image = read_grey(path)
+    if image.shape != shape:
+        raise InputError(
+            f"`mask`: {path}: got {image.shape[1]}x{image.shape[0]} px; expected "
+            f"{shape[1]}x{shape[0]} as the reference"
+        )
+    return np.asarray(image > 0)
+
+
+NEAREST, FURTHEST = 5.0, 1e6  # mm: a microscope's object is further, a bridge nearer
+LEAST_BASELINE = 0.5  # mm
+
+
+def stand_off_warnings(
+    calibration: Path, cameras: Sequence[CalibratedCamera], results: Sequence[StereoResult]
+) -> list[str]:
+    """One line if the rig's cameras or what they saw are implausibly near or far; else none.
+
+    Lengths of the ``cameras`` and ``results`` are mm, by the unit of the file ``calibration``.
+    """
+    depths = [result.shape[result.ok, 2] for result in results]
+    depth = float(np.median(np.concatenate(depths))) if any(map(len, depths)) else np.nan
+    baseline = float(np.linalg.norm(cameras[1].camera_from_rig[:3, 3]))
+    plausible = baseline >= LEAST_BASELINE and not (depth < NEAREST or depth > FURTHEST)
+    if plausible:
+        return []
+    away = f"what they see is {depth:.3g} mm away" if np.isfinite(depth) else "nothing was measured"
+    return [
+        f"{calibration}: its cameras are {baseline:.3g} mm apart and {away}: the unit of its "
+        "lengths looks wrong; say it with --calibration-unit"
+    ]

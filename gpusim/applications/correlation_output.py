@@ -1,0 +1,182 @@
+"""How pictures are correlated, and what is written of each of them and of all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim._version import __version__
+from gpusim.field_summary import field_summary
+from gpusim.files.atomic_files import PathLike, safe_name, write_text
+from gpusim.files.output_folder import inside
+from gpusim.gpu import Device
+from gpusim.measure import DicResult, StereoResult, StrainResult
+from gpusim.measure.correlation.dic import Start
+from gpusim.measure.correlation.sequence import Update
+from gpusim.measure.correlation.strain import StrainKind
+from gpusim.measure.correlation.warp import Shape
+from gpusim.report.correlation import correlation_page
+from gpusim.report.model import Figure
+from gpusim.validation import checked
+
+_SCHEMA = 1
+UNSAID = ("formats", "backend")
+"""Settings that a report doesn't repeat; and words for those that aren't made."""
+MISSING = {
+    "roi": "all",
+    "mask": "none",
+    "calibration": "none",
+    "calibration_unit": "as the file says",
+}
+
+
+@checked
+@dataclass(frozen=True)
+class CorrelationSettings:
+    """How pictures are correlated; names, units and meanings as in ``dic`` and ``strain``.
+
+    Attributes
+    ----------
+    roi : (x0, y0, x1, y1) px; None: all of the reference.
+    mask : a picture whose black pixels aren't used.
+    calibration : file of the camera, whose lens is undone: OpenCV, Kalibr, MatchID, VIC or DICe.
+    calibration_unit : of its lengths, if the file doesn't say: m, cm, mm, um, in.
+    strain_window : odd number of points across the strain gauge.
+    formats : of the tables: csv, npz, h5.
+
+    Examples
+    --------
+    >>> gs.applications.CorrelationSettings(subset=21, strain="hencky").step
+    10
+    """
+
+    subset: int = 31
+    step: int = 10
+    shape: Shape = "affine"
+    roi: tuple[int, int, int, int] | None = None
+    mask: PathLike | None = None
+    calibration: PathLike | None = None
+    calibration_unit: str | None = None
+    update: Update = "never"
+    start: Start = "auto"
+    search_px: int = 20
+    blur_px: float = 0.0
+    min_zncc: float = 0.8
+    apart_px: float = 0.1
+    tolerance: float = 1e-4
+    strain: StrainKind | Literal["none"] = "green-lagrange"
+    strain_window: int = 5
+    formats: tuple[str, ...] = ("csv",)
+    backend: str = "auto"
+    __repr__ = field_summary
+
+
+@dataclass(frozen=True)
+class CorrelationOutput:
+    """What a correlation has found, and the files that it has written.
+
+    Attributes
+    ----------
+    results : of each picture, or pair, in their order; none if they weren't to be kept.
+    strains : of each; None where none was asked for.
+    report : what report.json holds: settings, and a row of numbers for each picture.
+    files : tables, maps, report.json and, last, report.html.
+
+    Examples
+    --------
+    >>> settings = gs.applications.CorrelationSettings(step=20, backend="numpy")
+    >>> flat = np.full((1, 120, 160), 90, np.uint8)
+    >>> gs.applications.correlate_files("before.png", flat, "flat", settings).failure
+    'dic: no point could be measured in frame 0; flat/report.html says why'
+    """
+
+    results: Sequence[DicResult | StereoResult]
+    strains: Sequence[StrainResult | None]
+    report: dict[str, Any]
+    files: Sequence[Path]
+    __repr__ = field_summary
+
+    @property
+    def failure(self) -> str:
+        """Which pictures have no point measured; "" if all have."""
+        empty = [row["image"] for row in self.report["images"] if row["measured"] == 0]
+        text = f"dic: no point could be measured in {', '.join(empty)}; {self.files[-1]} says why"
+        return text if empty else ""
+
+
+@dataclass
+class ResultWriter:
+    """What has been found and written so far: tables and a map of each result."""
+
+    folder: Path
+    reference: npt.NDArray[Any]
+    settings: dict[str, Any]
+    formats: tuple[str, ...]
+    functions: tuple[Callable[..., Any], Callable[..., Figure], Callable[..., dict[str, Any]]]
+    """What writes a table, what draws a map, what makes a row of the report."""
+    keep_results: bool = True
+    files: list[Path] = field(default_factory=list)
+    results: list[Any] = field(default_factory=list)
+    strains: list[StrainResult | None] = field(default_factory=list)
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    figures: list[tuple[str, Figure]] = field(default_factory=list)
+
+    def add(
+        self,
+        pictures: dict[str, str],
+        result: DicResult | StereoResult,
+        strains: StrainResult | None,
+        seconds: float,
+        taken: float,
+    ) -> str:
+        """Write one result; how many of its points are measured, in words for a display.
+
+        ``pictures`` by what they are called in tables; the first names the files.
+        """
+        write, draw, summarise = self.functions
+        picture = next(iter(pictures.values()))
+        stem = f"{len(self.rows) + 1:04d}_{safe_name(Path(picture).stem)}"
+        tables = [inside(self.folder, f"{stem}.{suffix}") for suffix in self.formats]
+        for path in tables:
+            write(path, result, strains, self.settings | pictures)
+        figure = draw(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
+        names = [Path(name).name for name in pictures.values()]
+        row = summarise(picture, result, strains, seconds)
+        self.rows.append(row if np.isnan(taken) else row | {"time_s": float(taken)})
+        self.figures.append((", ".join(names), figure))
+        self.files += [*tables, figure.path]
+        if self.keep_results:
+            self.results.append(result)
+            self.strains.append(strains)
+        return f"{names[0]}: {row['measured']}"
+
+    def finished(self, warnings: Sequence[str] = ()) -> CorrelationOutput:
+        """All of it, with report.json and report.html of all results."""
+        rows, settings, folder = self.rows, self.settings, self.folder
+        report = {"schema": _SCHEMA, "version": __version__, "settings": settings, "images": rows,
+                  "warnings": list(warnings)}  # fmt: skip
+        title = Path(settings["reference"]).name
+        page = correlation_page(title, rows, self.figures, settings, warnings)
+        self.files += [
+            write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n"),
+            write_text(inside(folder, "report.html"), page),
+        ]
+        return CorrelationOutput(self.results, self.strains, report, self.files)
+
+
+def described(
+    reference: str, settings: CorrelationSettings, device: Device | None
+) -> dict[str, Any]:
+    """The settings as reports and tables repeat them."""
+    given = {key: value for key, value in vars(settings).items() if key not in UNSAID}
+    given |= {key: str(given[key] or word) for key, word in MISSING.items()}
+    if settings.roi is not None:
+        given["roi"] = ",".join(map(str, settings.roi))
+    adapter = "none (NumPy)" if device is None else str(device.info.get("device", ""))
+    return {"reference": reference, **given, "adapter": adapter, "version": __version__}

@@ -1,0 +1,242 @@
+"""The steps of an input deck solved, written and reported."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from gpusim._version import __version__
+from gpusim.deck import Deck, Step, load_deck
+from gpusim.errors import GpusimError
+from gpusim.export import atomic_stream, write_pvd, write_vtu
+from gpusim.fem import Solution, von_mises
+from gpusim.field_summary import field_summary
+from gpusim.files.atomic_files import PathLike, write_text
+from gpusim.files.output_folder import claim, delete, inside
+
+Float = npt.NDArray[np.float64]
+
+_SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class DeckOutput:
+    """The solutions of a deck's steps, and the files that were written.
+
+    Attributes
+    ----------
+    deck : as it was read.
+    solutions : of each step.
+    report : what report.json holds.
+    files : the VTU of each step, solution.pvd, displacements.npz, report.json.
+    failure : which step didn't converge, and why; "" if all did.
+
+    Examples
+    --------
+    >>> done = gs.applications.solve_deck("bricks.inp", "solved", backend="numpy")
+    >>> [step["converged"] for step in done.report["steps"]], done.failure
+    ([True], '')
+    """
+
+    deck: Deck
+    solutions: Sequence[Solution]
+    report: dict[str, Any]
+    files: Sequence[Path]
+    failure: str
+    __repr__ = field_summary
+
+
+def solve_deck(
+    path: PathLike,
+    output: PathLike,
+    *,
+    backend: str = "auto",
+    tolerance: float = 1e-6,
+    stress: bool = False,
+    progress: Callable[[str, float, str], None] | None = None,
+) -> DeckOutput:
+    """Solve the linear static steps of an input deck; write displacements and reactions.
+
+    Written are ``solution_<step>.vtu`` (displacement ``u``, ``reaction``, ``temperature_change``
+    where there is one; with ``stress`` the mean ``stress`` of each element over its
+    integration points, xx yy zz xy yz zx, and its ``von_mises``), ``solution.pvd``,
+    ``displacements.npz`` (``node_labels`` (N,), ``points`` (N,3), ``u`` and ``reactions``
+    (S,N,3)) and ``report.json``, which also tells of an error. Units are those of the deck.
+
+    Parameters
+    ----------
+    path : an Abaqus or CalculiX deck.
+    output : a folder, made if need be.
+    backend, tolerance : as in ``fem.solve``.
+    stress : write stresses, too.
+    progress : called with ("solve", how much is done 0..1, a text).
+
+    Raises
+    ------
+    InputError
+        As ``load_deck`` and ``Deck.solve``. A step that doesn't converge is told in the output.
+
+    Examples
+    --------
+    >>> done = gs.applications.solve_deck("bricks.inp", "out", backend="numpy")
+    >>> [file.name for file in done.files][:2], done.solutions[0].u.shape
+    (['solution_0001.vtu', 'solution.pvd'], (12, 3))
+    """
+    with claim(output):
+        start, folder, path = time.perf_counter(), Path(output), Path(path)
+        report: dict[str, Any] = {"schema": _SCHEMA, "version": __version__, "deck": str(path)}
+        try:
+            deck = load_deck(path)
+            read = time.perf_counter() - start
+            report |= _described(deck) | {"seconds": {"read": read}}
+            solutions = _solve_steps(deck, backend, tolerance, progress)
+        except GpusimError as error:
+            _write_report(folder, report | {"status": "failed", "error": str(error)})
+            raise
+        stresses = [
+            deck.point_stress(step.number, one.u) if stress else {}
+            for step, one in zip(deck.steps, solutions, strict=True)
+        ]
+        files = _write_solutions(deck, solutions, stresses, folder)
+        report["seconds"]["total"] = time.perf_counter() - start
+        rows = zip(deck.steps, solutions, files, stresses, strict=False)
+        report["steps"] = [
+            _step_report(deck, step, solution, file.name) | _greatest_stress(deck, stress)
+            for step, solution, file, stress in rows
+        ]
+        report["warnings"] = list(dict.fromkeys(text for one in solutions for text in one.warnings))
+        failure = next(
+            (
+                f"{path}: step {step.number}: {one.message}; estimated error "
+                f"{one.error_estimate:.2g}; expected {tolerance:g}"
+                for step, one in zip(deck.steps, solutions, strict=True)
+                if not one.converged
+            ),
+            "",
+        )
+        report["status"] = "not converged" if failure else "ok"
+        files.append(_write_report(folder, report))
+        return DeckOutput(deck, solutions, report, files, failure)
+
+
+def _solve_steps(
+    deck: Deck,
+    backend: str,
+    tolerance: float,
+    progress: Callable[[str, float, str], None] | None,
+) -> tuple[Solution, ...]:
+    def note(iterations: int, error: float) -> None:
+        if progress is not None:
+            # half a decade of error is worth as much as the next one
+            done = np.log(max(error, 1e-300)) / np.log(tolerance) if error < 1.0 else 0.0
+            progress("solve", min(float(done), 0.99), f"{iterations} iterations, {error:.1e}")
+
+    solutions = deck.solve(backend=backend, tolerance=tolerance, progress=note)
+    if progress is not None:
+        worst = max(one.error_estimate for one in solutions)
+        progress("solve", 1.0, f"{len(solutions)} steps, estimated error {worst:.1e}")
+    return solutions
+
+
+def _described(deck: Deck) -> dict[str, Any]:
+    return {
+        "nodes": deck.mesh.node_count,
+        "cells": {kind: len(block) for kind, block in deck.mesh.cells.items()},
+        "formulation": dict(deck.formulation),
+        "materials": len(deck.materials),
+        "ignored": list(deck.ignored),
+    }
+
+
+def _write_solutions(
+    deck: Deck,
+    solutions: Sequence[Solution],
+    stresses: Sequence[Mapping[str, Float]],
+    folder: Path,
+) -> list[Path]:
+    names = [f"solution_{step.number:04d}.vtu" for step in deck.steps]
+    # what an earlier deck left here must not be taken for results of this one
+    earlier = (file.name for file in folder.glob("solution_[0-9]*.vtu"))
+    stale = [file for file in earlier if file not in names]
+    for file in ("report.json", *stale):
+        delete(folder, file)
+    for step, solution, stress, name in zip(deck.steps, solutions, stresses, names, strict=True):
+        fields: dict[str, npt.NDArray[np.generic]] = {
+            "u": solution.u,
+            "reaction": solution.reactions,
+            "node_label": deck.node_labels,
+        }
+        if step.temperature is not None:
+            fields["temperature_change"] = step.temperature
+        of_cell: dict[str, npt.NDArray[np.generic]] = {
+            "element_label": deck.cell_labels,
+            "material": deck.material_of_cell,
+        }
+        if stress:
+            mean = np.concatenate([points.mean(axis=1) for points in stress.values()])
+            of_cell |= {"stress": mean, "von_mises": von_mises(mean)}
+        write_vtu(
+            inside(folder, name),
+            deck.mesh.points,
+            deck.mesh.cells,
+            point_data=fields,
+            cell_data=of_cell,
+        )
+    files = [inside(folder, name) for name in (*names, "solution.pvd", "displacements.npz")]
+    steps = [(float(step.number), path) for step, path in zip(deck.steps, files, strict=False)]
+    write_pvd(files[-2], steps)
+    with atomic_stream(files[-1]) as stream:
+        np.savez_compressed(
+            stream,
+            node_labels=deck.node_labels,
+            points=deck.mesh.points,
+            u=np.stack([one.u for one in solutions]),
+            reactions=np.stack([one.reactions for one in solutions]),
+        )
+    return files
+
+
+def _step_report(deck: Deck, step: Step, solution: Solution, file: str) -> dict[str, Any]:
+    size = np.linalg.norm(solution.u, axis=1)
+    return {
+        "number": step.number,
+        "name": step.name,
+        "time": step.time,
+        "unknowns": solution.unknowns,
+        "iterations": solution.iterations,
+        "converged": solution.converged,
+        "error_estimate": solution.error_estimate,
+        "message": solution.message,
+        "largest_displacement": float(size.max()),
+        "largest_displacement_node": int(deck.node_labels[np.argmax(size)]),
+        "force": step.forces.sum(axis=0).tolist(),
+        "reaction": solution.reactions.sum(axis=0).tolist(),
+        "strain_energy": float(solution.strain_energy[0]),
+        "external_work": float(solution.external_work[0]),
+        "energy_balance": solution.energy_balance,
+        "seconds": sum(solution.timings.values()),
+        "backend": solution.backend,
+        "method": solution.method,
+        "file": file,
+    }
+
+
+def _greatest_stress(deck: Deck, stress: Mapping[str, Float]) -> dict[str, Any]:
+    if not stress:
+        return {}
+    greatest = np.concatenate([von_mises(points).max(axis=1) for points in stress.values()])
+    return {
+        "largest_von_mises": float(greatest.max()),
+        "largest_von_mises_element": int(deck.cell_labels[np.argmax(greatest)]),
+    }
+
+
+def _write_report(folder: Path, report: dict[str, Any]) -> Path:
+    return write_text(inside(folder, "report.json"), json.dumps(report, indent=2) + "\n")

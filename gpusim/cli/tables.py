@@ -1,0 +1,81 @@
+"""Tables that commands print of what applications have found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gpusim.cli.console import out
+
+if TYPE_CHECKING:
+    from gpusim.report import Report
+
+
+def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
+    """A line for each picture: how much is measured, mean motions, uncertainty."""
+    rows = report["images"]
+    wide = max(5, max(len(Path(row["image"]).name) for row in rows)) + 2
+    flat = ("u_mean", "v_mean", "sigma_median")
+    keys = flat if flat[0] in rows[0] else ("U_mean", "V_mean", "W_mean", "sigma_median_mm")
+    heads = [key.replace("_mean", "").replace("_median", "").replace("_", " ") for key in keys]
+    out()
+    unit = "px" if keys == flat else "mm"
+    titles = "".join(f"{head if 'sigma' in head else f'mean {head} {unit}':>11}" for head in heads)
+    out(f"{'image':<{wide}}{'measured':>16}{titles}")
+    for row in rows:
+        name, share = Path(row["image"]).name, f"{row['measured']} of {row['points']}"
+        numbers = "".join(f"{'':>11}" if row[key] is None else f"{row[key]:>11.4f}" for key in keys)
+        out(f"{name:<{wide}}{share:>16}{numbers}")
+        lost = {k: n for k, n in row["counts"].items() if k != "OK"}
+        if lost:
+            out(f"{'':<{wide}}  " + ", ".join(f"{n} {k.lower()}" for k, n in lost.items()))
+    out()
+    out(f"Report: {folder / 'report.html'}")
+    for warning in report["warnings"]:
+        out(f"warning: {warning}")
+
+
+def print_calibration(report: Report, missed: Sequence[str], folder: Path) -> None:
+    """What the report has on top, parameters of the cameras, pictures that weren't used."""
+    for label, (value, note) in report.highlights.items():
+        out(f"{label:<24}{value}  ({note})")
+    for table in report.tables:
+        for row in (table.columns, *table.rows):
+            out("".join(f"{cell:<26}" for cell in row).rstrip())
+    for label, value in report.facts.items():
+        out(f"{label:<24}{value}")
+    for text in missed:
+        out(f"not used: {text}")
+    out(f"\nReport: {folder / 'report.html'}")
+
+
+def print_deck(report: Mapping[str, Any], folder: Path) -> None:
+    """A line for each step: unknowns, iterations, largest displacement, reaction."""
+    cells = ", ".join(
+        f"{count} {kind} ({report['formulation'][kind]})" for kind, count in report["cells"].items()
+    )
+    out(f"{report['deck']}: {report['nodes']} nodes, {cells}")
+    out()
+    out(
+        f"{'step':<6}{'unknowns':>10}{'iterations':>12}{'error':>10}"
+        f"{'largest u':>14}{'at node':>10}{'energy':>14}  reaction"
+    )
+    for step in report["steps"]:
+        reaction = ", ".join(f"{value:.6g}" for value in step["reaction"])
+        out(
+            f"{step['number']:<6}{step['unknowns']:>10}{step['iterations']:>12}"
+            f"{step['error_estimate']:>10.1e}{step['largest_displacement']:>14.6g}"
+            f"{step['largest_displacement_node']:>10}{step['strain_energy']:>14.6g}  {reaction}"
+        )
+        if "largest_von_mises" in step:
+            out(
+                f"      largest von Mises stress {step['largest_von_mises']:.6g} in element "
+                f"{step['largest_von_mises_element']}"
+            )
+    for warning in report["warnings"]:
+        out(f"warning: {warning}")
+    if report["ignored"]:
+        out(f"read over: {', '.join(report['ignored'])}")
+    out()
+    out(f"Results: {folder / 'solution.pvd'}, {folder / 'displacements.npz'}")

@@ -1,0 +1,225 @@
+"""Host matrix-vector products on all processors: rows are shared out, so the sums don't change.
+
+SciPy's own kernels for sparse matrices add to what is there, which its classes don't let one do
+without copies. Their module is private to SciPy (``scipy.sparse._sparsetools``) and named here
+alone.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, cached_property
+from itertools import pairwise
+from typing import TypeVar
+
+import numpy as np
+from scipy.sparse import _sparsetools, bsr_matrix
+
+from gpusim.arrays.array_types import Bool, Float, Int, Real
+from gpusim.fem.sparse.block_rows import (
+    BlockRows,
+    block_matrix,
+    diagonal_blocks,
+    invert_blocks,
+)
+from gpusim.parallel.machine import processors
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# below this many stored numbers a thread costs more than it saves, and a part of this many as well
+_SMALL, _LEAST_PART = 600_000, 250_000
+# parts per processor, so that none waits long for another
+_PIECES = 4
+
+
+def counting_sort(key: Int, other: Int, count: int) -> tuple[Int, Int, Int]:
+    """Stable sort by ``key`` (below ``count``): where each key begins, ``other`` and positions."""
+    length = len(key)
+    start = np.empty(count + 1, dtype=np.int32)
+    sorted_other, position = (np.empty(length, dtype=np.int32) for _ in range(2))
+    _sparsetools.coo_tocsr(
+        count, count, length, key, other, np.arange(length, dtype=np.int32),
+        start, sorted_other, position,
+    )  # fmt: skip
+    return start, sorted_other, position
+
+
+def transpose_pattern(start: Int, column: Int, value: Int) -> tuple[Int, Int, Int]:
+    """Rows of a square matrix (``start``, ``column``, ``value``) as those of its transpose."""
+    count = len(start) - 1
+    result = np.empty_like(start), np.empty_like(column), np.empty_like(value)
+    _sparsetools.csr_tocsc(count, count, start, column, value, *result)
+    return result
+
+
+def add_rows(table: Real, at: Int, values: Real) -> None:
+    """Add the rows of ``values`` (…,9) to the rows ``at`` (…) of ``table``, one after the other."""
+    count = at.size
+    _sparsetools.csc_matvecs(
+        len(table), count, 9, np.arange(count + 1, dtype=np.int32),
+        np.ascontiguousarray(at, dtype=np.int32).ravel(), np.ones(count),
+        np.ascontiguousarray(values).ravel(), table.ravel(),
+    )  # fmt: skip
+
+
+def add_block_product(
+    blocks: tuple[Int, Int, Real], shape: tuple[int, int], x: Real, into: Real
+) -> None:
+    """Add A x to ``into``; ``blocks`` of A: start (R+1,), column and data (T,r,c); ``shape`` A's in
+    blocks."""
+    start, column, data = blocks
+    _, high, wide = data.shape
+    rows, columns = shape
+    _sparsetools.bsr_matvec(rows, columns, high, wide, start, column, data.reshape(-1), x, into)
+
+
+@cache
+def _threads(count: int, process: int) -> ThreadPoolExecutor:
+    """A copy of a process (`gpusim.parallel.processes`) has none of its threads."""
+    del process
+    return ThreadPoolExecutor(count, thread_name_prefix="gpusim")
+
+
+def _pool() -> ThreadPoolExecutor:
+    """As many threads as there are processors for this one."""
+    return _threads(processors(), os.getpid())
+
+
+def shared(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """``work`` of each item in their order, on all processors that this thread may use; for work
+    that NumPy and SciPy do outside the interpreter lock. Not to be called by ``work`` itself."""
+    if processors() == 1 or len(items) == 1:
+        return [work(item) for item in items]
+    return list(_pool().map(work, items))
+
+
+def ahead(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
+    """The same, at most a few beyond the one taken."""
+    threads = processors()
+    if threads == 1:
+        yield from map(work, items)
+        return
+    waiting = [_pool().submit(work, item) for item in items[:threads]]
+    for number in range(len(items)):
+        result = waiting.pop(0).result()
+        if number + threads < len(items):
+            waiting.append(_pool().submit(work, items[number + threads]))
+        yield result
+
+
+def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:
+    """Block rows in ``count`` parts with equal shares of the stored blocks."""
+    rows = matrix.shape[0] // matrix.blocksize[0]
+    share = np.linspace(0, matrix.indptr[-1], count + 1)
+    cuts = np.searchsorted(matrix.indptr, share).tolist()
+    return [slice(first, last) for first, last in pairwise([0, *cuts[1:-1], rows])]
+
+
+class Product:
+    """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype.
+
+    A is (``others``, and ``diagonal`` (B,s,s) beside it if that is stored ``apart``) / ``scale``.
+    """
+
+    apart = False
+    scale = 1.0
+
+    def __init__(self, matrix: bsr_matrix) -> None:
+        self._matrix = matrix
+        numbers = matrix.data.size
+        most = _PIECES * processors() if numbers > _SMALL else 1
+        parts = min(most, 1 + numbers // _LEAST_PART)
+        self._parts = [
+            _Rows(matrix, share.start, share.stop) for share in row_shares(matrix, parts)
+        ]
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        return self._matrix
+
+    @property
+    def others(self) -> bsr_matrix:
+        return self._matrix
+
+    @cached_property
+    def diagonal(self) -> Float:
+        return diagonal_blocks(self._matrix)
+
+    def block_inverse(self, free: Bool) -> Float:
+        """Inverted diagonal blocks (B,s,s) of A, zero where not ``free`` (B,s)."""
+        return invert_blocks(np.asarray(self.diagonal / self.scale), free)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of rows."""
+        return int(self._matrix.shape[0])
+
+    def __call__(self, x: Float) -> Float:
+        result = np.zeros((len(x), self.unknowns), dtype=self._matrix.dtype)
+        tasks = [
+            (part, np.ascontiguousarray(one), into)
+            for one, into in zip(x, result, strict=True)
+            for part in self._parts
+        ]
+        shared(lambda task: self._add(*task), tasks)
+        return result
+
+    def _add(self, part: _Rows, x: Float, into: Float) -> None:
+        part.add(x, into)
+
+
+class _Rows:
+    """Some rows of a block matrix. SciPy's own kernel, which its classes call, adds to what is
+    there: no sums of parts, no copies."""
+
+    def __init__(self, matrix: bsr_matrix, first: int, last: int) -> None:
+        self.first, self.last = first, last
+        low, high = int(matrix.indptr[first]), int(matrix.indptr[last])
+        start = matrix.indptr[first : last + 1] - matrix.indptr[first]
+        self._blocks = start, matrix.indices[low:high], matrix.data[low:high]
+        self._columns = matrix.shape[1] // matrix.blocksize[1]
+        self.own = slice(matrix.blocksize[0] * first, matrix.blocksize[0] * last)
+
+    def add(self, x: Float, into: Float) -> None:
+        """Add the product with all of ``x`` to the rows' part of ``into``."""
+        shape = self.last - self.first, self._columns
+        add_block_product(self._blocks, shape, x, into[self.own])
+
+
+class RowsProduct(Product):
+    """x (L,3N) -> K x / scale for block rows that are all of their own kind: their table is the
+    matrix, but for the diagonal, and isn't stored a second time. ``scale`` is a power of two."""
+
+    apart = True
+
+    def __init__(self, rows: BlockRows, scale: float) -> None:
+        count = rows.node_count
+        shape = (3 * count, 3 * count)
+        super().__init__(bsr_matrix((rows.table, rows.neighbour, rows.start), shape=shape))
+        self._rows, self.scale = rows, scale
+        one = np.arange(count + 1, dtype=np.int32)
+        diagonal = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
+        self._own = [_Rows(diagonal, part.first, part.last) for part in self._parts]
+
+    @staticmethod
+    def fits(rows: BlockRows) -> bool:
+        """Whether the rows' table is in the order of the nodes."""
+        same = rows.class_count == rows.node_count
+        return same and bool((rows.row_class == np.arange(rows.node_count)).all())
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """K / scale with its diagonal."""
+        return block_matrix(self._rows, self.scale)
+
+    @property
+    def diagonal(self) -> Float:
+        return self._rows.diagonal
+
+    def _add(self, part: _Rows, x: Float, into: Float) -> None:
+        part.add(x, into)
+        self._own[self._parts.index(part)].add(x, into)
+        into[part.own] /= self.scale

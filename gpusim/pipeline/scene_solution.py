@@ -1,0 +1,63 @@
+"""The displacements of one model, or of the one body of a scene: ``gs.solve``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gpusim import fem
+from gpusim.errors import InputError
+from gpusim.gpu import Device
+
+if TYPE_CHECKING:
+    from gpusim.scene import Scene
+
+
+def solve(problem: fem.Model | Scene, device: Device | None = None, **options: Any) -> fem.Solution:
+    """Solve K u = F for a `Model`, or for the one body of a `Scene` at load factor 1.
+
+    Loads of a scene whose amplitudes aren't multiples of each other are separate load cases.
+
+    ``options`` are those of `gpusim.fem.solve` (``tolerance``, ``formulation``, ``backend``,
+    ``max_iterations``, ``method``, ``start``, ``progress``); a scene brings its own
+    tolerance, formulation and method, which they override.
+
+    Raises
+    ------
+    InputError
+        Neither a model nor a scene, or a scene without exactly one body; and what
+        `gpusim.fem.solve` raises.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(1, 0.1, 0.1), divisions=(4, 1, 1))
+    >>> fixed = np.isclose(bar.points[:, :1], 0.0).repeat(3, axis=1)
+    >>> forces = gs.fem.face_force(bar, gs.mesh.select_faces(bar, name="x_max"), total=(1e4, 0, 0))
+    >>> solution = gs.solve(gs.Model(bar, [gs.Isotropic(210e9, 0.0)], fixed=fixed, forces=forces))
+    >>> print(f"{1e6 * solution.u[:, 0].max():.3f} micrometres")
+    4.762 micrometres
+    """
+    if isinstance(problem, fem.Model):
+        return fem.solve(problem, device, **options)
+    # a model needs none of what reads scenes: half of the package
+    from gpusim.pipeline.build.modelling import build_model
+    from gpusim.pipeline.build.surfaces import build_body
+    from gpusim.scene import Scene
+    from gpusim.scene.amplitudes import load_groups
+
+    if not isinstance(problem, Scene):
+        return fem.solve(problem, device, **options)  # which says what is wrong
+    if len(problem.bodies) != 1:
+        raise InputError(
+            f"solve: scene {problem.name!r}; got {len(problem.bodies)} bodies; expected one "
+            "(run the scene, or solve a Model per body)"
+        )
+    body, solver = problem.bodies[0], problem.solver
+    defaults = {
+        "tolerance": solver.tolerance,
+        "formulation": body.formulation,
+        "max_iterations": solver.max_iterations,
+        "method": solver.method,
+    }
+    groups = load_groups(body, problem.analysis.load_factors)
+    model = build_model(build_body(body, problem.input), groups)
+    return fem.solve(model, device, **{**defaults, **options})
