@@ -40,9 +40,9 @@ def open_cached(path: Path, most_bytes: int, *, append: bool = False) -> BinaryI
     more than ``most_bytes``.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND if append else os.O_RDONLY
-    stream = os.fdopen(os.open(path, flags | _AT_ONCE, 0o644), "ab" if append else "rb")
-    status = os.fstat(stream.fileno())
+    descriptor = os.open(path, flags | _AT_ONCE, 0o644)
+    status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode) or status.st_size > most_bytes:
-        stream.close()
+        os.close(descriptor)
         raise OSError(f"{path}: no plain file of at most {most_bytes} bytes")
-    return stream
+    return os.fdopen(descriptor, "ab" if append else "rb")
