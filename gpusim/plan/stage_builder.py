@@ -38,7 +38,8 @@ class StageBuilder:
         **more: Any,
     ) -> Stage:
         """A stage whose function ``work`` of `gpusim.pipeline.stages` ("images:radiance"), or of a
-        module that is named whole ("my_package.swing:motion"), gets the ``sections`` of the scene (`SceneParts.of`), and nothing else of it.
+        module that is named whole ("my_package.swing:motion"), gets the ``sections`` of the scene
+        (`SceneParts.of`), and nothing else of it.
 
         ``shown``: the public stage that it belongs to; "{}" in it becomes the record's number. A
         stage ``on_device`` depends on the backend. ``more``: as `Stage` has it.
