@@ -9,15 +9,17 @@ from __future__ import annotations
 import os
 import secrets
 import shutil
-from collections.abc import Collection, Mapping
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from gpusim.errors import InputError
+from gpusim.files.atomic_files import explained
 from gpusim.files.output_folder import delete, inside
 from gpusim.graph.log import Log, read_log
-from gpusim.graph.store import FileFacts, Record, Store, is_unchanged
+from gpusim.graph.store import DAMAGED, FileFacts, Record, Store, is_unchanged
 
 __all__ = ["INNER", "Folder"]
 
@@ -38,7 +40,7 @@ class Folder:
         self._lock = Lock()
         self._holders: dict[str, set[str]] = {}
         for line in read_log(path / INNER / _NAME)[0]:
-            with suppress(KeyError, TypeError, ValueError, AttributeError):
+            with suppress(*DAMAGED):
                 self._take(line)
         for name, facts in self._names.items():
             self._holders.setdefault(facts.sha256, set()).add(name)
@@ -56,19 +58,21 @@ class Folder:
         return self._parts.get(stage)
 
     def show(self, record: Record, store: Store) -> None:
-        """Give a result its names, if it hasn't got them.
+        """Give a result its names, if it hasn't got them; any thread may.
 
-        Raises InputError where a name leads outside (`gpusim.files.output_folder.inside`).
+        Raises InputError where a name leads outside (`gpusim.files.output_folder.inside`) or
+        nothing can be written, GpusimError where the disk is full.
         """
         for name, facts in record.files.items():
             path = inside(self.path, name)
             if self._names.get(name) == facts and is_unchanged(path, facts):
                 continue
-            path.parent.mkdir(parents=True, exist_ok=True)
             with self._lock:
                 # two names of one file here would change together in an editor that writes in place
                 others = self._holders.setdefault(facts.sha256, set())
-                _show(store.blob(facts.sha256), path, linked=not others - {name})
+                with _explained(path):
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    _show(store.blob(facts.sha256), path, linked=not others - {name})
                 others.add(name)
                 self._names[name] = facts
                 self._append({"names": {name: [facts.sha256, facts.size, facts.changed_ns]}})
@@ -78,11 +82,12 @@ class Folder:
         kept: returns their names."""
         changed = []
         for name in sorted(self._names.keys() - set(current)):
-            path = inside(self.path, name)
-            if path.is_file() and not is_unchanged(path, self._names[name], hashed=True):
-                changed.append(name)
-            else:
-                delete(self.path, name)
+            with suppress(InputError):  # of another place: never a result of ours
+                path = inside(self.path, name)
+                if is_unchanged(path, self._names[name], hashed=True):
+                    delete(self.path, name)
+                elif path.exists():
+                    changed.append(name)
             del self._names[name]
             self._append({"gone": [name]})
         return changed
@@ -98,11 +103,14 @@ class Folder:
         """Flush."""
         if self._log is not None:
             self._log.close()
+            self._log = None
 
     def _append(self, content: Mapping[str, Any]) -> None:
-        if self._log is None:
-            self._log = self._begin()
-        self._log.append(content)
+        with _explained(self.path):
+            if self._log is None:
+                self._log = self._begin()
+            else:
+                self._log.append(content)
 
     def _begin(self) -> Log:
         """A new log with what holds: the file that lies there may be another's, too."""
@@ -114,6 +122,16 @@ class Folder:
         log.append({"parts": self._parts})
         os.replace(log.path, path)
         return log
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Name the place that can't be written to; ``path`` where the system names none."""
+    try:
+        yield
+    except OSError as error:
+        part = Path(error.filename or path)
+        raise explained(error, part, Path(error.filename2 or part)) from error
 
 
 def _show(blob: Path, path: Path, linked: bool) -> None:

@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from hashlib import sha256
 from typing import Literal
 
 from gpusim._version import __version__
 from gpusim.graph.folder import Folder
-from gpusim.graph.stage import Stage, digest
+from gpusim.graph.stage import Stage, digest, plain_text
 from gpusim.graph.store import Store
 
 __all__ = ["Graph", "State", "Task"]
@@ -80,7 +81,8 @@ class Graph:
             clusters[stage.name] = max([cluster, *(clusters[name] for name in stage.needs)])
             head = digest([__version__, stage.name, stage.work, dict(stage.parts)])
             keys[stage.name] = []
-            for record, row in enumerate(stage.rows):
+            rows = [plain_text(row) for row in stage.rows]
+            for record, row in enumerate(rows):
                 needs, above = {}, []
                 for name, which in stage.needs.items():
                     if which is None:
@@ -89,7 +91,7 @@ class Graph:
                     else:
                         needs[name] = [keys[name][k] for k in which(record)]
                         above += needs[name]
-                key = digest([head, above, row])
+                key = sha256(" ".join((head, *above, row)).encode()).hexdigest()
                 task = self.tasks.get(key)
                 if task is None:
                     order = clusters[stage.name], position, record, scene
@@ -99,7 +101,7 @@ class Graph:
             whole[stage.name] = digest(keys[stage.name])
             self.parts[folder][stage.name] = {
                 **stage.parts, **{name: whole[name][:16] for name in stage.needs},
-                "rows": digest(list(stage.rows))[:16],
+                "rows": digest(rows)[:16],
             }  # fmt: skip
             if not stage.keeps:
                 in_memory.add(stage.name)
@@ -128,8 +130,10 @@ class Graph:
                 task.state, task.reason = "skipped", "not asked for"
             elif no_reuse or store is None:
                 task.state, task.reason = "run", no_reuse or "new run"
+                if store is not None:
+                    store.forget(task.key)
             else:
-                fault = store.fault(task.key, verify)
+                fault = store.fault(task.key, task.stage.name, verify)
                 task.state = "reused" if fault is None else "run"
                 task.reason = "unchanged" if fault is None else fault or self._why(task, folders)
             if task.runs:

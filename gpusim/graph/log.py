@@ -22,11 +22,12 @@ _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
 
 
 class Log:
-    """A log that is written to; ``flush_s``: how long a line may stay off the disk."""
+    """A log that is written to, a new file; ``flush_s``: how long a line may stay off the disk."""
 
     def __init__(self, path: Path, flush_s: float = 0.5) -> None:
         self.path, self.flush_s = path, flush_s
         self._descriptor, self._lock, self._flushed = -1, Lock(), 0.0
+        self._torn = b""
 
     def append(self, content: Any) -> None:
         """Add a line."""
@@ -34,9 +35,13 @@ class Log:
         with self._lock:
             if self._descriptor < 0:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
-                flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | _AT_ONCE
+                flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _AT_ONCE
                 self._descriptor = os.open(self.path, flags, 0o644)
-            os.write(self._descriptor, b"%08x %s\n" % (zlib.crc32(text), text))
+            line = b"%s%08x %s\n" % (self._torn, zlib.crc32(text), text)
+            self._torn = b"\n"  # if the disk takes a part of the line alone
+            while line:
+                line = line[os.write(self._descriptor, line) :]
+            self._torn = b""
             due = time.monotonic() - self._flushed >= self.flush_s
             if due:
                 self._flushed = time.monotonic()
@@ -55,16 +60,19 @@ class Log:
 def read_log(path: Path, start: int = 0) -> tuple[list[Any], int]:
     """What was added after byte ``start``, and where to go on; nothing of what is no plain file."""
     try:
-        descriptor = os.open(path, os.O_RDONLY | _AT_ONCE)
-    except OSError:  # put together with others meanwhile, a link, or not ours to read
+        with open(path, "rb", opener=_open) as stream:
+            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                return [], start
+            stream.seek(start)
+            data = stream.read()
+    except OSError:  # put together with others meanwhile, a folder, a link, or not ours to read
         return [], start
-    with os.fdopen(descriptor, "rb") as stream:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            return [], start
-        stream.seek(start)
-        data = stream.read()
     whole = data[: data.rfind(b"\n") + 1]
     return list(_contents(whole)), start + len(whole)
+
+
+def _open(path: str, flags: int) -> int:
+    return os.open(path, flags | _AT_ONCE)
 
 
 def _contents(lines: bytes) -> Iterator[dict[str, Any]]:

@@ -15,7 +15,7 @@ from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, BinaryIO
 
 from gpusim.files.input_file import InputFile
@@ -24,15 +24,13 @@ from gpusim.graph.folder import Folder
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.schedule import Schedule
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.graph.store import Record, Store
 
 __all__ = ["Inputs", "Observer", "Runner", "StageFailed"]
 
 AHEAD = 2
 """Records whose files are still being written while the next one is made."""
-_PATIENCE_S = 0.02
-"""Between looks whether another process has made what it is at."""
 Observer = Callable[[Task, float, str], None]
 """Hears how far a task is, from 0 to 1, in words."""
 
@@ -146,7 +144,7 @@ class Runner:
         self._schedule = Schedule(graph)
         self._finished: SimpleQueue[tuple[Task, Exception | None, bool]] = SimpleQueue()
         self._writing = self._beside = 0
-        self._early: dict[str, Made] = {}
+        self._early: dict[str, StageResult] = {}
         self._left = Counter(
             place for task in graph.order() for place in {place for place, _ in task.places}
         )
@@ -166,11 +164,19 @@ class Runner:
                 continue
             if task.stage.early:
                 self._early[task.key] = self._made(task, Inputs(task, self))
+            else:
+                self._make_first_values(task)
+
+    def _make_first_values(self, task: Task) -> None:
+        """Make what a task needs that is a value in memory, made of no results and no picture."""
+        for key in (key for keys in task.needs.values() for key in keys):
+            need = self.graph.tasks[key]
+            if need.stage.keeps or self._schedule.made_of(need):
                 continue
-            for key in (key for keys in task.needs.values() for key in keys):
-                stage = self.graph.tasks[key].stage
-                if not stage.keeps and not stage.on_device:
-                    self.value(key)
+            if need.stage.on_device:
+                self._make_first_values(need)
+            else:
+                self.value(key)
 
     def work(self, whole: Callable[[str], None]) -> None:
         """Make, keep and show everything. ``whole`` is called for each folder as soon as all of its
@@ -213,9 +219,10 @@ class Runner:
             self._schedule.defer(task)
             return
         self.store.refresh()  # it may have been made while nobody looked
-        if self.store.find(task.key) is not None and self.store.fault(task.key) is None:
+        if self.store.fault(task.key, task.stage.name) is None:
             self._keep(task)
             return
+        inputs = None
         try:
             inputs = Inputs(task, self)
             known = self._early.pop(task.key, None)
@@ -223,6 +230,8 @@ class Runner:
                 known = self._made(task, inputs)
         except BaseException:
             self.store.release(task.key)
+            if inputs is not None:
+                inputs.forget()
             raise
         if task.stage.on_device:
             self._writing += 1
@@ -245,7 +254,10 @@ class Runner:
             task.seconds += time.perf_counter() - start
 
     def _keep(
-        self, task: Task, make: Callable[[], Made] | None = None, inputs: Inputs | None = None
+        self,
+        task: Task,
+        make: Callable[[], StageResult] | None = None,
+        inputs: Inputs | None = None,
     ) -> None:
         """Keep a result (None: it is there), show it, and say so."""
         failure, words = None, "made by another run"
@@ -273,12 +285,12 @@ class Runner:
 
     def _collect(self, whole: Callable[[str], None], wait: bool) -> None:
         """Take in what threads have finished; ``wait`` for something to happen."""
-        if wait and not self._writing and not self._beside and self._finished.empty():
-            time.sleep(_PATIENCE_S)  # another process is at all that is left
-            self._schedule.resume()
-            return
         while wait or not self._finished.empty():
-            task, failure, pooled = self._finished.get()
+            try:
+                task, failure, pooled = self._finished.get(timeout=self._schedule.patience_s)
+            except Empty:  # another process is at what may be ready
+                self._schedule.resume()
+                return
             wait = False
             self._writing -= pooled and task.stage.on_device
             self._beside -= pooled and not task.stage.on_device

@@ -9,6 +9,9 @@ from gpusim.graph.graph import Graph, Task
 
 __all__ = ["Schedule"]
 
+_PATIENCE_S = 0.02
+"""Between looks whether another process has made what it is at."""
+
 
 class Schedule:
     """What is left to be made. Values in memory don't count: who needs one waits for what that is
@@ -63,12 +66,16 @@ class Schedule:
         """Put off what another process is at."""
         self._deferred.append(task)
 
-    def resume(self) -> bool:
-        """Make the deferred tasks ready again; whether there are any."""
+    @property
+    def patience_s(self) -> float | None:
+        """How long to wait before a look at what was put off; None if nothing was."""
+        return _PATIENCE_S if self._deferred else None
+
+    def resume(self) -> None:
+        """Make the deferred tasks ready again."""
         deferred, self._deferred = self._deferred, []
         for task in deferred:
             self._enter(task)
-        return bool(deferred)
 
     def _enter(self, task: Task) -> None:
         heappush(self._ready[task.stage.on_device], (task.order, task.key, task))

@@ -14,13 +14,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Made", "Output", "Stage", "Which", "digest", "every", "first", "same"]
+__all__ = [
+    "Output",
+    "Stage",
+    "StageResult",
+    "Which",
+    "digest",
+    "every",
+    "first",
+    "plain_text",
+    "same",
+]
 
 Which = Callable[[int], Sequence[int]]
 """The records of a need that a record needs."""
 Output = bytes | Path | Callable[[Path], object]
-"""A file's content, a file that `Inputs.new_file` has named, or what writes one at a path (whose ending is that
-of the result's name)."""
+"""A file's content, a file that `Inputs.new_file` has named, or what writes one at a path (whose
+ending is that of the result's name)."""
 
 
 def same(record: int) -> Sequence[int]:
@@ -72,7 +82,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Made:
+class StageResult:
     """A record of a stage that keeps: its ``files`` by their names in the output folder, ``notes``
     as plain data, and a few words for who waits."""
 
@@ -81,7 +91,10 @@ class Made:
     words: str = ""
 
 
+plain_text: Callable[[Any], str] = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode
+"""Plain data as a text that is the same for what is the same."""
+
+
 def digest(value: Any) -> str:
     """SHA-256 of plain data."""
-    text = json.dumps(value, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(plain_text(value).encode()).hexdigest()

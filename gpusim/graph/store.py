@@ -19,12 +19,13 @@ from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from threading import Lock
 from typing import Any, BinaryIO
 
 from gpusim.errors import GpusimError, InputError
-from gpusim.files.atomic_files import explained
+from gpusim.files.atomic_files import clean_leftovers, explained
 from gpusim.files.input_file import InputFile, open_input, read_input
 from gpusim.files.output_folder import inside, is_alive
 from gpusim.graph.log import Log, read_log
@@ -35,7 +36,10 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["FileFacts", "Record", "Store", "is_unchanged"]
+__all__ = ["DAMAGED", "FileFacts", "Record", "Store", "is_unchanged"]
+
+DAMAGED = KeyError, TypeError, ValueError, AttributeError, OverflowError
+"""What a line raises that isn't as it was written."""
 
 _FLUSHERS = 16
 """Threads that wait for the disk at the end: file systems write together what waits together."""
@@ -66,7 +70,7 @@ class Record:
 
     @staticmethod
     def of(content: Mapping[str, Any]) -> Record:
-        """The inverse. Raises KeyError, TypeError or ValueError for damage."""
+        """The inverse. Raises one of `DAMAGED`."""
         files = {}
         for name, (sha256, size, changed) in content["files"].items():
             if len(bytes.fromhex(sha256)) != 32:
@@ -76,7 +80,10 @@ class Record:
 
 
 class Store:
-    """Results by key. Nothing is made on the disk before there is one to be kept."""
+    """Results by key. Nothing is made on the disk before there is one to be kept.
+
+    ``begun``: whether there were results in it at first.
+    """
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -89,22 +96,19 @@ class Store:
         self._claims = -1
         self._lock = Lock()
         self.refresh()
-
-    @property
-    def begun(self) -> bool:
-        """Whether there are results in it."""
-        return bool(self._records)
+        self.begun = bool(self._records)
 
     def refresh(self) -> None:
         """Take in what others have added."""
         for path in _plain_files(self.root / "log"):
             start = self._read_to.get(path.name, 0)
-            if path == self._log.path or path.stat().st_size == start:
-                continue
+            with suppress(FileNotFoundError):  # put together with others meanwhile
+                if path == self._log.path or path.stat().st_size == start:
+                    continue
             lines, self._read_to[path.name] = read_log(path, start)
             closed = any("closed" in line for line in lines)
             for line in lines:
-                with suppress(KeyError, TypeError, ValueError, AttributeError):
+                with suppress(*DAMAGED):
                     record = Record.of(line)
                     self._records[record.key] = record
                     if not closed:
@@ -114,12 +118,12 @@ class Store:
         """What was made for a key, whether it is still whole or not."""
         return self._records.get(key)
 
-    def fault(self, key: str, verify: bool = False) -> str | None:
-        """None if the result of a key lies there unchanged, "" if there is none, else what is wrong
-        with it: it is forgotten then. Files are known by size and time of change; ``verify``: by
-        every byte."""
+    def fault(self, key: str, stage: str, verify: bool = False) -> str | None:
+        """None if a ``stage``'s result lies there unchanged, "" if there is none, else what is
+        wrong with it: it is forgotten then. Files are known by size and time of change; ``verify``:
+        by every byte."""
         record = self._records.get(key)
-        if record is None:
+        if record is None or record.stage != stage:
             return ""
         hashed = verify or key in self._doubted
         for name, facts in record.files.items():
@@ -129,6 +133,10 @@ class Store:
                 return f"{name} was changed" if path.is_file() else f"{name} is gone"
         self._doubted.discard(key)
         return None
+
+    def forget(self, key: str) -> None:
+        """Don't find what was made for a key by now."""
+        self._records.pop(key, None)
 
     def blob(self, sha256: str) -> Path:
         """Where a content lies, or would lie."""
@@ -147,12 +155,17 @@ class Store:
         try:
             files = {name: self._keep(name, output) for name, output in outputs.items()}
             record = Record(key, stage, files, notes)
-            self._log.append(record.content())
+            self._append(record.content())
         except OSError as error:
             place = Path(error.filename or self.root)
             raise explained(error, place, place) from error
         self._records[key] = record
+        self._doubted.discard(key)
         return record
+
+    def _append(self, content: Mapping[str, Any]) -> None:
+        inside(self.root, "log")
+        self._log.append(content)
 
     def _keep(self, name: str, output: Output) -> FileFacts:
         suffix = Path(name).suffix
@@ -168,7 +181,7 @@ class Store:
                 output(part)
             sha256 = _hash(part)
             facts = FileFacts(sha256, part.stat().st_size, part.stat().st_mtime_ns)
-            path = self.blob(sha256)
+            path = inside(folder, sha256[:2], sha256)
             with suppress(FileNotFoundError):
                 known = FileFacts(sha256, facts.size, path.stat().st_mtime_ns)
                 if is_unchanged(path, known, hashed=True):
@@ -194,7 +207,7 @@ class Store:
         try:
             return read_input(self.blob(facts.sha256), f"the result {name}", facts.sha256)
         except InputError as error:
-            self._records.pop(record.key, None)
+            self.forget(record.key)
             raise InputError(f"{name}: {error}; run again to make it anew") from None
 
     def open(self, record: Record, name: str) -> BinaryIO:
@@ -202,7 +215,7 @@ class Store:
         facts = record.files[name]
         path = self.blob(facts.sha256)
         if not is_unchanged(path, facts, hashed=True):
-            self._records.pop(record.key, None)
+            self.forget(record.key)
             raise InputError(f"{name}: {path} was changed; run again to make it anew")
         return open_input(path)
 
@@ -211,7 +224,11 @@ class Store:
         if fcntl is None:
             return True
         try:
-            fcntl.lockf(self._claims_file(), fcntl.LOCK_EX | fcntl.LOCK_NB, 1, int(key[:15], 16))
+            claims = self._claims_file()
+        except OSError:  # nothing can be kept then, which `put` says
+            return True
+        try:
+            fcntl.lockf(claims, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, int(key[:15], 16))
         except OSError as error:
             return error.errno not in (errno.EACCES, errno.EAGAIN)  # else: files can't be locked
         return True
@@ -230,15 +247,15 @@ class Store:
         return self._claims
 
     def clean(self) -> None:
-        """Delete what killed writers have left half-written."""
-        for path in _plain_files(self.root / "blobs"):
-            writer = path.name.split("-")[1] if path.name.startswith(".new-") else ""
-            if writer.isdecimal() and not is_alive(int(writer)):
+        """Delete what killed writers have left half-written. Raises InputError where something
+        leads outside."""
+        for path in _plain_files(inside(self.root, "blobs"), ".new-*"):
+            if _has_ended(path.name.split("-")[1]):
                 path.unlink(missing_ok=True)
-        with suppress(OSError), os.scandir(self.root / "scratch") as entries:
+        clean_leftovers(inside(self.root, "log"))
+        with suppress(OSError), os.scandir(inside(self.root, "scratch")) as entries:
             for entry in entries:
-                writer = entry.name.split("-")[0]
-                if writer.isdecimal() and not is_alive(int(writer)):
+                if _has_ended(entry.name.split("-")[0]):
                     shutil.rmtree(entry.path, ignore_errors=True)
 
     def close(self) -> None:
@@ -247,15 +264,21 @@ class Store:
             os.close(self._claims)
             self._claims = -1
         self._log.close()
-        self.refresh()
-        ended = [path for path in _plain_files(self.root / "log") if self._has_ended(path)]
-        if len(ended) < 2 and self._log.path not in ended:
+        ended = [
+            path for path in _plain_files(inside(self.root, "log"))
+            if path == self._log.path or _has_ended(path.name.split("-")[0])
+        ]  # fmt: skip
+        if [path.name[:2] for path in ended] in ([], ["0-"]):
             return
-        for key in list(self._doubted):
-            self.fault(key)
+        self.refresh()  # after that: what others put together meanwhile stays
+        for key in self._doubted & self._records.keys():
+            record = self._records[key]
+            if self.fault(key, record.stage) is None:
+                files = record.files.values()
+                self._unflushed.update(facts.sha256 for facts in files)
         with ThreadPoolExecutor(_FLUSHERS) as pool:
             list(pool.map(_flush, map(self.blob, self._unflushed)))
-        whole = Log(self.root / "log" / f".{self._name}.part")
+        whole = Log(self.root / "log" / f".log.{self._name}.part")
         for content in (*(one.content() for one in self._records.values()), {"closed": True}):
             whole.append(content)
         whole.close()
@@ -263,32 +286,23 @@ class Store:
         for path in ended:
             path.unlink(missing_ok=True)
 
-    def _has_ended(self, log: Path) -> bool:
-        """Whether nobody writes to a log any more; number 0 is that of logs put together."""
-        writer = log.name.split("-")[0]
-        return (
-            log == self._log.path
-            or writer == "0"
-            or (writer.isdecimal() and not is_alive(int(writer)))
-        )
-
     def collect(self, keys: Iterable[str]) -> None:
-        """Forget all results but those of ``keys``, and delete their files.
+        """Forget all results but those of ``keys``, and delete the files that nobody needs, those
+        of killed writers included.
 
         For a store that one folder has for itself, when nobody else is at work.
         """
         kept = {key: self._records[key] for key in keys if key in self._records}
-        gone = self._records.keys() - kept.keys()
-        if not gone:
-            return
-        needed = {facts.sha256 for one in kept.values() for facts in one.files.values()}
-        idle = {facts.sha256 for key in gone for facts in self._records[key].files.values()}
+        if kept != self._records:
+            self._append({"forgotten": len(self._records) - len(kept)})
         self._records = kept
-        for sha256 in idle - needed:
-            path = self.blob(sha256)
-            path.unlink(missing_ok=True)
+        needed = {facts.sha256 for one in kept.values() for facts in one.files.values()}
+        for folder in _plain_folders(inside(self.root, "blobs")):
+            for path in _plain_files(folder, f"{folder.name}{'?' * 62}"):
+                if path.name not in needed:
+                    path.unlink(missing_ok=True)
             with suppress(OSError):
-                path.parent.rmdir()
+                folder.rmdir()
 
 
 def is_unchanged(path: Path, facts: FileFacts, hashed: bool = False) -> bool:
@@ -309,13 +323,24 @@ def _hash(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _plain_files(folder: Path) -> list[Path]:
+def _has_ended(writer: str) -> bool:
+    """Whether nobody writes under a number any more; 0 is that of logs put together."""
+    return writer.isdecimal() and (writer == "0" or not is_alive(int(writer)))
+
+
+def _plain_files(folder: Path, pattern: str = "[!.]*") -> list[Path]:
     with suppress(OSError), os.scandir(folder) as entries:
         return sorted(
             Path(one.path)
             for one in entries
-            if one.is_file(follow_symlinks=False) and not one.name.endswith(".part")
+            if one.is_file(follow_symlinks=False) and fnmatchcase(one.name, pattern)
         )
+    return []
+
+
+def _plain_folders(folder: Path) -> list[Path]:
+    with suppress(OSError), os.scandir(folder) as entries:
+        return [Path(one.path) for one in entries if one.is_dir(follow_symlinks=False)]
     return []
 
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from gpusim.graph.stage import digest
 from gpusim.plan.decision import Decision, PublicStage, decide, states_of
@@ -63,7 +64,9 @@ def plan_of(scene: Scene, decision: Decision, speed: Speed | None = None) -> Pla
     for place, state in decision.scenes.items():
         plan = _ScenePlan(state, place, decision, speed, compiled).plan()
         prefix = f"{place.removeprefix('variants/')}/" if place else ""
-        stages += [replace(stage, name=f"{prefix}{stage.name}") for stage in plan.stages]
+        stages += plan.stages if not prefix else [
+            replace(stage, name=f"{prefix}{stage.name}") for stage in plan.stages
+        ]  # fmt: skip
         works += plan.works
     if scene.variants:
         made = {spec.name for state in decision.scenes.values() for spec in state.measures}
@@ -124,22 +127,23 @@ class _ScenePlan:
             stages = timed(stages, works, self.speed)
         return Plan(self.scene.name, "", tuple(stages), works=tuple(works.values()))
 
-    def _stage(self, public: PublicStage) -> PlannedStage:
-        """With its cost, which counts only if it is run."""
+    def _stage(self, public: PublicStage, **picture: Any) -> PlannedStage:
+        """With its cost, which counts only if it is run; of a ``picture``: which."""
         kind = public.name.split("/")[0]
         memory, seconds = self.cost[kind] if public.runs else (0, 0.0)
         detail = self.details.get(kind, "") if public.runs else ""
         key = digest([public.name, [task.key for task in public.tasks]])
         return PlannedStage(
-            public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds
-        )
+            public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds,
+            **picture,
+        )  # fmt: skip
 
     def _pictures(self, camera: Camera, public: Sequence[PublicStage]) -> list[PlannedStage]:
         effects, seen, stages = cost_of.effects(self.scene, camera), set[str](), []
         radiance = self.decision.graph.records[self.place][f"radiance/{camera.name}"]
         columns, rows = camera.resolution
         for number, one in enumerate(public):
-            stage = replace(self._stage(one), camera=camera.name, frame=number)
+            stage = self._stage(one, camera=camera.name, frame=number)
             if stage.runs:
                 what, seconds = self._words(self.frames[number].shown, number), stage.seconds
                 if radiance[number] in seen and self.decision.options.skip:
@@ -160,7 +164,7 @@ class _ScenePlan:
     def _targets(self, camera: Camera, public: Sequence[PublicStage]) -> list[PlannedStage]:
         stages = []
         for pose, one in enumerate(public):
-            stage = replace(self._stage(one), camera=camera.name, pose=pose)
+            stage = self._stage(one, camera=camera.name, pose=pose)
             if stage.runs:
                 what = "target and its corners" if self.scene.measures_space else "target"
                 stage = self._described(stage, camera, cost_of.target_seconds(camera), what)

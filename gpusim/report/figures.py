@@ -56,10 +56,8 @@ _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image'
 def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -> Figure:
     """Draw measured points on the true curve, and below it their difference in units and pixels;
     ``beside``: more of them in the same figure."""
-    together = (series, *beside)
     title = series.figure or series.name
-    residual = np.concatenate([one.y_measured - one.y_truth for one in together])
-    x = np.concatenate([one.x for one in together])
+    residual = np.concatenate([one.y_measured - one.y_truth for one in (series, *beside)])
 
     def draw(canvas: Canvas) -> None:
         upper, lower = canvas.subplots(2, 1, sharex=True, height_ratios=[2.2, 1.0])
@@ -67,7 +65,7 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
             draw_measured(upper, one, legend=False)
         draw_measured(upper, series)
         axis_title(upper, title)
-        _draw_residual(lower, series, x, residual)
+        _draw_residual(lower, series, residual, 1 + len(beside))
 
     margins = Margins(right=1.1 if series.units_per_px else 0.15)
     draw_png(path, (_WIDTH, 5.2), draw, margins)
@@ -109,11 +107,11 @@ def draw_measured(axes: Axes, series: Series, legend: bool = True, **style: Any)
         axes.legend(loc="best")
 
 
-def _draw_residual(
-    axes: Axes, series: Series, x: npt.NDArray[np.float64], residual: npt.NDArray[np.float64]
-) -> None:
+def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count: int) -> None:
+    """Of ``count`` series over the same x."""
     from matplotlib.ticker import MaxNLocator
 
+    x = np.tile(series.x, count)
     axes.axhline(0.0, color=TRUTH, linewidth=1.4)
     axes.vlines(x, 0.0, residual, color=MEASURED, linewidth=1.6)
     axes.plot(x, residual, "o", color=MEASURED, markersize=4.5)

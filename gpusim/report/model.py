@@ -132,7 +132,7 @@ class Series:
     truth_x, truth_y
         (T,) float64, the truth drawn as a finer curve; empty to draw it through ``y_truth``.
     figure
-        Series that follow each other and name the same one are drawn in it together.
+        Series over the same x that follow each other and name one are drawn in it together.
     """
 
     name: str

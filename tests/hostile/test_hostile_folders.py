@@ -8,27 +8,37 @@ import json
 import os
 import random
 import shutil
+import subprocess
+import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gpusim.graph.folder import INNER
+from gpusim.graph.log import read_log
 from tests.hostile.amount import SEED, share
 from tests.hostile.mutations import mutations
 from tests.hostile.tiny_runs import Begun, files, results, write_scene, wrong
 
 pytestmark = pytest.mark.hostile
 
+INNERMOST = (
+    "claims", "scratch", "scratch/1-ab", "log/1-ab.log", "log/0-ab.log", "log/x", "blobs/x",
+    "blobs/.new-1-ab.png", "blobs/00", f"blobs/{'0' * 64}", ".folder.log.1-ab.part", "state.json",
+)  # fmt: skip
 Damage = Callable[[Path, Path, random.Random], str]
 """Does it to (an output folder, a folder beside it), and says what."""
 
 
 def _some(out: Path, chance: random.Random, folder: bool | None = None) -> Path:
-    """A file or a folder in it; state.json as often as all others."""
-    if folder is not True and chance.random() < 0.3 and (out / "state.json").is_file():
-        return out / "state.json"
+    """A file or a folder in it; its logs as often as all others."""
+    logs = _logs(out)
+    if folder is not True and chance.random() < 0.3 and logs:
+        return chance.choice(logs)
     found = [one for one in sorted(out.rglob("*"))
              if not one.is_symlink() and (folder is None or one.is_dir() == folder)]  # fmt: skip
     return chance.choice(found) if found else out / "nothing"
@@ -101,8 +111,8 @@ def _other_kind(out: Path, beside: Path, chance: random.Random) -> str:
 
 def _foreign(out: Path, beside: Path, chance: random.Random) -> str:
     name = chance.choice((".gpusim-lock", "images/side/0002.png", "measure", "variants",
-                          "variants/x", "figures", "a\nb", "\x1b[31m", "é" * 60,
-                          "-rf"))  # fmt: skip
+                          "variants/x", "figures", "a\nb", "\x1b[31m", "é" * 60, "-rf",
+                          *(f"{INNER}/{name}" for name in INNERMOST)))  # fmt: skip
     path = out / name
     kind = chance.choice(("file", "folder", "link", "pipe"))
     if os.path.lexists(path) or not path.parent.is_dir() or path.parent.is_symlink():
@@ -127,48 +137,56 @@ def _mode(out: Path, beside: Path, chance: random.Random) -> str:
 
 
 def _forged(out: Path, beside: Path, chance: random.Random) -> str:
-    """state.json with entries as only somebody who knows the program would write them."""
-    path = out / "state.json"
-    try:
-        state = json.loads(path.read_text())
-        entries = list(state["stages"].values())
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return "nothing"
+    """Lines of logs as only somebody who knows the program would write them."""
+    path = chance.choice([*_logs(out), out / "nothing"])
+    lines = read_log(path)[0]
+    records = [line for line in lines if "files" in line]
     victim = beside / "victim" / "a.txt"
     data = victim.read_bytes()
-    facts = {"bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+    facts = [hashlib.sha256(data).hexdigest(), len(data), victim.stat().st_mtime_ns]
     names = ("../victim/a.txt", str(victim), "images/../../victim/a.txt", "x\x00y", "", ".", "..",
-             "a" * 5000, "images", "/dev/zero", "state.json")  # fmt: skip
+             "a" * 5000, "images", "/dev/zero", f"{INNER}/folder.log", "\udcff")  # fmt: skip
     name = chance.choice(names)
-    kind = chance.choice(("retired", "added", "swapped", "emptied", "strange", "version"))
-    one: Any = chance.choice(entries) if entries else {}
+    kind = chance.choice(("retired", "added", "swapped", "gone", "strange", "closed"))
+    if chance.random() < 0.5 and (out / INNER / "blobs").is_dir():  # its content as well
+        blob = out / INNER / "blobs" / facts[0][:2] / facts[0]
+        with suppress(OSError):
+            blob.parent.mkdir(exist_ok=True)
+            shutil.copy2(victim, blob)
     if kind == "retired":
-        state["stages"]["0" * 64] = _checked({"stage": "of-old", "files": {name: facts},
-                                              "notes": {}})  # fmt: skip
-    elif kind == "added" and entries:
-        one["files"][name] = facts
-        one.update(_checked(one))
-    elif kind == "swapped" and len(entries) > 1:
-        keys = list(state["stages"])
-        chance.shuffle(entries)
-        state["stages"] = dict(zip(keys, entries, strict=True))
-    elif kind == "emptied" and entries:
-        one["files"] = {}
-        one.update(_checked(one))
-    elif kind == "strange":
-        key = chance.choice(("stages", "programs", "version"))
-        state[key] = chance.choice((None, [], {}, [[]] * 9, {"x": 1}, 1e400, -1, "x" * 9999,
-                                    [{"kind": "x", "code": 1}], {"": {"stage": None}}))  # fmt: skip
-    else:
-        state["version"] = chance.choice((0, 1, 3, "2", None))
-    path.write_text(json.dumps(state))
-    return f"state.json: {kind} {name[:40]!r}"
+        lines += [{"key": "0" * 64, "stage": "of-old", "files": {name: facts}, "notes": {}},
+                  {"names": {name: facts}}]  # fmt: skip
+    elif kind == "added" and records:
+        chance.choice(records)["files"][name] = facts
+    elif kind == "swapped" and len(records) > 1:
+        keys = [record["key"] for record in records]
+        chance.shuffle(keys)
+        for record, key in zip(records, keys, strict=True):
+            record["key"] = key
+    elif kind == "gone":
+        lines += [{"gone": chance.choice(([name], name, ["scene.toml"], None, [[]]))}]
+    elif kind == "strange" and lines:
+        line = chance.choice(lines)
+        line[chance.choice(("key", "stage", "names", "gone", "parts", *line))] = chance.choice(
+            (None, [], [[]] * 9, 1e400, -1, "x" * 9999, [{"kind": "x", "code": 1}],
+             {"": {"stage": None}}, {"x": [facts[0], 1e400, 1]}, {"x": ["..", 1, 1]})
+        )  # fmt: skip
+    elif kind == "closed":
+        lines = [line for line in lines if "closed" not in line]
+    if path.is_file():
+        path.write_bytes(b"".join(map(_line, lines)))
+    return f"{path.name}: {kind} {name[:40]!r}"
 
 
-def _checked(entry: dict[str, Any]) -> dict[str, Any]:
-    plain = {name: entry[name] for name in ("stage", "files", "notes")}
-    text = json.dumps(plain, sort_keys=True)
-    return {**plain, "check": hashlib.sha256(text.encode()).hexdigest()}
+def _logs(out: Path) -> list[Path]:
+    inner = out / INNER
+    return [one for one in (inner / "folder.log", *sorted((inner / "log").glob("*.log")))
+            if one.is_file() and not one.is_symlink()]  # fmt: skip
+
+
+def _line(content: dict[str, Any]) -> bytes:
+    text = json.dumps(content).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
 DAMAGES: tuple[Damage, ...] = (
@@ -195,7 +213,8 @@ def test_damaged_folders(first: Path, tmp_path: Path) -> None:
         chance = random.Random(f"{SEED} folders {number}")
         place = tmp_path / str(number)
         out, victim = place / "out", place / "victim"
-        shutil.copytree(first / "out", out)
+        place.mkdir()
+        subprocess.run(["cp", "-a", first / "out", out], check=True)  # with its hard links
         victim.mkdir()
         (victim / "a.txt").write_text("not of the run")
         damages = [chance.choice(DAMAGES)(out, place, chance)
@@ -210,7 +229,6 @@ def test_damaged_folders(first: Path, tmp_path: Path) -> None:
         if code == 0:
             done += 1
             made = results(out)
-            made["state.json"] = expected["state.json"]  # it has to be one; entries in any order
             assert {name: made.get(name) for name in expected} == expected, told
         else:
             assert str(out) in run.said or out.name in run.said, f"{told}: {run.said}"

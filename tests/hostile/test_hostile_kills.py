@@ -12,7 +12,16 @@ from pathlib import Path
 import pytest
 
 from tests.hostile.amount import SEED, share
-from tests.hostile.tiny_runs import LIMIT, Begun, command, files, results, write_scene, wrong
+from tests.hostile.tiny_runs import (
+    LIMIT,
+    Begun,
+    command,
+    files,
+    results,
+    stored,
+    write_scene,
+    wrong,
+)
 
 pytestmark = pytest.mark.hostile
 
@@ -51,6 +60,7 @@ def test_killed_runs_are_taken_up(backend: str, count: int, tmp_path: Path) -> N
         last = Begun(tmp_path / "log", *words)
         assert wrong(last.end(), last.said, (0,)) == "", told
         assert results(place / "out") == expected, told
+        assert stored(place / "out") == stored(tmp_path / "first"), told
         assert set(files(place)) - {f"out/{name}" for name in files(place / "out")} == {
             "out", "beside.txt"
         }, told  # fmt: skip

@@ -16,7 +16,16 @@ from pathlib import Path
 import pytest
 
 from tests.hostile.amount import SEED, share
-from tests.hostile.tiny_runs import LIMIT, Begun, command, files, results, write_scene, wrong
+from tests.hostile.tiny_runs import (
+    LIMIT,
+    Begun,
+    command,
+    files,
+    results,
+    stored,
+    write_scene,
+    wrong,
+)
 
 pytestmark = pytest.mark.hostile
 
@@ -39,6 +48,7 @@ def again(first: Path, out: Path) -> None:
     run = Begun(out.parent / "log", "run", first / "bar.toml", "-o", out, *NUMPY)
     assert wrong(run.end(), run.said, (0,)) == ""
     assert results(out) == results(first / "out")
+    assert stored(out) == stored(first / "out")
 
 
 @pytest.fixture

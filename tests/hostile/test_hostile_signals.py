@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.hostile.amount import SEED, share
-from tests.hostile.tiny_runs import LIMIT, Begun, command, results, write_scene, wrong
+from tests.hostile.tiny_runs import LIMIT, Begun, command, results, stored, write_scene, wrong
 
 pytestmark = pytest.mark.hostile
 
@@ -66,6 +66,7 @@ def test_signals(which: signal.Signals, tmp_path: Path) -> None:
         last = Begun(log, *words)
         assert wrong(last.end(), last.said, (0,)) == "", told
         assert results(tmp_path / str(number)) == expected, told
+        assert stored(tmp_path / str(number)) == stored(tmp_path / "first"), told
 
 
 def test_a_reader_that_is_gone(tmp_path: Path) -> None:

@@ -25,10 +25,12 @@ import gpusim.fem
 import gpusim.measure
 import gpusim.pipeline
 import gpusim.report
+from gpusim.graph.folder import INNER
 from gpusim.mesh import box
 from gpusim.parallel.machine import limited
 
-__all__ = ["LIMIT", "Begun", "command", "files", "results", "write_scene", "wrong"]
+__all__ = ["LIMIT", "Begun", "command", "files", "results", "stored", "write_scene",
+           "wrong"]  # fmt: skip
 
 LIMIT = 60.0
 """Seconds after which something hangs."""
@@ -120,8 +122,25 @@ def files(folder: Path) -> dict[str, str]:
 
 
 def results(out: Path) -> dict[str, str]:
-    """`files` of an output folder that a run promises to be the same: reports hold timings."""
-    return {name: what for name, what in files(out).items() if name not in _TIMED}
+    """`files` of an output folder that a run promises to be the same: reports hold timings, and
+    the store's logs the order of work."""
+    return {
+        name: what for name, what in files(out).items()
+        if name not in _TIMED and name.split("/")[0] != INNER
+    }  # fmt: skip
+
+
+def stored(out: Path) -> list[str]:
+    """The names in an output folder's store, of logs put together without what is random; blobs
+    have to hold what their names say."""
+    names = []
+    for name, what in files(out / INNER).items():
+        if name == "programs.json":  # of the pictures that the last runs have drawn
+            continue
+        if name.startswith("blobs/") and what != "folder":
+            assert name.rsplit("/", 1)[-1] == what, name
+        names.append(re.sub(r"^log/0-[0-9a-f]+\.log$", "log/0.log", name))
+    return names
 
 
 def _run(arguments: list[str], log: str, before: Callable[[], None] | None) -> None:

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 
 import gpusim as gs
 from gpusim.cli import app
-from gpusim.errors import SceneError
+from gpusim.errors import InputError, SceneError
 from gpusim.plan.plan import make_plan
 from gpusim.scene import json_schema
-from gpusim.scene.analyses import ANALYSES
+from gpusim.scene.analyses import ANALYSES, add_analysis
 from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content
 from tests.support.small_scene import DOCUMENT, small_scene
@@ -36,6 +36,8 @@ def registered() -> Iterator[None]:
     """Other tests see gpusim's own kinds."""
     assert "swing" not in ANALYSES
     import_module("tests.support.toy_analysis")
+    with pytest.raises(InputError, match="got 'swing' twice"):
+        add_analysis("swing", ANALYSES["static"])
     yield
     del ANALYSES["swing"]
 
@@ -95,7 +97,7 @@ def test_schema_and_messages_name_it() -> None:
     assert '["static", "field", "swing"]' in schema
     with pytest.raises(SceneError, match=r'"swing" \(rigid\)'):
         small_scene(analysis={"type": "spin"})
-    with pytest.raises(SceneError, match='times.*of an analysis of type "swing"'):
+    with pytest.raises(SceneError, match=r'times.*of an analysis of type "swing"'):
         small_scene(analysis={"type": "swing", "times": [0.0, 1.0]})
 
 

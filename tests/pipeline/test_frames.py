@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.pipeline.measurements.deflection import DeflectionResult
+from gpusim.export.images import read_image
+from gpusim.pipeline.build.surfaces import build_body
+from gpusim.pipeline.measurements.deflection import DeflectionResult, measure_deflection
 from gpusim.pipeline.measurements.marker_measurement import MarkerResult
+from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.measurements.results import PointTable
 from tests.support.documented_tables import documented_columns, head
 from tests.support.small_scene import small_scene
@@ -85,6 +90,25 @@ def test_a_series_per_marker(done: tuple[gs.Report, Path], result: DeflectionRes
     drawn = sorted(path.name for path in (out / "figures").glob("line-*"))
     assert drawn == ["line-1-side_deflection_along_-z.png",
                      "line-2-tip_side_displacement_along_-z.png"]  # fmt: skip
+
+
+def test_a_frame_in_which_all_markers_are_lost_has_no_numbers(
+    done: tuple[gs.Report, Path], result: DeflectionResult, tmp_path: Path
+) -> None:
+    scene = small_scene(analysis={"load_factors": list(FACTORS)}, output={})
+    body = build_body(scene.bodies[0], scene.input)
+    still = np.zeros((body.mesh.node_count, 3))
+    objects: Any = SimpleNamespace(bodies=[body], displacement=lambda body, frame: still)
+
+    def image(camera: str, frame: int) -> np.ndarray:
+        taken = read_image(done[1] / "images" / camera / f"{frame:04d}.png")
+        return np.full_like(taken, 80) if frame == 2 else taken
+
+    sources: Any = SimpleNamespace(image=image, markers=MarkerCache(tmp_path))
+    table = measure_deflection(scene.measures[0], scene, objects, sources).table  # type: ignore[arg-type]
+    measured, before = table.vectors("measured"), result.table.vectors("measured")
+    assert (table["status"] == "OK").any(axis=1).tolist() == [True, False, True]
+    assert np.isnan(measured[1]).all() and np.array_equal(measured[::2], before[::2])
 
 
 def test_a_marker_lost_on_the_way_is_told_with_its_frame() -> None:

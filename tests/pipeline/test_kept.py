@@ -67,6 +67,23 @@ def test_kept_for_the_same_pictures(tmp_path: Path, calls: list[str]) -> None:
     assert len(calls) == 4
 
 
+def test_a_run_writes_what_it_found_once(
+    tmp_path: Path, calls: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rig is followed ahead, while its target is photographed, and measured afterwards."""
+    written: list[Path] = []
+    store = marker_tracking._store
+    monkeypatch.setattr(
+        marker_tracking, "_store", lambda path, tracks: (written.append(path), store(path, tracks))
+    )
+    markers = MarkerCache(tmp_path)
+    for _ in range(2):
+        markers.track("space", MARKS, CAMERA, pictures(), subset=None, sensor=Sensor(8))
+    assert len(written) == 1 and len(calls) == 2
+    ask(tmp_path)
+    assert len(written) == 1 and len(calls) == 2
+
+
 def test_only_new_frames_are_followed(tmp_path: Path, calls: list[str]) -> None:
     """One more, one left out, one that shows what another does."""
     _, one, two = pictures()

@@ -16,7 +16,7 @@ from gpusim.graph.stage import Stage, first
 from gpusim.motion import State
 from gpusim.plan.stage_builder import StageBuilder
 from gpusim.scene import Scene
-from gpusim.scene.analyses import ANALYSES, AnalysisKind, States
+from gpusim.scene.analyses import AnalysisKind, States, add_analysis
 
 Float = npt.NDArray[np.float64]
 
@@ -54,6 +54,7 @@ def swing_stages(build: StageBuilder) -> Iterator[Stage]:
                           [name])  # fmt: skip
 
 
-ANALYSES["swing"] = AnalysisKind(
-    "rigid", angles, f"{__name__}:swing_stages", unsolved="bodies only swing"
+add_analysis(
+    "swing",
+    AnalysisKind("rigid", angles, f"{__name__}:swing_stages", unsolved="bodies only swing"),
 )

@@ -20,7 +20,7 @@ from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_mar
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import Columns, Crop, Result, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
-from gpusim.pipeline.stages.images import image_path
+from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -170,16 +170,17 @@ class MarkerResult(Result):
         """A series per marker of a ``quantity`` (F, M), mm, over the frames' load factors or times;
         none of a single frame."""
         instants = np.array([scene.analysis.load_factors[frame] for frame in self.table.frames])
+        if len(instants) < 2:
+            return []
+        x_label, name = frame_word(scene).replace("_", " "), self.name
         return [
             Series(
-                f"{self.name}: {marker}, {quantity}", instants, one, other, x_label, quantity, "mm",
-                figure=f"{self.name}: {group}, {quantity}",
+                f"{name}: {marker}, {quantity}", instants, one, other, x_label, quantity, "mm",
+                figure=f"{name}: {group}, {quantity}",
             )
-            for x_label in [frame_word(scene).replace("_", " ")]
             for marker, group, one, other in zip(
                 self.marker, self.group, measured.T, true.T, strict=True
             )
-            if len(instants) > 1
         ]  # fmt: skip
 
     def pictured(

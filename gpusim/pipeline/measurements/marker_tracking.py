@@ -37,7 +37,7 @@ from gpusim.pipeline.measurements.marker_detection import (
     fit_crosses,
     size_range,
 )
-from gpusim.pipeline.stages.exposure import level_warnings
+from gpusim.pipeline.pictures.exposure import level_warnings
 
 __all__ = ["FirstPicture", "MarkerCache", "MarkerTracks"]
 
@@ -279,7 +279,7 @@ class MarkerCache:
     ) -> list[MarkerTracks]:
         """The markers of the measure ``name``, from the first of the ``pictures`` into each of the
         others. Raises as `FirstPicture.of`."""
-        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}-markers.npz")
+        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}.markers.npz")
         kept = _stored(path, self.read) if self.reuse and path not in self._found else {}
         known = self._found.get(path, kept)
         rest = iter(pictures)
@@ -297,7 +297,7 @@ class MarkerCache:
                     f"measure {name!r}", marks, camera, reference, sensor
                 )
                 tracks[key] = first.follow(deformed, subset)
-        if list(kept) != list(tracks):
+        if list(known) != list(tracks):
             _store(path, tracks)
         self._found[path] = tracks
         return [tracks[key] for key in keys]

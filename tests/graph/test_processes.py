@@ -1,0 +1,146 @@
+"""Two processes and one store; and processes that are killed."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import random
+import signal
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gpusim.graph.log import read_log
+from gpusim.graph.stage import every, same
+from gpusim.graph.store import Store
+from tests.graph.toy_stages import ToyRun, stage
+
+_context = multiprocessing.get_context("forkserver")
+_context.set_forkserver_preload(["tests.graph.toy_stages"])
+FRAMES = 30
+
+
+def scene(seed: int, seconds: float = 0.01) -> list[Any]:
+    """Of which two with different seeds share all but the last stage."""
+    return [
+        stage("solve", "slow", 3 * seconds, on_device=True),
+        stage("radiance", "slow", seconds, rows=range(FRAMES), on_device=True,
+              needs={"solve": every}),
+        stage("truth", "slow", seconds, rows=range(5)),
+        stage("picture", argument=seed, rows=range(FRAMES), needs={"radiance": same}),
+    ]  # fmt: skip
+
+
+def worker(seed: int, out: str, store: str) -> None:
+    ToyRun(scene(seed), Path(out), Path(store)).work()
+
+
+def begun(seed: int, out: Path, store: Path) -> Any:
+    process = _context.Process(target=worker, args=(seed, str(out), str(store)))
+    process.start()
+    return process
+
+
+def makers(store: Path) -> Counter[str]:
+    """How often each stage's results were recorded by those who made them, before and after logs
+    were put together."""
+    own = Counter[str]()
+    for path in (store / "log").glob("[1-9]*.log"):
+        own.update(line["stage"] for line in read_log(path)[0] if "key" in line)
+    return own
+
+
+def test_two_at_once_make_each_result_once(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    keeper = Store(store)  # its log is of a living process: nothing of others is lost in it
+    pair = [begun(seed, tmp_path / str(seed), store) for seed in (1, 2)]
+    for process in pair:
+        process.join(60)
+        assert process.exitcode == 0
+    keeper.refresh()
+    records = list(keeper._records.values())
+    made = Counter(record.stage for record in records)
+    assert made == {"solve": 1, "radiance": FRAMES, "truth": 5, "picture": 2 * FRAMES}
+    who = Counter(record.notes["maker"] for record in records if record.stage == "radiance")
+    assert set(who) <= {process.pid for process in pair}
+    blobs = [path for path in (store / "blobs").rglob("*") if path.is_file()]
+    assert len(blobs) == 1 + FRAMES + 5 + 2 * FRAMES
+    for seed in (1, 2):
+        alone = ToyRun(scene(seed, 0.01), tmp_path / f"alone{seed}")
+        alone.work()
+        shown = ToyRun(scene(seed, 0.01), tmp_path / str(seed), store)
+        assert shown.graph.order() == [] and shown.files == alone.files
+
+
+def test_a_result_of_two_processes_is_begun_once(tmp_path: Path) -> None:
+    """Who comes later waits for what is being made, and does all else meanwhile."""
+    store, chance = tmp_path / "store", random.Random(5)
+    for number in range(3):
+        out = tmp_path / str(number)
+        pair = [begun(number * 10 + seed, out / str(seed), store) for seed in (1, 2)]
+        time.sleep(chance.uniform(0.0, 0.2))
+        for process in pair:
+            process.join(60)
+            assert process.exitcode == 0
+        assert all((out / str(seed) / "picture/0029.txt").is_file() for seed in (1, 2))
+    found = Store(store)
+    assert Counter(record.stage for record in found._records.values())["radiance"] == FRAMES
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_one_of_two_is_killed(tmp_path: Path, number: int) -> None:
+    chance, store = random.Random(number), tmp_path / "store"
+    pair = [begun(seed, tmp_path / str(seed), store) for seed in (1, 2)]
+    while not list(store.glob("log/*")) and pair[0].is_alive():
+        time.sleep(0.005)
+    time.sleep(chance.uniform(0.0, 0.25))
+    pair[0].kill()
+    pair[1].join(60)
+    assert pair[1].exitcode == 0
+    again = ToyRun(scene(1), tmp_path / "1", store)
+    known = {task.key for task in again.graph.tasks.values() if task.state == "reused"}
+    again.store.clean()
+    again.work()
+    assert "solve" not in again.counted and "radiance" not in again.counted  # the other's
+    assert all(task.key not in known for task in again.graph.order())
+    for seed in (1, 2):
+        alone = ToyRun(scene(seed), tmp_path / f"alone{seed}").work()
+        shown = ToyRun(scene(seed), tmp_path / str(seed), store)
+        assert shown.graph.order() == [] and shown.files == alone.files
+
+
+def test_killed_at_any_moment_and_continued(tmp_path: Path) -> None:
+    """20 times: the same files, and nothing is made twice that was recorded."""
+    chance = random.Random(34)
+    whole = ToyRun(scene(1), tmp_path / "whole").work()
+    killed = 0
+    for number in range(60):
+        if killed == 20:
+            break
+        out, store = tmp_path / f"out{number}", tmp_path / f"store{number}"
+        recorded: set[str] = set()
+        for _ in range(chance.choice((1, 2, 4))):
+            process = begun(1, out, store)
+            while not list(store.glob("log/*")) and process.is_alive():
+                time.sleep(0.002)
+            time.sleep(chance.uniform(0.0, 0.5))
+            if process.is_alive():
+                os.kill(process.pid, signal.SIGKILL)
+            process.join()
+            killed += process.exitcode == -signal.SIGKILL
+            found = Store(store)
+            assert recorded <= {key for key in found._records}
+            recorded = set(found._records)
+        last = ToyRun(scene(1), out, store)
+        assert {task.key for task in last.graph.order()}.isdisjoint(recorded)
+        last.store.clean()
+        last.work()
+        assert last.files == whole.files, number
+        assert len(last.made) == len(last.graph.tasks) - len(recorded), number
+        names = {path.name for path in store.rglob("*") if path.is_file()}
+        assert not [name for name in names if name.startswith(".")], number
+        assert len(list(store.glob("log/*"))) == 1
+    assert killed >= 20
