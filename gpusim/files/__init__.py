@@ -11,4 +11,5 @@ In the order in which data passes:
 - `hdf5_file`: HDF5 files: read whole, as arrays and attributes, and written to full disks.
 - `output_folder`: The output folder: what may be written and deleted in it, and who is writing.
 - `atomic_files`: Files that are either whole or absent.
+- `cache_files`: The user's cache folder, and the files in caches: what gpusim can do without.
 """

@@ -22,6 +22,7 @@ from gpusim.files.input_file import read_input
 from gpusim.files.picture_file import read_picture
 from gpusim.printable import printable
 from gpusim.report.model import Figure, FramePair, Measurement, Report, Stage
+from gpusim.report.stage_rows import stage_rows
 from gpusim.report.text import duration, number, percent, signed_percent
 
 if TYPE_CHECKING:
@@ -254,12 +255,14 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
 
 
 def _bars(stages: Sequence[Stage]) -> list[tuple[Stage, float]]:
-    """Pair each stage with the length of its bar, per cent of the longest stage."""
-    longest = max((s.seconds for s in stages if math.isfinite(s.seconds)), default=0.0)
+    """Pair each row of stages with the length of its bar, per cent of the longest."""
+    rows = []
+    for name, alike in stage_rows(stages):
+        pictures = f"; {len(alike)} pictures" if len(alike) > 1 else ""
+        seconds = sum(stage.seconds for stage in alike)
+        rows.append(Stage(name, alike[0].state, alike[0].reason + pictures, seconds))
+    longest = max((s.seconds for s in rows if math.isfinite(s.seconds)), default=0.0)
     return [
-        (
-            stage,
-            100.0 * stage.seconds / longest if longest > 0 and math.isfinite(stage.seconds) else 0,
-        )
-        for stage in stages
+        (row, 100.0 * row.seconds / longest if longest > 0 and math.isfinite(row.seconds) else 0)
+        for row in rows
     ]

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.errors import Fault
+from gpusim.scene.analyses import ANALYSES
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
 from gpusim.scene.description.table import Words
@@ -94,6 +95,8 @@ class _Checks:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document, self.found = document, Found()
         self.analysis = _table(document, "analysis")
+        kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
+        self.analysis_kind = ANALYSES.get(kind)
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
             list(_items(document, key)) for key in lists
@@ -234,19 +237,23 @@ class _Checks:
 
     def fields(self) -> None:
         """Displacements are given for every body, or for none."""
-        kind = None if self.analysis is None else self.analysis.get("type", "static")
+        if self.analysis_kind is None:
+            return
+        assert self.analysis is not None
+        kind = self.analysis.get("type", "static")
         for index, body in self.bodies:
-            if kind == "field" and "field" not in body:
-                self.add(("body", index, "field"), "missing", Words('analysis.type = "field"'),
+            if self.analysis_kind.given and "field" not in body:
+                self.add(("body", index, "field"), "missing", Words(f'analysis.type = "{kind}"'),
                          "a field for every body, or type \"static\"")  # fmt: skip
-            elif kind == "static" and "field" in body:
+            elif not self.analysis_kind.given and "field" in body:
                 self.add(("analysis", "type"), "of a scene whose displacements are given", kind,
                          f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
 
     def poses(self) -> None:
         frames = None
         if self.analysis is not None:
-            key = "times" if self.analysis.get("type") == "field" else "load_factors"
+            given = self.analysis_kind is not None and self.analysis_kind.given
+            key = "times" if given else "load_factors"
             frames = self.analysis.get(key, [0, 1])
         for index, prop in self.props:
             keys = ("prop", index, "poses")
