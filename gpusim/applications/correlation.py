@@ -78,8 +78,7 @@ def correlate_files(
     Parameters
     ----------
     reference : a file, or a picture (H, W).
-    deformed : pictures after it, as ``read_frames`` takes them: a folder, files, a TIFF stack,
-        arrays.
+    deformed : pictures after it, as ``read_frames`` takes them: folder, files, stack, arrays.
     output : a folder, made if need be.
     settings : how they are correlated.
     progress : called with ("dic", how much is done 0..1, a text).
@@ -121,9 +120,7 @@ def correlate_files(
         def keep(number: int, result: DicResult) -> None:
             nonlocal clock
             found: StrainResult | None = None
-            flat: DicResult | MappedResult = result
-            if lens is not None:
-                result, flat = _undistorted(result, lens)
+            result, flat = (result, result) if lens is None else _undistorted(result, lens)
             if settings.strain != "none":
                 found = strain(flat, window=settings.strain_window, kind=settings.strain)
             seconds = time.perf_counter() - clock
@@ -172,8 +169,7 @@ def correlate_pairs(
     Examples
     --------
     >>> K = [[800, 0, 79.5], [0, 800, 59.5], [0, 0, 1]]
-    >>> right = np.eye(4)
-    >>> right[0, 3] = -0.02
+    >>> right = np.array([[1, 0, 0, -0.02], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     >>> rig = [gs.Camera(160, 120, np.array(K, float), name="left"),
     ...        gs.Camera(160, 120, np.array(K, float), None, right, "right")]
     >>> _ = gs.write_calibration("rig.yaml", rig, "kalibr")

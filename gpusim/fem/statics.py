@@ -41,43 +41,36 @@ def solve(
 ) -> Solution:
     """Displacements of a linear static model.
 
-    Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers.substructuring``,
-    ``gpusim.fem.direct_solvers.banded_cholesky``) and refined with float64 residuals. Everything
-    else takes conjugate gradients in float64 (double-single where the device has no 64-bit floats),
-    preconditioned by multigrid, inside a float64 refinement: after each run the true residual f - K
-    u is formed in float64 on the host and, if its estimate asks for it, corrected again. Load cases
-    share the set-up; on a device they are iterated at once, on the host each by itself, side by
-    side where there are processors for it (on Linux, in copies of the process:
-    ``gpusim.parallel.processes``). Which way is cheaper is estimated from the mesh;
-    ``Solution.method`` and ``message`` say what was done.
+    Long or small bodies are factorised on the host (``gpusim.fem.direct_solvers``) and refined with
+    float64 residuals. Everything else takes conjugate gradients in float64 (double-single where the
+    device has no 64-bit floats), preconditioned by multigrid, until the residual f - K u, formed in
+    float64 on the host, is small enough. Load cases share the set-up; a device iterates them at
+    once, the host side by side (on Linux, in copies of the process: ``gpusim.parallel.processes``).
+    Which way is cheaper is estimated from the mesh; ``Solution.method`` and ``message`` say it.
 
     Parameters
     ----------
     model : see ``Model``.
     device : None takes the process-wide one (none at all for ``backend="numpy"``).
-    tolerance : relative displacement error to reach, in (0, 1); the estimates are documented in
-        ``gpusim.fem.krylov.error_estimates`` and
-        ``gpusim.fem.direct_solvers.iterative_refinement``.
+    tolerance : relative displacement error to reach, in (0, 1), as it is estimated in
+        ``gpusim.fem.krylov.error_estimates`` and ``fem.direct_solvers.iterative_refinement``.
     formulation : integration or enrichment by name, for all cells or per type; see
         ``gpusim.fem.elements.element``. The default is "incompatible" for hex8, "full" otherwise.
     backend : where multigrid iterates: "gpu", "numpy" (the twins, on all processors of the host),
-        or "auto": "gpu" where ``device`` is given or the adapter is real hardware. A software
-        adapter is the host's own processors, with more in between: "numpy" then.
+        or "auto": "gpu" where ``device`` is given or the adapter isn't a software one.
     method : "direct", "multigrid" (smoothed aggregation below geometric levels), or "auto": the
         cheaper of the two; direct also where multigrid doesn't converge.
     max_iterations : of conjugate gradients; None: 1000.
     start : (N,3) or (L,N,3) displacements to begin from; a direct solver needs none.
-    progress : called with (iterations so far, estimated relative error), of the load cases that
-        this process iterates itself.
+    progress : called with (iterations, estimated relative error), of this process's load cases.
 
     Raises
     ------
     InputError
         A wrong argument; supports that leave a rigid-body motion free (named).
     NotConverged
-        Values that aren't finite, negative curvature, or a matrix that rounding has made
-        indefinite. Running out of iterations or stagnating isn't raised: ``Solution.converged``
-        is False and ``message`` says why.
+        Values that aren't finite, negative curvature, or a matrix that rounding made indefinite.
+        Running out of iterations or stagnating isn't raised: ``Solution.converged`` tells it.
     OutOfDeviceMemory
         The device can't hold the model; refused before anything is allocated there.
 

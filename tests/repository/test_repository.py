@@ -67,6 +67,44 @@ def test_no_file_is_longer_than_400_lines(checkout: Path) -> None:
     assert {name: length for name, length in lengths.items() if length > 400} == {}
 
 
+def long_functions(text: str) -> list[tuple[str, int, int]]:
+    """Functions that are too long, and their lines: without their docstring, and with it."""
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            first, documented = node.body[0], ast.get_docstring(node) is not None
+            whole = (node.end_lineno or 0) - node.lineno + 1
+            docstring = (first.end_lineno or 0) - first.lineno + 1 if documented else 0
+            if whole - docstring > 60 or whole > 80:
+                found.append((node.name, whole - docstring, whole))
+    return found
+
+
+def test_no_function_is_longer_than_60_lines_and_80_with_its_docstring(checkout: Path) -> None:
+    too_long = {
+        name: found
+        for name, text in committed_texts(checkout).items()
+        if name.startswith("gpusim/") and name.endswith(".py") and (found := long_functions(text))
+    }
+    assert too_long == {}
+
+
+def test_long_functions_are_found() -> None:
+    def function(name: str, statements: int, documented: int) -> str:
+        docstring = '    """Said' + "\n" * (documented - 1) + '    """\n' if documented else ""
+        return f"def {name}():\n{docstring}" + "    x = 1\n" * statements
+
+    allowed = function("most", 59, 20) + function("undocumented", 59, 0)
+    assert long_functions(allowed) == []
+    code = function("body", 60, 0) + function("body", 1, 0) + "async " + function("whole", 59, 21)
+    method = function("method", 61, 1).replace("\n", "\n    ")
+    assert long_functions(f"{allowed}{code}class C:\n    {method}") == [
+        ("body", 61, 61),
+        ("whole", 60, 81),
+        ("method", 62, 63),
+    ]
+
+
 def test_requirements_and_imports_agree(checkout: Path) -> None:
     names = {"cv2": "opencv-contrib-python-headless", "PIL": "pillow", "pydantic_core": "pydantic"}
     names |= {"mpl_toolkits": "matplotlib"}

@@ -65,36 +65,29 @@ def dic(
 
     Parameters
     ----------
-    reference, deformed : (H, W) images, integer or float; NaN and infinity aren't used. Of
-        (H, W, 3) in colour the luminance is taken (`gpusim.arrays.grey`).
+    reference, deformed : (H, W) or, in colour, (H, W, 3): the luminance. NaN and inf aren't used.
     subset : odd width of the square subsets, px.
     step : distance of the grid points, px (without ``points``).
     roi : (x0, y0, x1, y1), pixels included; the grid's subsets stay inside. Default: all.
     points : (M, 2) positions x, y in the reference, any fraction of a pixel, instead of a grid.
-    guess : (2,) or (M, 2) displacement to start from, px, or the result of an earlier image at
-        the same points. Without it, seeds are looked for as ``start`` says.
-    start : "search": an integer search of +-``search_px`` around no displacement and around the
-        one of most of the picture; "features": matched features, for any distance and rotation;
+    guess : (2,) or (M, 2) px to start from, or an earlier result at the points; None: ``start``.
+    start : how seeds are found. "search": to +-``search_px`` around no displacement and
+        that of most of the picture; "features": matched features, for any distance and rotation;
         "auto": features where the search finds less than half of the seeds.
     shape : how a subset deforms: "translation", "rigid", "affine" or "quadratic".
     window : weights of the subset's pixels: "square", "round" or (subset, subset) in 0..1.
-    mask : (H, W) bool, False = pixel of the reference that isn't used; its neighbours within
-        1 px + 2 ``blur_px`` aren't either.
+    mask : (H, W) bool, False = pixel that isn't used, nor are those within 1 px + 2 ``blur_px``.
     saturation : lowest grey level that counts as saturated; None: full scale of 8, 10, 12, 14 or
         16 bits if an integer image reaches it. Only areas wider than 0.4 subsets are left out.
-    blur_px : standard deviation of a Gaussian put over both images first; 1 px takes most of the
-        interpolation error off images with hard edges, for a little resolution.
+    blur_px : standard deviation of a Gaussian over both images; 1 px takes most error off edges.
     tolerance : the iteration stops when no pixel of the subset has further to go than this, px, as
         the last steps shrink; or than a tenth of the standard uncertainty, where noise is stronger.
-    max_iterations : where noise outweighs the pattern's slopes, steps shrink slowly; ``blur_px`` of
-        1 px then helps more than patience.
+    max_iterations : under noise, where steps shrink slowly, ``blur_px`` of 1 px helps more.
     min_zncc : matches below are reported as ``LOW_CORRELATION``.
-    apart_px : subsets of shape "affine" or "quadratic" of which a ninth moved further than this
-        from the rest, px, or doesn't match at all, are reported as ``INCOHERENT``: they see the
-        edge of a body, a hole or a crack. inf: not looked at.
-    backend : ``"auto"``: on the device where an adapter is found, else by the NumPy twins, with one
-        warning; ``"gpu"``: on a device or not at all; ``"numpy"``: the float64 twins.
-    device : the device to take; None: the process-wide one.
+    apart_px : subsets ("affine", "quadratic") of which a ninth moved further from the rest, px, or
+        doesn't match, are ``INCOHERENT``: they see an edge, a hole or a crack. inf: not looked at.
+    backend, device : "auto": on the device (None: the process-wide one) where an adapter is found,
+        else by the NumPy twins, with one warning; "gpu", "numpy": there or not at all.
 
     Raises
     ------
@@ -119,8 +112,7 @@ def dic(
     _check_start(start, search_px)
     positions = given_or_grid(points, first.image.shape, subset=subset, step=step, roi=roi)
     begin = None if guess is None else _check_guess(guess, positions, settings)
-    motion = 0.0 if begin is None else np.nan_to_num(np.abs(begin[:, :, 0])).max(initial=0.0)
-    near = max(float(search_px), float(motion))
+    near = _reach(begin, search_px)
     front = Front(first.image, second.image, positions, settings, allowed, blur_px, near, device)
     matches = _measure_all(front, begin, isinstance(guess, DicResult), start, int(search_px))
     name_failures(matches, positions, settings, first, second)
@@ -204,6 +196,12 @@ def _check_guess(
         raise InputError(f"guess: got shape {values.shape}; expected finite (2,) or {points.shape}")
     begin[:, :, 0] = values
     return begin
+
+
+def _reach(begin: FloatArray | None, search_px: int) -> float:
+    """How far a match may be at the start, px: as far as is searched, or as the largest guess."""
+    motion = 0.0 if begin is None else np.nan_to_num(np.abs(begin[:, :, 0])).max(initial=0.0)
+    return max(float(search_px), float(motion))
 
 
 def given_or_grid(

@@ -63,8 +63,7 @@ def dic_sequence(
 
     Parameters
     ----------
-    reference, subset, step, roi, points, mask : as for ``dic``; all results are at the same points
-        of the first reference.
+    reference, subset, step, roi, points, mask : as for ``dic``; all results are at the same points.
     images : read one at a time, in the order in which they were taken.
     update : "never": all against the first image; "auto": against the image before as soon as
         the median correlation falls below ``update_zncc`` or more than 3 % of the points get
@@ -87,9 +86,8 @@ def dic_sequence(
     Examples
     --------
     >>> before, after = (gs.export.read_image(f"{name}.png") for name in ("before", "after"))
-    >>> images = [before, after]
-    >>> _, last = gs.measure.dic_sequence(before, images, points=[[80, 60]], backend="numpy")
-    >>> last.displacement.round(2) + 0.0
+    >>> images, options = [before, after], {"points": [[80, 60]], "backend": "numpy"}
+    >>> gs.measure.dic_sequence(before, images, **options)[-1].displacement.round(2) + 0.0
     array([[0.25, 0.  ]])
     """
     if update not in ("never", "auto", "always"):
@@ -106,14 +104,9 @@ def dic_sequence(
             "(H, W, 3) in colour"
         )
     count = len(places)
+    straight = np.tile(np.eye(2), (count, 1, 1))
     base = _Base(
-        reference,
-        places,
-        np.arange(count),
-        np.zeros((count, 2)),
-        np.tile(np.eye(2), (count, 1, 1)),
-        np.zeros(count),
-        mask,
+        reference, places, np.arange(count), np.zeros((count, 2)), straight, np.zeros(count), mask
     )
     results: list[DicResult] = []
     last: tuple[npt.NDArray[Any], DicResult] | None = None  # the image before, from its base

@@ -171,12 +171,8 @@ def slope_changes(
         raise InputError(
             f"slope_changes: got {len(a)} measured points; expected 8 or more, at distinct places"
         )
-    if not (
-        0 <= most <= 50
-        and 0 < significance < 1
-        and 0 <= least_share < 1
-        and 0 <= clearance < np.inf
-    ):
+    shares = 0 < significance < 1 and 0 <= least_share < 1
+    if not (shares and 0 <= most <= 50 and 0 <= clearance < np.inf):
         raise InputError(
             f"slope_changes: got most {most}, significance {significance}, least_share "
             f"{least_share}, clearance {clearance}; expected 0 to 50, 0 to 1, 0 to 1, 0 or more"
@@ -195,8 +191,6 @@ def slope_changes(
         if not _chance(gain, freedom) <= significance:
             break
         breaks, squares = tried, new_squares
-        if squares <= floor:
-            break
     breaks = _without_small(a, b, breaks, gap, least_share)
     used = _far_enough(a, breaks, clearance)
     if not used.all():

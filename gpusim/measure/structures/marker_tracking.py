@@ -117,27 +117,13 @@ def track(
     if not 0 < backward_px < np.inf:
         raise InputError(f"backward_px: got {backward_px!r}; expected px > 0")
     settings = make_settings(
-        subset,
-        window,
-        shape=shape,
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-        min_zncc=min_zncc,
-        max_move=max(3.0, subset / 4),
-        blur_px=blur_px,
-    )
-    tracker = _Tracker(
-        Matcher(
-            first,
-            second,
-            positions,
-            settings,
-            check_mask(mask, first, blur_px),
-            int(search_px),
-            float(backward_px),
-            float(blur_px),
-        )
-    )
+        subset, window, shape=shape, tolerance=tolerance, max_iterations=max_iterations,
+        min_zncc=min_zncc, max_move=max(3.0, subset / 4), blur_px=blur_px,
+    )  # fmt: skip
+    tracker = _Tracker(Matcher(
+        first, second, positions, settings, check_mask(mask, first, blur_px), int(search_px),
+        float(backward_px), float(blur_px),
+    ))  # fmt: skip
     if groups is None:
         tracker.grow()
     else:
