@@ -227,7 +227,7 @@ def solve_constrained(
     internal = elements.product(u.reshape(1, -1, 3)).ravel()
     reactions = internal - forces
     reactions[open_[~_touched(held)]] = 0.0
-    left = reduced.matrix.shape[1]
+    unknowns = reduced.matrix.shape[1]
     return Solution(
         u=u.reshape(-1, 3),
         converged=True,
@@ -237,8 +237,8 @@ def solve_constrained(
         reactions=reactions.reshape(-1, 3),
         strain_energy=np.array([0.5 * float(u @ internal)]),
         external_work=np.array([0.5 * float(u @ (forces + reactions))]),
-        unknowns=left,
-        message=f"{len(open_) - left} equations: factorised",
+        unknowns=unknowns,
+        message=f"{len(open_) - unknowns} equations: factorised",
         warnings=(),
         timings={"assembly": assembled - start, "factorisation": time.perf_counter() - assembled},
         backend="numpy",

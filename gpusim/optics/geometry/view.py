@@ -343,21 +343,21 @@ def _seen_of(
         flags[turned] = flags[turned][:, [2, 1, 0]]
     place = np.take(ideal.T, table.origin, axis=1).T
     found = IndexedTriangles(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
-    return found if untouched else _in_front(found, screen, near, crossing)
+    return found if untouched else _clipped(found, screen, near, crossing)
 
 
-def _in_front(
-    found: IndexedTriangles, screen: ImagePlane, near: float, crossing: npt.NDArray[np.bool_]
+def _clipped(
+    triangles: IndexedTriangles, screen: ImagePlane, near: float, crossing: npt.NDArray[np.bool_]
 ) -> IndexedTriangles:
-    """What is within the pyramid of view, at its place through the lens; ``crossing`` (T,): which
+    """What is within the view frustum, at its place through the lens; ``crossing`` (T,): which
     have to be clipped."""
-    left, parts = np.ones(len(found.source), bool), []
+    left, parts = np.ones(len(triangles.source), bool), []
     if len(left) >= MIN_TRIANGLES_FOR_SHARING:
-        whole, done = whole_triangles(found, screen, crossing)
+        whole, done = whole_triangles(triangles, screen, crossing)
         left, parts = ~done, [whole]
         if not left.any():
             return whole
-    pieces = found.pieces(left)
+    pieces = triangles.pieces(left)
     crossing = crossing[left]
     if crossing.any():
         cut = clip(pieces[crossing], np.array([0.0, 0.0, 1.0]), near)
