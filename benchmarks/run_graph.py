@@ -102,7 +102,7 @@ def books() -> None:
         again = decided(Path(name))
         decided_s = time.perf_counter() - closed
         print(f"close {closed - start:.2f} s; decided again {decided_s:.2f} s, "
-              f"{len(again.graph.order())} to be made; MiB at 500 and the last: {memory}")  # fmt: skip
+              f"{len(again.graph.order())} to be made; MiB: {memory}")  # fmt: skip
 
 
 def made_in(

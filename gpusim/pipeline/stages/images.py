@@ -81,17 +81,20 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     surfaces = moving_surfaces(around, now, between)
     viewer, shutter = build_camera(camera, scene.input), build_shutter(camera)
     name = f"radiance/{camera.name}"
-    last: tuple[Sequence[Surface], Frame] | None = session.kept.pop(name, None)
+    seen_by = camera, scene.lights, scene.render  # those of variants differ
+    last: tuple[Any, Sequence[Surface], Frame] | None = session.kept.pop(name, None)
+    if last is not None and last[0] != seen_by:
+        last = None
     if last is not None and not callable(surfaces) and session.options.skip:
-        shown, drawn = last
+        _, shown, drawn = last
         sharp = camera.lens is None and shutter is None and not scene.lights
         if same_surfaces(shown, surfaces) or (sharp and unseen_change(shown, surfaces, viewer)):
-            session.kept[name] = surfaces, drawn
+            session.kept[name] = seen_by, surfaces, drawn
             return Radiance(drawn)
     del last  # its memory may be needed
     frame = _photograph(scene, session, surfaces, viewer, shutter)
     if not callable(surfaces):
-        session.kept[name] = surfaces, frame
+        session.kept[name] = seen_by, surfaces, frame
     return Radiance(frame)
 
 
