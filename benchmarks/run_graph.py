@@ -27,7 +27,7 @@ from gpusim.graph.graph import Graph, Task
 from gpusim.graph.log import Log, read_log
 from gpusim.graph.runner import Inputs, Runner
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made, Stage
+from gpusim.graph.stage import Stage, StageResult
 from gpusim.graph.store import Store
 from gpusim.plan.decision import decide, states_of
 from gpusim.plan.plan import make_plan
@@ -60,11 +60,11 @@ _pixels = b""
 _moments: list[tuple[float, float]] = []
 
 
-def small_frame(argument: None, inputs: Inputs, session: Session) -> Made:
+def small_frame(argument: None, inputs: Inputs, session: Session) -> StageResult:
     """A picture of 64 x 48 px that costs nothing."""
     _moments.append((time.perf_counter(), time.process_time()))
     k = inputs.record
-    return Made({f"images/a/{k:04d}.png": _pixels[8 * k : 8 * k + 3072]}, {"warnings": []})
+    return StageResult({f"images/a/{k:04d}.png": _pixels[8 * k : 8 * k + 3072]}, {"warnings": []})
 
 
 def books() -> None:

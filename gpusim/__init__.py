@@ -30,8 +30,10 @@ Its parts, in the order in which they import each other:
 - `surface`: What cameras see: surfaces and their paint.
 - `optics`: Images: cameras, lights, shading, shadows, sensor, ground truth.
 - `measure`: Measuring images; sees pictures only.
+- `motion`: Where the nodes of a body are: the only door to displacements.
 - `export`: Files that other programs read.
 - `applications`: Files in, results and a page out: correlation, calibration, decks.
+- `graph`: A run as a graph of stages; results by content.
 - `plan`: The stages of a run, and their costs.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.

@@ -7,6 +7,7 @@ Knows nothing of scenes. In the order in which data passes:
 - `store`: Results by content, shared by runs and processes.
 - `folder`: An output folder: results under the names that people know.
 - `graph`: Tasks by key, and what is to be done with each.
+- `schedule`: Which task is next: those whose needs are there, in the graph's order.
 - `session`: What the stages of a process share, and results don't depend on.
 - `runner`: A decided graph, worked off.
 """

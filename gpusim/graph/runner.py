@@ -24,7 +24,7 @@ from gpusim.graph.folder import Folder
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.schedule import Schedule
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.graph.store import Record, Store
 
 __all__ = ["Inputs", "Observer", "Runner", "StageFailed"]
@@ -144,7 +144,7 @@ class Runner:
         self._schedule = Schedule(graph)
         self._finished: SimpleQueue[tuple[Task, Exception | None, bool]] = SimpleQueue()
         self._writing = self._beside = 0
-        self._early: dict[str, Made] = {}
+        self._early: dict[str, StageResult] = {}
         self._left = Counter(
             place for task in graph.order() for place in {place for place, _ in task.places}
         )
@@ -164,11 +164,19 @@ class Runner:
                 continue
             if task.stage.early:
                 self._early[task.key] = self._made(task, Inputs(task, self))
+            else:
+                self._make_first_values(task)
+
+    def _make_first_values(self, task: Task) -> None:
+        """Make what a task needs that is a value in memory, made of no results and no picture."""
+        for key in (key for keys in task.needs.values() for key in keys):
+            need = self.graph.tasks[key]
+            if need.stage.keeps or self._schedule.made_of(need):
                 continue
-            for key in (key for keys in task.needs.values() for key in keys):
-                stage = self.graph.tasks[key].stage
-                if not stage.keeps and not stage.on_device:
-                    self.value(key)
+            if need.stage.on_device:
+                self._make_first_values(need)
+            else:
+                self.value(key)
 
     def work(self, whole: Callable[[str], None]) -> None:
         """Make, keep and show everything. ``whole`` is called for each folder as soon as all of its
@@ -246,7 +254,10 @@ class Runner:
             task.seconds += time.perf_counter() - start
 
     def _keep(
-        self, task: Task, make: Callable[[], Made] | None = None, inputs: Inputs | None = None
+        self,
+        task: Task,
+        make: Callable[[], StageResult] | None = None,
+        inputs: Inputs | None = None,
     ) -> None:
         """Keep a result (None: it is there), show it, and say so."""
         failure, words = None, "made by another run"

@@ -14,7 +14,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Made", "Output", "Stage", "Which", "digest", "every", "first", "plain_text", "same"]
+__all__ = [
+    "Output",
+    "Stage",
+    "StageResult",
+    "Which",
+    "digest",
+    "every",
+    "first",
+    "plain_text",
+    "same",
+]
 
 Which = Callable[[int], Sequence[int]]
 """The records of a need that a record needs."""
@@ -72,7 +82,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Made:
+class StageResult:
     """A record of a stage that keeps: its ``files`` by their names in the output folder, ``notes``
     as plain data, and a few words for who waits."""
 

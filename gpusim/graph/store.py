@@ -80,7 +80,10 @@ class Record:
 
 
 class Store:
-    """Results by key. Nothing is made on the disk before there is one to be kept."""
+    """Results by key. Nothing is made on the disk before there is one to be kept.
+
+    ``begun``: whether there were results in it at first.
+    """
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -93,11 +96,7 @@ class Store:
         self._claims = -1
         self._lock = Lock()
         self.refresh()
-
-    @property
-    def begun(self) -> bool:
-        """Whether there are results in it."""
-        return bool(self._records)
+        self.begun = bool(self._records)
 
     def refresh(self) -> None:
         """Take in what others have added."""
@@ -137,10 +136,6 @@ class Store:
 
     def forget(self, key: str) -> None:
         """Don't find what was made for a key by now."""
-        self._records.pop(key, None)
-
-    def forget(self, key: str) -> None:
-        """Make as if nothing had been made for a key so far."""
         self._records.pop(key, None)
 
     def blob(self, sha256: str) -> Path:

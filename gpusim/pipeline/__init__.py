@@ -5,11 +5,12 @@ In the order in which data passes:
 - `notes`: What a report says of a stage, kept with the stage's result: a run that reuses it says
   the same.
 - `build`: From a scene to meshes, models, surfaces and cameras.
-- `scene_solution`: One model, or the one body of a scene, solved: ``gs.solve``.
-- `stages`: Stages of a run.
+- `scene_solution`: One body of a scene solved: what `gpusim.solve` does with a scene.
+- `pictures`: Pictures of a run: what they are called, what is in them, how they are exposed.
 - `measurements`: Measurements in a run's images, with the truth beside them.
 - `checks`: Checks before any work, and warnings that a scene's geometry gives.
-- `runner`: Stages in turn, timed, recorded, reported.
+- `stages`: Stages of a run: functions of a part of the scene and of the stages that they need.
+- `runner`: Runs: a graph decided, worked off, and told in reports.
 """
 
 from typing import TYPE_CHECKING, Any

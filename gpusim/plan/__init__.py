@@ -4,8 +4,13 @@ In the order in which data passes:
 
 - `machine_speed`: How fast this machine is: measured once in a moment, then learned from each run.
 - `stages`: A plan as data: how a scene is run, its stages, and what they cost by kinds of work.
-- `state`: ``state.json`` of an output folder: which stage results lie there, and what they depend
-  on.
+- `programs`: What the pictures in an output folder have asked the device for.
+- `stage_builder`: What the stages of a scene are made with: its parts, its frames, and how it is
+  run.
+- `motion_stages`: The stages that find a scene's motion, for each kind of analysis.
+- `scene_stages`: The stages of a scene, and what each depends on: the graph of its run.
+- `decision`: What is done with each result of a run, before any work: its graph, against what lies
+  there.
 - `plan`: The one decision, before any work: which stages are run, skipped or reused, why, at what
   cost.
 """

@@ -15,6 +15,9 @@ In the order in which data passes:
 - `plausibility`: Numbers that no structure, material or camera has: most often a value in another
   unit.
 - `amplitudes`: Which loads vary together over the frames: they are solved as one, and scaled.
+- `analyses`: Kinds of analysis: what moves a scene's bodies, and which stages find that out.
+- `frames`: Frames as a table: when each is, and what stands where in it.
+- `part`: Parts of a scene: a scene that has nothing but what a stage's key names.
 - `sources`: Effects that make a measured number differ from the true one, switched off one by
   one.
 """

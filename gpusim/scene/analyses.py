@@ -10,12 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gpusim.errors import InputError
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.description.processing import ANALYSIS_TYPES
 
 if TYPE_CHECKING:
     from gpusim.scene.scene import Scene
 
-__all__ = ["ANALYSES", "AnalysisKind", "kind_of"]
+__all__ = ["ANALYSES", "AnalysisKind", "add_analysis", "kind_of"]
 
 States = Sequence[tuple[float, ...] | None]
 
@@ -37,6 +39,14 @@ class AnalysisKind:
         """The stages, of what they are made with (`gpusim.plan.stage_builder.StageBuilder`)."""
         module, name = self.stages.split(":")
         return getattr(importlib.import_module(module), name)(build)
+
+
+def add_analysis(name: str, kind: AnalysisKind) -> None:
+    """Let scenes have ``[analysis] type = name``. Raises InputError for a name that another has."""
+    if name in ANALYSES:
+        raise InputError(f"kind of analysis: type; got {name!r} twice; expected a new one")
+    ANALYSES[name] = kind
+    ANALYSIS_TYPES.append(name)
 
 
 def kind_of(scene: Scene) -> AnalysisKind:

@@ -1,7 +1,7 @@
 """Frames as a table: when each is, and what stands where in it.
 
-Made once, from the analysis and the props. What is shown is plain data: two frames of which it is
-equal show the same, and a frame's results depend on no other frame's.
+It is made once, from the analysis and the props. What is shown is plain data: two frames of which
+it is equal show the same, and a frame's results depend on no other frame's.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def add_kind(table: type[MeasureTable]) -> None:
         raise InputError(f"kind of measurement: type; got {kind!r} twice; expected a new one")
     TABLES[kind] = table
     SceneTable.model_rebuild(force=True)
-    schema_places.forget()
+    schema_places.cached_schema.cache_clear()
 
 
 def load_kinds(document: Mapping[str, Any]) -> None:

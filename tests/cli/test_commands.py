@@ -93,7 +93,13 @@ def test_set_changes_the_scene(
     assert loaded.output.truth == ("flow",)
     assert out == tmp_path / "out"
     del options["progress"]
-    assert options == {"backend": "numpy", "fresh": True, "skip": False}
+    assert options == {
+        "backend": "numpy",
+        "fresh": True,
+        "skip": False,
+        "store": None,
+        "verify": False,
+    }
     assert "-0.031 %" in result.stdout
     assert "warning: be careful" in result.stdout
     assert f"Report: {tmp_path / 'out' / 'report.html'}" in result.stdout

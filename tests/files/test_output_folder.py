@@ -113,8 +113,6 @@ ALLOWED = {
     "graph/runner.py": "deletes the scratch of a stage",
     "pipeline/measurements/marker_tracking.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
-    "pipeline/measurements/sources.py": "np.savez into a stream of atomic_stream",
-    "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
     "pipeline/stages/images.py": "np.savez into a file that the store gives",
     "pipeline/stages/measuring.py": "copies into the scratch of a stage",
     "pipeline/stages/mechanics.py": "arrays into files that the store gives",
@@ -125,7 +123,6 @@ ALLOWED = {
 HANDLES = {
     "pipeline/measurements/marker_tracking.py",
     "pipeline/measurements/results.py",
-    "pipeline/measurements/sources.py",
     "applications/decks.py",
     "pipeline/stages/mechanics.py",
     "export/correlation.py",
@@ -193,9 +190,7 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
     """`folder / "name"` stands nowhere where files of an OUT are written: `inside` does it."""
     found = []
     for name, tree in sources(r"""/ f?["']"""):
-        if not name.startswith(
-            ("applications/", "pipeline/", "cli/", "report/", "export/", "plan/", "graph/")
-        ):
+        if not name.startswith(("applications/", "pipeline/", "cli/", "report/", "export/")):
             continue
         shown = {id(n) for node in ast.walk(tree) if isinstance(node, ast.FormattedValue)
                  for n in ast.walk(node)}  # fmt: skip
@@ -209,7 +204,6 @@ def test_names_in_an_output_folder_are_made_by_one_function() -> None:
     assert sorted(found) == [
         # a temporary folder
         "applications/calibration.py: Path(folder) / f'probe.{ENDINGS[name]}'",
-        "plan/state.py: out / 'variants'",  # read
     ]
 
 

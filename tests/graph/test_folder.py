@@ -58,11 +58,6 @@ def test_a_result_has_its_name_and_is_the_same_file(tmp_path: Path, store: Store
     assert {path.name for path in (out / NAME).parent.iterdir()} == {"0000.png"}
 
 
-def test_hidden_files_stay_in_the_store(tmp_path: Path, store: Store) -> None:
-    shown(tmp_path / "out", store, kept(store, "data", ".hidden/x.npz"))
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize("number", [errno.EXDEV, errno.EMLINK, errno.EPERM])
 def test_copies_where_there_are_no_links(
     tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch, number: int
@@ -133,14 +128,11 @@ def test_nothing_is_written_through_a_link(tmp_path: Path, store: Store, what: s
     assert {path: path.stat() for path in (outside, *outside.rglob("*"))} == before
 
 
-@pytest.mark.parametrize("name", ["../x", "/tmp/x", "a/../../x", "", "a//b", "x\0y", "a" * 5000])
+@pytest.mark.parametrize("name", ["../x", "/absent/x", "a/../../x", "", "a//b", "x\0y", "a" * 5000])
 def test_names_that_lead_outside(tmp_path: Path, store: Store, name: str) -> None:
     record = kept(store, "data", name)
-    if name.startswith("."):
-        shown(tmp_path / "out", store, record)  # such stay in the store
-    else:
-        with pytest.raises(InputError, match="leads out of it"):
-            shown(tmp_path / "out", store, record)
+    with pytest.raises(InputError, match="leads out of it"):
+        shown(tmp_path / "out", store, record)
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
 
 

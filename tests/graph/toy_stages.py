@@ -13,7 +13,7 @@ from gpusim.graph.folder import INNER, Folder
 from gpusim.graph.graph import Graph, Task
 from gpusim.graph.runner import Inputs, Runner
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made, Stage, digest
+from gpusim.graph.stage import Stage, StageResult, digest
 from gpusim.graph.store import Store
 
 __all__ = ["ToyRun", "stage"]
@@ -42,13 +42,15 @@ def value(argument: Any, inputs: Inputs, session: Session) -> str:
     return _text(argument, inputs)
 
 
-def kept(argument: Any, inputs: Inputs, session: Session) -> Made:
+def kept(argument: Any, inputs: Inputs, session: Session) -> StageResult:
     name, _ = argument
     text = _text(argument, inputs)
-    return Made({f"{name}/{inputs.record:04d}.txt": text.encode()}, {"length": len(text)}, name)
+    return StageResult(
+        {f"{name}/{inputs.record:04d}.txt": text.encode()}, {"length": len(text)}, name
+    )
 
 
-def by_writer(argument: Any, inputs: Inputs, session: Session) -> Made:
+def by_writer(argument: Any, inputs: Inputs, session: Session) -> StageResult:
     """The file is made while it is written, by another thread."""
     name, given = argument
 
@@ -59,16 +61,16 @@ def by_writer(argument: Any, inputs: Inputs, session: Session) -> Made:
             raise OSError(28, "No space left on device", str(path))
         path.write_text(_text(argument, inputs))
 
-    return Made({f"{name}.txt": write})
+    return StageResult({f"{name}.txt": write})
 
 
-def by_scratch(argument: Any, inputs: Inputs, session: Session) -> Made:
+def by_scratch(argument: Any, inputs: Inputs, session: Session) -> StageResult:
     name, given = argument
-    path = inputs.scratch / "made"
+    path = inputs.new_file("made")
     path.write_text(_text(argument, inputs))
     if given == "fails":
         raise ValueError("after the file")
-    return Made({f"{name}.txt": path})
+    return StageResult({f"{name}.txt": path})
 
 
 def failing(argument: Any, inputs: Inputs, session: Session) -> Any:
@@ -82,17 +84,17 @@ def failing_value(argument: Any, inputs: Inputs, session: Session) -> Any:
     raise ValueError("a value")
 
 
-def greedy(argument: Any, inputs: Inputs, session: Session) -> Made:
+def greedy(argument: Any, inputs: Inputs, session: Session) -> StageResult:
     """Reads what it didn't name."""
     _, (how, name) = argument
-    return Made(notes={"got": repr(getattr(inputs, how)(*name))})
+    return StageResult(notes={"got": repr(getattr(inputs, how)(*name))})
 
 
-def slow(argument: Any, inputs: Inputs, session: Session) -> Made:
+def slow(argument: Any, inputs: Inputs, session: Session) -> StageResult:
     name, seconds = argument
     time.sleep(seconds)
     text = f"{name} {inputs.record}"
-    return Made({f"{name}/{inputs.record:04d}.txt": text.encode()}, {"maker": os.getpid()})
+    return StageResult({f"{name}/{inputs.record:04d}.txt": text.encode()}, {"maker": os.getpid()})
 
 
 class ToyRun:

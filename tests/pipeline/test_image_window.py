@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.stages.image_window import Window
+from gpusim.pipeline.pictures.image_window import Window
 
 
 @pytest.mark.parametrize("channels", [(), (3,)])

@@ -39,7 +39,7 @@ def registered() -> Iterator[None]:
     for kind in TABLES.keys() - before.keys():
         del TABLES[kind]
     SceneTable.model_rebuild(force=True)
-    schema_places.forget()
+    schema_places.cached_schema.cache_clear()
 
 
 @pytest.fixture(scope="module")

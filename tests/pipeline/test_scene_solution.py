@@ -35,3 +35,9 @@ def test_a_model_is_solved_with_few_modules(backend: str, request: pytest.Fixtur
     modules = done.stdout.split()
     assert len(modules) <= MOST
     assert not [name for name in modules if name.split(".")[1:2] in (["scene"], ["optics"])]
+
+
+def test_the_package_alone_imports_nothing() -> None:
+    code = "import gpusim, sys; print(*(name for name in sys.modules if name.startswith('gpusim')))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) == {"gpusim", "gpusim._version"}

@@ -164,7 +164,7 @@ def test_a_state_whose_page_cannot_be_written_says_so(
     def full(*_: object) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr("gpusim.pipeline.runner.work.write_report", full)
+    monkeypatch.setattr("gpusim.pipeline.runner.execution.write_report", full)
     with pytest.raises(OSError, match="no space left"):
         run(scene_of(checkout, variant=[{"name": "whole"}], measure=[]), tmp_path / "out")
     report = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))

@@ -14,7 +14,7 @@ from gpusim.graph.session import Session
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import build_prop, posed
-from gpusim.pipeline.stages.image_window import window_of
+from gpusim.pipeline.pictures.image_window import window_of
 from gpusim.pipeline.stages.truth import sight
 from gpusim.plan.stages import RunOptions
 from gpusim.scene.frames import frame_table

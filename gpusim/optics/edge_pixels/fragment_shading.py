@@ -33,7 +33,7 @@ from gpusim.optics.geometry.polygon_clipping import (
     second_moments,
 )
 from gpusim.optics.geometry.triangle_corners import corner_range
-from gpusim.optics.geometry.view import FIXED
+from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.paint.footprint_mean import mean_albedo
 from gpusim.optics.shading.coefficients import PerTriangle
@@ -117,11 +117,11 @@ THIN = 5e-4
 
 
 def corners_over(
-    setup: Setup, edges: EdgePixels, rows: npt.NDArray[np.int64] | None = None
+    view: View, edges: EdgePixels, rows: npt.NDArray[np.int64] | None = None
 ) -> tuple[npt.NDArray[np.int64], Array, Array]:
     """Of triangles over edge pixels, or some ``rows`` of them: the pixel (n,) of each, where that
     is (n, 2), and the corners (n, 3, 2) from there, in sides of its sensitive square."""
-    view, width = setup.view, setup.view.camera.width
+    width = view.camera.width
     pixel = np.repeat(np.arange(len(edges.pixel)), edges.depth)
     triangle = edges.triangle[: len(pixel)]
     if rows is not None:
@@ -138,7 +138,7 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
     if not len(edges.pixel):
         return np.zeros((len(setup.bands), 0))
     view, count = setup.view, len(edges.pixel)
-    pixel, at, corners = corners_over(setup, edges)
+    pixel, at, corners = corners_over(view, edges)
     first = np.repeat(edges.start[:-1], edges.depth)
     triangle = edges.triangle[: len(pixel)]
     planes = half_planes(corners)

@@ -209,7 +209,7 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
     (x, y), (u, v) = (b - a).T, (c - a).T
     large = np.flatnonzero(np.abs(x * v - y * u) > 3.9 * setup.view.camera.pixel_side**2)
     corners, full = np.zeros((len(x), 3, 2)), np.zeros(len(x), bool)
-    corners[large] = corners_over(setup, chosen, large)[2]
+    corners[large] = corners_over(setup.view, chosen, large)[2]
     full[large] = fills(half_planes(corners[large]))
     result[np.repeat(rows, chosen.depth)[backdrops(setup, chosen, full, corners)]] = True
     return result

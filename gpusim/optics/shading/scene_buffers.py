@@ -26,10 +26,12 @@ from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.microfacet_material import gloss_texels
 from gpusim.optics.paint.checker_lines import BoardLines
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import bump_texels, bump_uniform
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.spectrum import tints
 from gpusim.optics.shading.triangle_records import TRIANGLE, paint_traits, record_blocks
+from gpusim.optics.shading.triangle_traits import TriangleTraits
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.visibility_buffer import VertexBuffers
 
@@ -178,8 +180,8 @@ class TriangleRecords:
     ) -> None:
         view, device = setup.view, vertex_buffers.device
         self.device, self.count, self.inverse_depth = device, view.count, inverse_depth
-        looks = device.buffer(_albedo_and_paint(setup), "records.looks")
-        traits = paint_traits(setup).astype(np.float32)
+        looks = device.buffer(_albedo_and_paint(view, setup.traits), "records.looks")
+        traits = paint_traits(setup.table, setup.lighting.gloss).astype(np.float32)
         traited = device.texels(len(traits), "rgba32float", "records.traits")
         traited.write(traits)
         per = TRIANGLE.itemsize // 16
@@ -197,7 +199,7 @@ class TriangleRecords:
             return None
         inverse_depth = float((1.0 / view.vertices[:, 2]).mean())
         vertices = device.pool.texels(3 * len(view.place), "rgba32uint", "records.vertices")
-        for first, words, finite in vertex_blocks(setup, inverse_depth):
+        for first, words, finite in vertex_blocks(view, setup.table, setup.lit, inverse_depth):
             if not finite:
                 return None
             vertices.write(words.reshape(-1, 4), 3 * first)
@@ -211,26 +213,25 @@ class TriangleRecords:
         recording.dispatch(kernel, bindings, threads=(self.count,))
 
 
-def _albedo_and_paint(setup: Setup) -> npt.NDArray[np.uint32]:
+def _albedo_and_paint(view: View, traits: TriangleTraits) -> npt.NDArray[np.uint32]:
     """(T, 2): bits of the triangles' albedo, and their paint."""
-    looks = np.empty((setup.view.count, 2), np.uint32)
-    looks[:, 0] = setup.traits.albedo.view(np.uint32)
-    looks[:, 1] = setup.view.paint
-    looks[:, 1] |= setup.traits.near_feature.astype(np.uint32) << np.uint32(31)
+    looks = np.empty((view.count, 2), np.uint32)
+    looks[:, 0] = traits.albedo.view(np.uint32)
+    looks[:, 1] = view.paint
+    looks[:, 1] |= traits.near_feature.astype(np.uint32) << np.uint32(31)
     return looks
 
 
 def vertex_blocks(
-    setup: Setup, inverse_depth: float
+    view: View, table: FeatureGrid, lit: bool, inverse_depth: float
 ) -> Iterator[tuple[int, npt.NDArray[np.uint32], bool]]:
     """A view's vertices as the shader reads them, block by block: the first one's number, words
     (n, 12), used again, and whether those that are float32 are finite.
 
     ``inverse_depth``: what theirs are relative to.
     """
-    view = setup.view
-    vertices, ideal, sides = view.vertices, view.ideal_place, _sides(setup)
-    patterned = bool((setup.table.paints["featured"] > 0).any())
+    vertices, ideal, sides = view.vertices, view.ideal_place, _sides(view, table)
+    patterned = bool((table.paints["featured"] > 0).any())
     words = np.empty((BLOCK, 12), np.uint32)
     columns = np.zeros((12, BLOCK), np.uint32)
     for first in range(0, len(ideal), BLOCK):
@@ -251,7 +252,7 @@ def vertex_blocks(
                 cell = np.floor(value / side)
                 whole[4 + axis] = cell
                 real[6 + axis] = value - cell * side
-        if setup.lit:
+        if lit:
             real[8:11] = vertices[part, NORMAL].T
         real[11] = sides[part]
         records = words[: part.stop - first]
@@ -260,9 +261,9 @@ def vertex_blocks(
         yield first, records, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
 
 
-def _sides(setup: Setup) -> Array:
+def _sides(view: View, table: FeatureGrid) -> Array:
     """(V,): side of the cells of the pattern that each vertex has; 1 without."""
-    view, paints = setup.view, setup.table.paints
+    paints = table.paints
     side = np.ones(len(view.place))
     for number in np.flatnonzero(paints["featured"] > 0):
         of_paint = view.paint == number

@@ -19,6 +19,8 @@ from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import NORMAL, corner_range
+from gpusim.optics.geometry.view import View
+from gpusim.optics.shading.lighting import Lighting
 from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
@@ -60,7 +62,7 @@ class LightTiles:
     def of(setup: Setup, tolerance: float | None = None) -> LightTiles | None:
         """The tiles of a view, to `TOLERANCE` unless given; None where there is little to gain."""
         view, camera = setup.view, setup.view.camera
-        if not setup.lit or not view.count or _has_spots(setup) or setup.lighting.openness:
+        if not setup.lit or not view.count or _has_spots(setup.lighting) or setup.lighting.openness:
             return None
         low, high = view.box
         low = np.maximum(low, -0.5)
@@ -68,8 +70,9 @@ class LightTiles:
         wide, tall = np.maximum(high - low, 0.0).T
         area = np.where(setup.traits.shiny | setup.traits.bumpy, 0.0, 0.5 * (wide * tall))
         large = np.flatnonzero(area >= MIN_PIXELS)
-        large = large[_flat(setup, large)]
-        large = large[_smooth(setup, large, TOLERANCE if tolerance is None else tolerance)]
+        large = large[_flat(view, large)]
+        tolerance = TOLERANCE if tolerance is None else tolerance
+        large = large[_smooth(view, setup.lighting, large, tolerance)]
         shape = (-(-camera.height // SQUARE), -(-camera.width // SQUARE))
         owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
         member = np.zeros(view.count, bool)
@@ -77,7 +80,7 @@ class LightTiles:
         for plane in range(MAX_PLANES):
             if not len(remaining):
                 break
-            same = _in_plane(setup, remaining[0], remaining)
+            same = _in_plane(view, remaining[0], remaining)
             in_plane, remaining = remaining[same], remaining[~same]
             number, square = _squares(low[in_plane], high[in_plane], shape[1])
             taken = plane_of[square] >= 0
@@ -90,9 +93,9 @@ class LightTiles:
         return LightTiles(member, owner.reshape(shape))
 
 
-def _has_spots(setup: Setup) -> bool:
+def _has_spots(lighting: Lighting) -> bool:
     """Whether some lamp's light ends at a border: emitters of spots have a beam."""
-    return bool((setup.lighting.emitters[:, 9] > -1.5).any())
+    return bool((lighting.emitters[:, 9] > -1.5).any())
 
 
 def _squares(low: Array, high: Array, columns: int) -> tuple[Numbers, Numbers]:
@@ -105,21 +108,22 @@ def _squares(low: Array, high: Array, columns: int) -> tuple[Numbers, Numbers]:
     return box, row * columns + first[box, 0] + offset % wide[box]
 
 
-def _flat(setup: Setup, triangles: Numbers) -> npt.NDArray[np.bool_]:
+def _flat(view: View, triangles: Numbers) -> npt.NDArray[np.bool_]:
     """Whether the normals at a triangle's corners are one."""
-    low, high = corner_range(setup.view.corners_of(triangles, NORMAL))
+    low, high = corner_range(view.corners_of(triangles, NORMAL))
     x, y, z = (high - low <= 1e-9).T
     return np.asarray(x & y & z)
 
 
-def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[np.bool_]:
+def _smooth(
+    view: View, lighting: Lighting, triangles: Numbers, tolerance: float
+) -> npt.NDArray[np.bool_]:
     """Whether light is linear over the tiles of flat triangles, by their distance from the lamps.
 
     With both cosines over the square of the distance r, the second derivative along a plane is
     at most 11 / r^2 of the light on a face turned to the lamp; linear interpolation over a length
     is off by an eighth of that times the length squared.
     """
-    view = setup.view
     T = view.camera.camera_from_world
     corners = view.corners_of(triangles)
     world, depth = corners[:, :, :3] @ T[:3, :3], corners[:, :, 2]
@@ -128,21 +132,21 @@ def _smooth(setup: Setup, triangles: Numbers, tolerance: float) -> npt.NDArray[n
     side = TILE * (1.0 if bends is None else bends.stretch)
     squares = np.zeros(len(triangles))
     for axis in range(2):  # how far the plane's points move per column and per row, at most
-        change = setup.view.rays()[:, axis] - world * plane[:, None, axis, None]
+        change = view.rays()[:, axis] - world * plane[:, None, axis, None]
         squares += (side * depth * np.linalg.norm(change, axis=2)).max(axis=1) ** 2
     middle, normal = world.mean(axis=1), corners[:, 0, NORMAL]
     radius = np.linalg.norm(world - middle[:, None], axis=2).max(axis=1)
     near = np.full(len(triangles), np.inf)
-    for row in setup.lighting.emitters[setup.lighting.emitters[:, 8] > 0.0]:
+    for row in lighting.emitters[lighting.emitters[:, 8] > 0.0]:
         to = row[:3] - middle
         height = np.abs(np.sum(to * normal, axis=1))
         near = np.minimum(near, np.maximum(height, np.linalg.norm(to, axis=1) - radius))
     return np.asarray(11.0 / 8.0 * squares <= tolerance * near**2)
 
 
-def _in_plane(setup: Setup, first: np.int64, triangles: Numbers) -> npt.NDArray[np.bool_]:
+def _in_plane(view: View, first: np.int64, triangles: Numbers) -> npt.NDArray[np.bool_]:
     """Which triangles lie in the plane of the first one and have its normal."""
-    corners, one = setup.view.corners_of(triangles), setup.view.corners_of(np.array([first]))[0]
+    corners, one = view.corners_of(triangles), view.corners_of(np.array([first]))[0]
     a, b, c = one[:, :3]
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal)

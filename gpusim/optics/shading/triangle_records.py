@@ -8,6 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
+from gpusim.optics.light.microfacet_material import Gloss
+from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.coefficients import BLOCK, coefficients
 from gpusim.optics.shading.setup import Setup
 
@@ -40,7 +42,7 @@ def triangle_records(setup: Setup) -> npt.NDArray[np.void]:
 def record_blocks(setup: Setup) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
     """The same block by block: the first triangle's number and words (n, 28), used again."""
     words = np.empty((BLOCK, TRIANGLE.itemsize // 4), np.float32)
-    whole, rough, metallic, _ = paint_traits(setup).T
+    whole, rough, metallic, _ = paint_traits(setup.table, setup.lighting.gloss).T
     block = np.zeros((words.shape[1], BLOCK), np.float32)
     traits = setup.traits
     for chunk in coefficients(setup.view, setup.table, setup.bitmaps, setup.lit):
@@ -63,10 +65,10 @@ def record_blocks(setup: Setup) -> Iterator[tuple[int, npt.NDArray[np.float32]]]
         yield part.start, words[: len(paint)]
 
 
-def paint_traits(setup: Setup) -> Array:
+def paint_traits(table: FeatureGrid, gloss: Gloss | None) -> Array:
     """Per paint (n, 4): what "near a feature" counts, 2 where a pattern is one material with
     its ground; GGX alpha, 1 if matte; metallic; 0."""
-    gloss, paints = setup.lighting.gloss, setup.table.paints
+    paints = table.paints
     result = np.zeros((len(paints), 4))
     result[:, 0], result[:, 1] = np.where(paints["featured"] > 1, 2.0, 1.0), 1.0
     if gloss is not None:

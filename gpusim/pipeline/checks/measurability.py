@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.checks.visibility import unseen
+from gpusim.pipeline.pictures.visibility import unseen
 from gpusim.surface import Surface
 from gpusim.surface.paint import Speckle
 

@@ -22,8 +22,8 @@ from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.measurability import disc_warnings
 from gpusim.pipeline.checks.resources import mesh_fault
-from gpusim.pipeline.checks.visibility import blind_cameras, lamps_inside
 from gpusim.pipeline.measurements.kinds import Unloaded, kind_of
+from gpusim.pipeline.pictures.visibility import blind_cameras, lamps_inside
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.description.mesh import CAD_SUFFIXES

@@ -11,9 +11,11 @@ in which data passes:
 - `results`: Results of measurements: a table over frames and points, kept in the output folder and
   told in the report.
 - `kinds`: What a kind of measurement has to provide, and the kinds that there are.
+- `marker_checks`: Whether a scene's markers can be measured: in sight and in focus of their
+  cameras, and not moved along the axis of a single one.
 - `marker_measurement`: Markers over frames and cameras: what every kind that follows them shares.
 - `deflection`: The kind "deflection": displacements in the image of one camera.
 - `stereo`: The kind "stereo": points in space from several cameras.
-- `damage`: Deflection lines of several states compared: difference curves, and where their slope
+- `damage`: The kind "damage": deflection lines of the variants compared, and where their slope
   changes.
 """

@@ -43,10 +43,6 @@ class Unloaded:
     strict: bool
 
 
-def _no_warnings(spec: Any, scene: Scene, unloaded: Unloaded) -> list[str]:
-    return []
-
-
 @dataclass(frozen=True)
 class Kind:
     """A kind of measurement. A ``spec`` is a table of its class, from a scene.
@@ -63,7 +59,7 @@ class Kind:
     table: type[MeasureTable]
     result: type[Result]
     measure: Callable[[Any, Scene, SceneObjects, Sources], Result] | None = None
-    checks: Callable[[Any, Scene, Unloaded], list[str]] = _no_warnings
+    checks: Callable[[Any, Scene, Unloaded], list[str]] = lambda *_: []
     prepare: Callable[[Any, Scene, SceneObjects, Sources], object] | None = None
     compare: Callable[[Any, Scene, Callable[[str, str], Result]], Result] | None = None
 

@@ -20,7 +20,7 @@ from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_mar
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import Columns, Crop, Result, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
-from gpusim.pipeline.stages.images import image_path
+from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m

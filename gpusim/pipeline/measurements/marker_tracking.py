@@ -37,7 +37,7 @@ from gpusim.pipeline.measurements.marker_detection import (
     fit_crosses,
     size_range,
 )
-from gpusim.pipeline.stages.exposure import level_warnings
+from gpusim.pipeline.pictures.exposure import level_warnings
 
 __all__ = ["FirstPicture", "MarkerCache", "MarkerTracks"]
 

@@ -15,7 +15,7 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.measure.targets.boards import Sighting
 from gpusim.pipeline.measurements.marker_tracking import MarkerCache
-from gpusim.pipeline.stages.image_window import Window
+from gpusim.pipeline.pictures.image_window import Window
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 

@@ -1,13 +1,12 @@
-"""The runner: stages in turn, timed, recorded, reported.
+"""Runs: a graph decided, worked off, and told in reports.
 
 In the order in which data passes:
 
-- `run_record`: What a run knows of its stages, those whose results it reused too, and what it
-  says of itself.
-- `stage_runner`: Running a plan: each stage in turn, timed, recorded as soon as its files are
-  whole.
-- `variants`: Several states of one scene in one run: each made like a scene of its own, then
-  compared.
+- `stage_log`: What became of a run's stages: told while they are worked off, and in reports.
+- `scene_report`: What a run says of a scene: its report, from the results that are kept.
+- `execution`: Scenes made into their folders, each reported as soon as it is whole.
+- `part`: A part of a scene's run, into a folder of its own: what a preview needs.
+- `variants`: Several states of one scene in one run, compared; and a run that failed, told.
 - `run`: A scene run into a folder: what `gpusim.run` and ``gpusim run`` do.
 - `error_budget`: The error budget: one scene imaged and measured with and without each effect.
 """

@@ -11,9 +11,9 @@ from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
+from gpusim.pipeline.runner.execution import Execution, RunFailed
 from gpusim.pipeline.runner.stage_log import Progress
 from gpusim.pipeline.runner.variants import tell_failure
-from gpusim.pipeline.runner.work import RunFailed, Work
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
@@ -67,29 +67,29 @@ def run_budget(
     options = RunOptions(chosen_backend("run", backend))
     with claim(out) as folder:
         check_folders(scene, folder)
-        work = Work(scene, scenes, folder, options, progress or _silent)
+        execution = Execution(scene, scenes, folder, options, progress or _silent)
         try:
-            work.run()
+            execution.run()
         except RunFailed as failed:
-            raise tell_failure(work, failed) from failed.__cause__
-    return _budget(scene, work, states)
+            raise tell_failure(execution, failed) from failed.__cause__
+    return _budget(scene, execution, states)
 
 
-def _budget(scene: Scene, work: Work, states: Sequence[tuple[State, str, Any]]) -> Report:
+def _budget(scene: Scene, execution: Execution, states: Sequence[tuple[State, str, Any]]) -> Report:
     """The table of a work that is done, in the scene's report."""
-    whole = work.reports[""]
+    whole = execution.reports[""]
     quantities = _counted(scene, whole.measurements)
     rows = [BudgetRow("all", "", tuple(abs(item.error) for item in quantities))]
-    made = [work.reports[place] for place in work.decision.scenes if place]
+    made = [execution.reports[place] for place in execution.decision.scenes if place]
     for (state, name, _), report in zip(states, made, strict=True):
         found = {item.name: abs(item.error) for item in report.measurements}
         errors = tuple(found.get(item.name, float("nan")) for item in quantities)
         rows.append(BudgetRow(state, name, errors))
     budget = Budget(tuple((item.name, item.unit) for item in quantities), tuple(rows))
     report = replace(whole, budget=budget)
-    write_report(report, work.out)
+    write_report(report, execution.out)
     effects = (len(states) - 1) // 2
-    work.log.tell("budget", 1.0, f"{len(states) + 1} states of {effects} effects")
+    execution.log.tell("budget", 1.0, f"{len(states) + 1} states of {effects} effects")
     return report
 
 

@@ -9,10 +9,10 @@ from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
+from gpusim.pipeline.runner.execution import Execution, RunFailed
 from gpusim.pipeline.runner.scene_report import learn
 from gpusim.pipeline.runner.stage_log import Progress
 from gpusim.pipeline.runner.variants import compare_variants, tell_failure
-from gpusim.pipeline.runner.work import RunFailed, Work
 from gpusim.plan.decision import states_of
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
@@ -77,15 +77,15 @@ def run_claimed(
 ) -> Report:
     """As `run`, into a folder that the caller has claimed."""
     check_folders(scene, out)
-    work = Work(scene, states_of(scene), out, options, progress, store, verify)
+    execution = Execution(scene, states_of(scene), out, options, progress, store, verify)
     try:
-        work.run()
+        execution.run()
     except RunFailed as failed:
-        raise tell_failure(work, failed) from failed.__cause__
+        raise tell_failure(execution, failed) from failed.__cause__
     if scene.variants:
-        return compare_variants(work)
-    (report,) = work.reports.values()
-    learn(work.speed, work.plan, report.stages, work.session)
+        return compare_variants(execution)
+    (report,) = execution.reports.values()
+    learn(execution.speed, execution.plan, report.stages, execution.session)
     return report
 
 

@@ -24,7 +24,7 @@ from gpusim.graph.store import Record
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.measurements.results import Reported, Result
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.stages.images import image_path
+from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.plan.decision import Decision
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan

@@ -11,16 +11,16 @@ from gpusim.pipeline.checks.warnings import with_known_warnings
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.notes import Notes
+from gpusim.pipeline.runner.execution import Execution, RunFailed
 from gpusim.pipeline.runner.scene_report import failure_text, read_results
-from gpusim.pipeline.runner.work import RunFailed, Work
 from gpusim.report import Link, Report, Stage, write_report
 
 __all__ = ["compare_variants", "tell_failure"]
 
 
-def compare_variants(work: Work) -> Report:
+def compare_variants(execution: Execution) -> Report:
     """Compare the variants that were made; returns the whole report, which it writes."""
-    scene, decision = work.scene, work.decision
+    scene, decision = execution.scene, execution.decision
     comparisons: list[Result] = []
     stages = []
 
@@ -34,47 +34,50 @@ def compare_variants(work: Work) -> Report:
         if compare is None:
             continue
         started = time.perf_counter()
-        work.log.tell(spec.name, 0.0, "compares the variants")
+        execution.log.tell(spec.name, 0.0, "compares the variants")
         comparison = compare(spec, scene, recorded)
-        comparison.write(inside(work.out, "measure"))
+        comparison.write(inside(execution.out, "measure"))
         comparisons.append(comparison)
         seconds = time.perf_counter() - started
         stages.append(Stage(spec.name, "run", "compares the variants", seconds))
-        work.log.tell(spec.name, 1.0, comparison.note)
-    work.log.tell("report", 0.0, "figures and page")
-    report = _report(work, comparisons, stages)
-    write_report(report, work.out)
-    work.log.tell("report", 1.0, "report.html, report.json")
+        execution.log.tell(spec.name, 1.0, comparison.note)
+    execution.log.tell("report", 0.0, "figures and page")
+    report = _report(execution, comparisons, stages)
+    write_report(report, execution.out)
+    execution.log.tell("report", 1.0, "report.html, report.json")
     return report
 
 
-def tell_failure(work: Work, failed: RunFailed) -> Exception:
+def tell_failure(execution: Execution, failed: RunFailed) -> Exception:
     """Write the report of a run that failed; returns the error to be raised."""
     cause = failed.__cause__
     assert isinstance(cause, Exception)
     known = [
         text
-        for key in work.decision.graph.records[failed.place].get("geometry", ())
-        for record in (work.store.find(key),) if record is not None
+        for key in execution.decision.graph.records[failed.place].get("geometry", ())
+        for record in (execution.store.find(key),) if record is not None
         for text in Notes.of(record.notes).warnings
     ]  # fmt: skip
     error = with_known_warnings(cause, known)
-    report = work.failed_report(failed, failure_text(error))
+    report = execution.failed_report(failed, failure_text(error))
     if failed.place:
         name = failed.place.removeprefix("variants/")
-        whole = _report(work, [], [], failure=f"variant {name!r}: {failure_text(error)}")
-        write_report(whole, work.out)
-    write_report(report, work.decision.folders[failed.place].path)
+        whole = _report(execution, [], [], failure=f"variant {name!r}: {failure_text(error)}")
+        write_report(whole, execution.out)
+    write_report(report, execution.decision.folders[failed.place].path)
     return error
 
 
 def _report(
-    work: Work, comparisons: Sequence[Result], compared: Sequence[Stage], failure: str = ""
+    execution: Execution,
+    comparisons: Sequence[Result],
+    compared: Sequence[Stage],
+    failure: str = "",
 ) -> Report:
-    scene, out = work.scene, work.out
+    scene, out = execution.scene, execution.out
     reports = {
-        place.removeprefix("variants/"): work.reports[place]
-        for place in work.decision.scenes if place in work.reports
+        place.removeprefix("variants/"): execution.reports[place]
+        for place in execution.decision.scenes if place in execution.reports
     }  # fmt: skip
     stages = [
         Stage(f"{name}/{stage.name}", stage.state, stage.reason, stage.seconds)

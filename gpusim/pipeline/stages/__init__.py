@@ -1,12 +1,14 @@
-"""Stages of a run.
+"""Stages of a run: functions of a part of the scene and of the stages that they need.
 
-In the order in which data passes:
+`gpusim.plan.scene_stages` says which there are, and what each gets. In the order in which data
+passes:
 
-- `mechanics`: Bodies of a scene solved, and their stress by frame: recovered, kept in the output
-  folder.
-- `image_window`: The part of an image that anything is seen in: a small target needs no whole
-  frame.
-- `images`: Frames of a run: rendered, exposed and written, one camera and frame at a time.
-- `exports`: Results for other programs: truth.h5 of what every pixel sees, meshes as VTU, PVD and
-  STL.
+- `bodies`: Bodies and props of a scene: meshed, painted, and what a report says of the meshes.
+- `checks`: What is doubtful about a scene: of its geometry before any work, of linear theory
+  afterwards.
+- `mechanics`: Models, their solution, the motions that follow, stress by frame.
+- `images`: Pictures of frames and of calibration targets: radiance, exposure, the picture.
+- `truth`: truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.
+- `measuring`: Measurements of a run, one after the other.
+- `exports`: Meshes for other programs: VTU, PVD and STL, by body and frame.
 """

@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.pipeline.build.meshing import mesh_summary, size_warnings_of
 from gpusim.pipeline.build.surfaces import (
     BodyParts,
@@ -39,7 +39,7 @@ def props(scene: Scene, inputs: Inputs, session: Session) -> list[Surface]:
     return [build_prop(prop, scene.input) for prop in scene.props]
 
 
-def mesh_notes(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def mesh_notes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """What the meshes are like."""
     summaries, warnings = [], []
     for body in scene.bodies:
@@ -47,4 +47,4 @@ def mesh_notes(scene: Scene, inputs: Inputs, session: Session) -> Made:
         summary, texts = mesh_summary(body.name, grid)
         summaries.append(summary)
         warnings += [*texts, *size_warnings_of(body.name, body.mesh, grid)]
-    return Made(notes=asdict(Notes(tuple(warnings), meshes=tuple(summaries))))
+    return StageResult(notes=asdict(Notes(tuple(warnings), meshes=tuple(summaries))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.pipeline.build.scene_objects import moving_bodies, scene_objects
 from gpusim.pipeline.checks.warnings import geometry_warnings
 from gpusim.pipeline.notes import notes_of
@@ -13,19 +13,19 @@ from gpusim.scene import Scene
 __all__ = ["geometry", "linear_theory"]
 
 
-def geometry(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def geometry(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Warnings. Raises InputError for a measure that can't work."""
     objects = scene_objects(scene, inputs, [one.shown for one in inputs.row])
     if scene.calibration is not None:
         objects.board = scene.calibration.board
-    return Made(notes=notes_of(geometry_warnings(objects)))
+    return StageResult(notes=notes_of(geometry_warnings(objects)))
 
 
-def linear_theory(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def linear_theory(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """How far it is off for each body."""
     from gpusim.pipeline.checks.linear_theory import linear_errors
 
     errors = linear_errors(moving_bodies(scene, inputs, [one.shown for one in inputs.row]))
     warnings = [one.warning for one in errors if one.warning]
     facts = {f"linear statics, {one.body}": one.fact for one in errors}
-    return Made(notes=notes_of(warnings, facts))
+    return StageResult(notes=notes_of(warnings, facts))

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gpusim.export.meshes import write_pvd, write_region_stls, write_vtu
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.optics.rendering.local_origin import origin_near
 from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
 from gpusim.pipeline.notes import notes_of
@@ -23,7 +23,7 @@ from gpusim.scene.frames import FrameTable
 __all__ = ["meshes"]
 
 
-def meshes(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def meshes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """What the scene asks for."""
     frames = FrameTable(inputs.row)
     objects = scene_objects(scene, inputs, [one.shown for one in frames])
@@ -34,7 +34,7 @@ def meshes(scene: Scene, inputs: Inputs, session: Session) -> Made:
         if stresses is not None:
             stresses.close()
     files = inputs.new_files()
-    return Made(files, notes_of(warnings), f"{len(files)} files for other programs")
+    return StageResult(files, notes_of(warnings), f"{len(files)} files for other programs")
 
 
 def _write(

@@ -17,10 +17,9 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.export.images import keep, save_image
-from gpusim.files.output_folder import inside
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made, Output
+from gpusim.graph.stage import Output, StageResult
 from gpusim.optics.change_detection import same_surfaces, unseen_change
 from gpusim.optics.frame import Frame
 from gpusim.optics.lens.exposure import photograph
@@ -38,15 +37,15 @@ from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import scene_objects
 from gpusim.pipeline.build.surfaces import posed
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.stages.exposure import full_scale_in, level_warnings
-from gpusim.pipeline.stages.image_window import Window, window_of
+from gpusim.pipeline.pictures.exposure import full_scale_in, level_warnings
+from gpusim.pipeline.pictures.file_names import corners_name, image_name
+from gpusim.pipeline.pictures.image_window import Window, window_of
 from gpusim.scene import Scene
 from gpusim.scene.frames import Placed
 from gpusim.surface import Surface
 from gpusim.surface.color import color
 
-__all__ = ["Radiance", "corners_name", "exposure", "image_name", "image_path",
-           "moving_surfaces", "picture", "radiance", "target"]  # fmt: skip
+__all__ = ["Radiance", "exposure", "moving_surfaces", "picture", "radiance", "target"]  # fmt: skip
 
 SERIES = 10_000
 """Frames that a scene may have: series of the same sensor share none of their noise."""
@@ -58,17 +57,6 @@ class Radiance:
 
     frame: Frame
     window: Window | None = None
-
-
-def image_name(scene: Scene, camera: str, frame: int, kind: str = "") -> str:
-    """What the picture of a frame is called; ``kind`` "calib-" for those of a target."""
-    suffix = "png" if scene.sensor.format == "png" else "tif"
-    return f"images/{camera}/{kind}{frame:04d}.{suffix}"
-
-
-def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "") -> Path:
-    """Where it lies."""
-    return inside(out, image_name(scene, camera, frame, kind))
 
 
 def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
@@ -148,7 +136,7 @@ def _photograph(
     )
 
 
-def exposure(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def exposure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The full scale of a camera's sensor, chosen from its first frame."""
     (camera,), kind = scene.cameras, inputs.row
     drawn: Radiance = inputs[f"{'target' if kind else 'radiance'}/{camera.name}"]
@@ -165,10 +153,10 @@ def exposure(scene: Scene, inputs: Inputs, session: Session) -> Made:
         ) from None
     text = json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n"
     name = f"images/{camera.name}/{kind}exposure.json"
-    return Made({name: text.encode()}, words=Path(name).name)
+    return StageResult({name: text.encode()}, words=Path(name).name)
 
 
-def picture(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def picture(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """What the sensor makes of it; of a target, what is found of its board as well."""
     (camera,), (kind, number, finds_corners) = scene.cameras, inputs.row
     drawn: Radiance = inputs[f"{'target' if kind else 'radiance'}/{camera.name}"]
@@ -193,7 +181,7 @@ def picture(scene: Scene, inputs: Inputs, session: Session) -> Made:
         adapter=session.adapter,
         first_warnings={f"{kind}{camera.name}": f"{what} {text}" for text in badly[:1]},
     )
-    return Made(files, asdict(notes), Path(name).name)
+    return StageResult(files, asdict(notes), Path(name).name)
 
 
 def _full_scale(scene: Scene, inputs: Inputs, kind: str) -> float:
@@ -211,11 +199,6 @@ def _save(image: npt.NDArray[Any], density: float | None, kept: bool, path: Path
     save_image(path, image, pixels_per_metre=density)
     if kept:  # it will be measured and shown
         keep(path, image)
-
-
-def corners_name(picture: str) -> str:
-    """What the board's corners in a picture are kept as."""
-    return f"{picture.rsplit('.', 1)[0]}-corners.npz"
 
 
 def _save_corners(scene: Scene, image: npt.NDArray[Any], window: Window | None, path: Path) -> None:

@@ -10,19 +10,19 @@ import numpy.typing as npt
 from gpusim.export.images import keep, read_image, recall
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.measure.targets.boards import Sighting
 from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
 from gpusim.pipeline.measurements.kinds import kind_of, measured
 from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.measurements.sources import Sources, read_corners
-from gpusim.pipeline.stages.images import corners_name, image_name
+from gpusim.pipeline.pictures.file_names import corners_name, image_name
 from gpusim.scene import Scene
 
 __all__ = ["measure", "tracks"]
 
 
-def measure(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """One measurement."""
     (spec,) = scene.measures
     tracked = f"tracks/{spec.name}"
@@ -31,16 +31,16 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> Made:
     sources = _sources(scene, inputs)
     result = measured(spec, scene, _objects(scene, inputs), sources)
     result.write(sources.markers.folder)
-    return Made(inputs.new_files(), words=result.note)
+    return StageResult(inputs.new_files(), words=result.note)
 
 
-def tracks(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def tracks(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """What can be found for one while a calibration's pictures are taken."""
     (spec,) = scene.measures
     prepare = kind_of(spec).prepare
     if prepare is not None:
         prepare(spec, scene, _objects(scene, inputs), _sources(scene, inputs))
-    return Made(inputs.new_files())
+    return StageResult(inputs.new_files())
 
 
 def _objects(scene: Scene, inputs: Inputs) -> SceneObjects:

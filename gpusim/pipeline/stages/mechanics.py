@@ -18,7 +18,7 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.motion import Given, Superposed
 from gpusim.pipeline.build.modelling import BodyModel, build_body_model, temperature
 from gpusim.pipeline.build.scene_objects import (
@@ -52,7 +52,7 @@ def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
     return build_body_model(MeshedBody(body, meshed.mesh, meshed.skin), cases)
 
 
-def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """All bodies solved; what a report says of it, as well."""
     made: list[BodyModel] = [inputs[f"model/{body.name}"] for body in scene.bodies]
     found = solve_bodies(
@@ -61,7 +61,7 @@ def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> Made:
     solved = SceneSolution.of(found, [one.model for one in made], [one.support for one in made])
     notes = asdict(Notes(solved.warnings, solved.facts, session.adapter))
     session.kept["solver seconds"] = solver_seconds(found)
-    return Made(
+    return StageResult(
         {DISPLACEMENT: partial(_save, solved.arrays())},
         notes | {"solution": solved.said()},
         f"{solved.iterations} iterations, estimated error {solved.error_estimate:.1e}",
@@ -88,7 +88,7 @@ def given(scene: Scene, inputs: Inputs, session: Session) -> Given:
     return Given(meshed.field.at)
 
 
-def stress(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def stress(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Stress of every body in every frame that moves."""
     frames = FrameTable(inputs.row)
     objects = moving_bodies(scene, inputs, [one.shown for one in frames])
@@ -97,7 +97,7 @@ def stress(scene: Scene, inputs: Inputs, session: Session) -> Made:
     peaks = write_stresses(place, objects, models, frames, session.options.skip, inputs.progress)
     most = max((peak.von_mises for peak in peaks), default=0.0)
     notes = asdict(Notes()) | {"peaks": [asdict(peak) for peak in peaks]}
-    return Made({STRESS: place}, notes, f"greatest von Mises stress {most / 1e6:.4g} MPa")
+    return StageResult({STRESS: place}, notes, f"greatest von Mises stress {most / 1e6:.4g} MPa")
 
 
 def solve_bodies(

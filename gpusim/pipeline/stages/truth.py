@@ -11,7 +11,7 @@ from gpusim._version import __version__
 from gpusim.export.truth import TruthWriter
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
-from gpusim.graph.stage import Made
+from gpusim.graph.stage import StageResult
 from gpusim.optics.frame import Frame
 from gpusim.optics.lens.shutter import rolled
 from gpusim.optics.rendering.local_origin import local_view
@@ -19,7 +19,7 @@ from gpusim.optics.truth import BAND, Truth, seen_in
 from gpusim.pipeline.build.cameras import build_camera, build_shutter, opening
 from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
 from gpusim.pipeline.notes import notes_of
-from gpusim.pipeline.stages.image_window import Window, whole_window, window_of
+from gpusim.pipeline.pictures.image_window import Window, whole_window, window_of
 from gpusim.pipeline.stages.images import moving_surfaces
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -30,7 +30,7 @@ __all__ = ["sight", "truth"]
 Sight = tuple[Frame, Window]
 
 
-def truth(scene: Scene, inputs: Inputs, session: Session) -> Made:
+def truth(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The layers that the scene asks for; frame by frame, so that no two are held at once."""
     frames = FrameTable(inputs.row)
     objects = scene_objects(scene, inputs, [one.shown for one in frames])
@@ -50,7 +50,7 @@ def truth(scene: Scene, inputs: Inputs, session: Session) -> Made:
             _write_nodes(file, objects, frames, word)
         _write_cameras(file, scene)
         _write_frames(file, objects, frames, word, session, inputs.progress)
-    return Made({"truth.h5": path}, notes_of(adapter=session.adapter), "truth.h5")
+    return StageResult({"truth.h5": path}, notes_of(adapter=session.adapter), "truth.h5")
 
 
 def _write_cameras(file: TruthWriter, scene: Scene) -> None:

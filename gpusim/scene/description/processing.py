@@ -27,13 +27,13 @@ TruthLayer = Literal[
 
 Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
 _FACTORS = (0.0, 1.0)
+ANALYSIS_TYPES = ["static", "field"]
+"""What ``[analysis] type`` may be; `gpusim.scene.analyses.add_analysis` adds another one."""
 _PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
 def _existing(value: Any) -> Any:
-    from gpusim.scene.analyses import ANALYSES
-
-    if value in tuple(ANALYSES):
+    if value in ANALYSIS_TYPES:
         return value
     problem = "no such analysis yet" if value in _PLANNED else "unknown value"
     raise fault("", problem, value, '"static" (linear), or "field" (displacements that are given)')

@@ -11,7 +11,7 @@ from typing import Any
 
 from gpusim.scene.description.scene_table import SceneTable
 
-__all__ = ["Place", "expected", "forget", "json_schema", "locate"]
+__all__ = ["Place", "expected", "json_schema", "locate"]
 
 Node = Mapping[str, Any]
 _MANY = 2**31  # a count above it is no limit that anybody asks about
@@ -36,12 +36,7 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-_schema = cache(json_schema)
-
-
-def forget() -> None:
-    """There are other tables than before."""
-    _schema.cache_clear()
+cached_schema = cache(json_schema)
 
 
 @dataclass(frozen=True)
@@ -77,7 +72,7 @@ class Place:
 def locate(location: Sequence[str | int]) -> Place:
     """The place of a pydantic location; union tags, which are no keys of the file, are left out."""
     keys: list[str | int] = []
-    here: Node = _schema()
+    here: Node = cached_schema()
     table = value = here
     for step in location:
         here = _plain(here)
@@ -97,7 +92,7 @@ def locate(location: Sequence[str | int]) -> Place:
 
 
 def _of_reference(reference: str) -> Node:
-    found: Node = _schema()["$defs"][reference.rsplit("/", 1)[-1]]
+    found: Node = cached_schema()["$defs"][reference.rsplit("/", 1)[-1]]
     return found
 
 

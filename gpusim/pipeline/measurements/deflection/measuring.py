@@ -14,10 +14,10 @@ from gpusim import measure
 from gpusim.errors import GpusimError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.checks.marker_checks import axial_loads, marker_warnings
-from gpusim.pipeline.measurements.deflection.projection_error import PARTS, projection_error
+from gpusim.pipeline.measurements.deflection.projection_error import projection_error
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
+from gpusim.pipeline.measurements.marker_checks import axial_loads, marker_warnings
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
@@ -61,6 +61,7 @@ def measure_deflection(
     in_plane = [axis[1] for axis in axes]
     position = marks.position[:count]
     scale = measure.scale_coefficient(points[ok], 1e3 * position[ok] @ plane.T)
+    depth = camera.to_camera(position)[:, 2]
     start, true = marks.true_motion(objects, [*tracked.frames])
     frames = {}
     for (frame, seen), moved in zip(tracked.frames.items(), true, strict=True):
@@ -74,11 +75,10 @@ def measure_deflection(
             **vector_columns("true_{}_mm", in_plane, 1e3 * moved @ plane.T),
             "sigma_mm": sigma,
             **tracked.flags(seen),
-            "towards_mm": errors.towards_mm,
+            "towards_mm": -1e3 * moved @ camera.camera_from_world[2, :3],
         }
-        for part in PARTS:
-            name = f"{part}_error_{{}}_mm"
-            frames[frame] |= vector_columns(name, in_plane, getattr(errors, part))
+        for part, values in errors.items():
+            frames[frame] |= vector_columns(f"{part}_error_{{}}_mm", in_plane, values)
     return DeflectionResult(
         name=spec.name,
         table=PointTable.of("marker", marks.names[:count], frames),
@@ -87,7 +87,7 @@ def measure_deflection(
         axes=axes,
         mm_per_px=scale.mm_per_px,
         mm_per_px_sigma=scale.sigma,
-        mm_per_px_true=_true_scale(camera, position),
+        mm_per_px_true=float(1e3 * depth.mean() / camera.K[0, 0]),
         scale_residual_px=scale.residual_px,
         subset_px=int(first.subset),
         tilt_deg=_tilt(camera, plane),
@@ -153,11 +153,6 @@ def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Array) ->
         values = 1e3 * np.einsum("mk,mka->ma", weights, u[nodes]) @ plane.T
         curves.append(np.concatenate([along[None], values.T]))
     return np.array(curves)
-
-
-def _true_scale(camera: Camera, position: Array) -> float:
-    """mm per px at the markers' mean depth."""
-    return float(1e3 * camera.to_camera(position)[:, 2].mean() / camera.K[0, 0])
 
 
 def _checks(spec: m.Deflection, scene: Scene, unloaded: Unloaded) -> list[str]:

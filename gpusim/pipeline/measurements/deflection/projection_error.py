@@ -9,8 +9,6 @@ would give; what the measured scale is off by is a part of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -29,20 +27,6 @@ PARTS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class ProjectionError:
-    """Measured less true displacement (M, 2) in mm that each of `PARTS` makes; they add up.
-
-    ``towards_mm`` (M,): how far each marker comes towards the camera.
-    """
-
-    axis: Array
-    plane: Array
-    lens: Array
-    scale: Array
-    towards_mm: Array
-
-
 def projection_error(
     camera: Camera,
     position: Array,
@@ -51,8 +35,9 @@ def projection_error(
     *,
     scale: measure.Scale,
     used: npt.NDArray[np.bool_],
-) -> ProjectionError:
-    """The error of displacements that are read off the image with one scale.
+) -> dict[str, Array]:
+    """The error of displacements that are read off the image with one scale: measured less true
+    displacement (M, 2) in mm that each of `PARTS` makes; they add up.
 
     Parameters
     ----------
@@ -82,10 +67,9 @@ def projection_error(
     sideways, whole = (pinhole.vectors(seen(ideal, motion)) for motion in (within, moved))
     bent = exact(camera).vectors(seen(camera, moved))
     truth = 1e3 * moved @ plane.T
-    return ProjectionError(
-        axis=whole - sideways,
-        plane=sideways - truth,
-        lens=bent - whole,
-        scale=scale.vectors(seen(camera, moved)) - bent,
-        towards_mm=-1e3 * along,
-    )
+    return {
+        "axis": whole - sideways,
+        "plane": sideways - truth,
+        "lens": bent - whole,
+        "scale": scale.vectors(seen(camera, moved)) - bent,
+    }

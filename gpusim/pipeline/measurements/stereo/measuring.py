@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +13,8 @@ from gpusim.errors import GpusimError, InputError
 from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.checks.marker_checks import marker_warnings
-from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
+from gpusim.pipeline.measurements.kinds import Kind, register
+from gpusim.pipeline.measurements.marker_checks import marker_warnings
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
@@ -190,9 +191,6 @@ def _boards(calibration: measure.Calibration, frame: measure.Alignment, board: B
     return result
 
 
-def _checks(spec: m.Stereo, scene: Scene, unloaded: Unloaded) -> list[str]:
-    """Three markers in sight make a plane."""
-    return marker_warnings(spec, scene, unloaded, least=3)
-
-
+# three markers make a plane
+_checks = partial(marker_warnings, least=3)
 register(Kind(m.Stereo, StereoResult, measure_stereo, _checks, prepare=track_markers))

@@ -26,7 +26,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.report import Report, prepare_figures, write_report
 from gpusim.scene import Scene
 
-__all__ = ["RunFailed", "Work"]
+__all__ = ["Execution", "RunFailed"]
 
 
 class RunFailed(Exception):
@@ -38,7 +38,7 @@ class RunFailed(Exception):
         self.place, self.task = place, task
 
 
-class Work:
+class Execution:
     """Scenes run into places of one folder, ``out``.
 
     ``scene``: what they are states of. ``reports``: by place, of those that are done.
@@ -134,7 +134,7 @@ class Work:
             self.log.begin(place)
 
     def _make(self, runner: Runner) -> None:
-        """Work off the graph; pages are made by a thread of their own."""
+        """Execution off the graph; pages are made by a thread of their own."""
         with ThreadPoolExecutor(1, "gpusim.report") as pages:
             written: dict[str, Future[None]] = {}
 

@@ -1,0 +1,11 @@
+"""Pictures of a run: what they are called, what is in them, and how they are exposed.
+
+In the order in which data passes:
+
+- `file_names`: What the pictures of a run are called in its output folder.
+- `image_window`: The part of an image that anything is seen in: a small target needs no whole
+  frame.
+- `visibility`: What cameras see and what hides it, cameras and lamps inside of bodies: before any
+  picture.
+- `exposure`: Whether a picture is well exposed, and the exposure that was chosen for a camera.
+"""

@@ -1,0 +1,26 @@
+"""What the pictures of a run are called in its output folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gpusim.files.output_folder import inside
+from gpusim.scene import Scene
+
+__all__ = ["corners_name", "image_name", "image_path"]
+
+
+def image_name(scene: Scene, camera: str, frame: int, kind: str = "") -> str:
+    """What the picture of a frame is called; ``kind`` "calib-" for those of a target."""
+    suffix = "png" if scene.sensor.format == "png" else "tif"
+    return f"images/{camera}/{kind}{frame:04d}.{suffix}"
+
+
+def image_path(scene: Scene, out: Path, camera: str, frame: int, kind: str = "") -> Path:
+    """Where it lies."""
+    return inside(out, image_name(scene, camera, frame, kind))
+
+
+def corners_name(picture: str) -> str:
+    """What the board's corners in a picture are kept as."""
+    return f"{picture.rsplit('.', 1)[0]}-corners.npz"
