@@ -190,7 +190,7 @@ def kill() -> None:
                 while process.poll() is None and begun_in(out) == before:
                     time.sleep(0.005)
                 try:
-                    code = process.wait(chance.uniform(0.0, 0.5) if done < KILLS else 300)
+                    code = process.wait(chance.uniform(0.0, 1.5) if done < KILLS else 300)
                 except subprocess.TimeoutExpired:
                     process.send_signal(signal.SIGKILL)
                     code, done = process.wait(), done + 1
