@@ -101,8 +101,9 @@ def books() -> None:
         closed = time.perf_counter()
         again = decided(Path(name))
         decided_s = time.perf_counter() - closed
-        print(f"close {closed - start:.2f} s; decided again {decided_s:.2f} s, "
-              f"{len(again.graph.order())} to be made; MiB: {memory}")  # fmt: skip
+        left = len(again.graph.order())
+        print(f"close {closed - start:.2f} s; decided again {decided_s:.2f} s, {left} to be made; "
+              f"MiB at 500 and the last: {memory}")  # fmt: skip
 
 
 def made_in(

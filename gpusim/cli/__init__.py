@@ -44,6 +44,7 @@ from gpusim.cli.console import (
     size_text,
     starting,
     time_text,
+    waiting,
 )
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.tables import print_deck
@@ -52,7 +53,7 @@ from gpusim.errors import Fault, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
-    from gpusim.plan.plan import Plan, PlannedStage
+    from gpusim.plan.plan import Plan
     from gpusim.report import Budget, Report
     from gpusim.scene import Scene
 
@@ -253,20 +254,22 @@ def plan(
         if output is not None:
             check_folder(output)
         loaded = _load(scene, sets)
-        from gpusim.pipeline.checks.resources import check_files, check_mesher, memory_fault
+        from gpusim.pipeline.checks.resources import check_files, memory_fault
         from gpusim.pipeline.checks.warnings import scene_warnings
         from gpusim.plan.machine_speed import Speed
         from gpusim.plan.plan import make_plan
 
         strange = check_files(loaded) if loaded.reads_files else []
-        beforehand = scene_warnings(loaded)
         speed = Speed.read(backend.value).measured()
         made = make_plan(
             loaded, output, backend.value, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
-        if loaded.has_cad and any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            check_mesher(loaded)
+        beforehand: list[str] = []
+        # a part that needs no mesh any more is left alone
+        if not loaded.has_cad or any(s.runs and s.name.endswith("mesh") for s in made.stages):
+            with waiting("meshing CAD with Gmsh" if loaded.has_cad else ""):
+                beforehand = scene_warnings(loaded)
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))
@@ -325,14 +328,19 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
 
 
 def _print_plan(made: Plan) -> None:
-    rows = _rows(made)
-    wide = max(len(name) for name, _, _ in rows) + 2
+    from gpusim.report.stage_rows import stage_rows
+
+    rows = stage_rows(made.stages)
+    wide = max(len(name) for name, _ in rows) + 2
     out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
-    for name, stage, count in rows:
-        memory, seconds = size_text(stage.memory_bytes), time_text(stage.seconds)
-        pictures = f"{count} pictures" if count > 1 else ""
-        why = "; ".join(word for word in (stage.reason, pictures, stage.detail) if word)
-        out(f"{name:<{wide}}{stage.state:<9}{memory:>8}{seconds:>9}  {why}")
+    for name, stages in rows:
+        memory = size_text(max(stage.memory_bytes for stage in stages))
+        seconds = time_text(sum(stage.seconds for stage in stages))
+        pictures = f"{len(stages)} pictures" if len(stages) > 1 else ""
+        shared = set.intersection(*(set(stage.detail.split(", ")) for stage in stages))
+        detail = ", ".join(word for word in stages[0].detail.split(", ") if word in shared)
+        why = "; ".join(word for word in (stages[0].reason, pictures, detail) if word)
+        out(f"{name:<{wide}}{stages[0].state:<9}{memory:>8}{seconds:>9}  {why}")
     out()
     total = time_text(made.seconds) or "no time"
     for warning in made.warnings:
@@ -340,22 +348,6 @@ def _print_plan(made: Plan) -> None:
     if made.busy >= 1.5:
         out(f"This machine is busy: everything takes about {made.busy:.2g} times as long now.")
     out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
-
-
-def _rows(made: Plan) -> list[tuple[str, PlannedStage, int]]:
-    """Name, stage and number of pictures of each line: a calibration's that are alike are one."""
-    rows: list[tuple[str, PlannedStage, int]] = []
-    for stage in made.stages:
-        if rows and stage.pose is not None:
-            name, before, count = rows[-1]
-            same = (before.camera, before.state, before.reason)
-            if before.pose is not None and same == (stage.camera, stage.state, stage.reason):
-                together = replace(before, seconds=before.seconds + stage.seconds)
-                first = name.split("..")[0]
-                rows[-1] = (f"{first}..{stage.pose:04d}", together, count + 1)
-                continue
-        rows.append((stage.name, stage, 1))
-    return rows
 
 
 def _print_report(report: Report, folder: Path) -> None:

@@ -42,6 +42,7 @@ __all__ = [
     "size_text",
     "starting",
     "time_text",
+    "waiting",
 ]
 
 
@@ -106,6 +107,17 @@ def importing() -> Iterator[None]:
         gc.freeze()
         if enabled:
             gc.enable()
+
+
+@contextmanager
+def waiting(reason: str) -> Iterator[None]:
+    """Say on a terminal meanwhile what is waited for; "": nothing."""
+    console = Console(stderr=True, highlight=False)
+    if not reason or not console.is_terminal:
+        yield
+        return
+    with console.status(reason):
+        yield
 
 
 def out(text: str = "") -> None:
@@ -203,6 +215,8 @@ def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
 class ProgressDisplay:
     """Bars on a terminal, one line per finished stage elsewhere, nothing when quiet.
 
+    A camera's pictures from the tenth on are taken together: 10 to 19, …, 90 to 99, 100 to 199, …
+
     Use it as a context manager and as the pipeline's callback ``(stage, done, text)``, ``done``
     from 0 to 1.
     """
@@ -214,6 +228,7 @@ class ProgressDisplay:
         self._started: dict[str, float] = {}
         self._finished: set[str] = set()
         self._tasks: dict[str, Any] = {}
+        self._pictures: dict[tuple[str, int], set[int]] = {}  # series and first -> finished
         self._bars: Any = None
         if console.is_terminal and not self._quiet:
             from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
@@ -248,6 +263,7 @@ class ProgressDisplay:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._end_pictures("")
         if self._bars is not None:
             self._bars.stop()
 
@@ -256,18 +272,60 @@ class ProgressDisplay:
         if self._quiet:
             return
         stage, text = printable(stage), printable(text)
+        series, number = _later_picture(stage)
+        if not series:
+            if stage.endswith("report"):
+                self._end_pictures(stage.removesuffix("report"))
+            self._show(stage, done, text)
+            return
+        size = _decade(number)
+        first = number - number % size
+        finished = self._pictures.setdefault((series, first), set())
+        if done >= 1.0:
+            finished.add(number)
+        self._show(f"{series}{first:04d}..{first + size - 1:04d}", len(finished) / size, text)
+
+    def _end_pictures(self, place: str) -> None:
+        """No more pictures come in series below ``place``."""
+        for (series, first), finished in self._pictures.items():
+            last = first + _decade(first) - 1
+            if series.startswith(place) and 0 < len(finished) <= last - first:
+                name = f"{series}{first:04d}"
+                end = "" if max(finished) == first else f"..{max(finished):04d}"
+                self._show(f"{name}..{last:04d}", 1.0, "", f"{name}{end}")
+
+    def _show(self, stage: str, done: float, text: str, name: str = "") -> None:
+        """``name``: what the stage turns out to be."""
         now = time.perf_counter()
         start = self._started.setdefault(stage, now)
         finished = done >= 1.0
         if self._bars is not None:
             if stage not in self._tasks:
                 self._tasks[stage] = self._bars.add_task(stage, total=1.0, text=text)
-            self._bars.update(self._tasks[stage], completed=min(done, 1.0), text=text)
+            self._bars.update(
+                self._tasks[stage], completed=min(done, 1.0), text=text, description=name or stage
+            )
         elif finished and stage not in self._finished:
-            line = f"{stage:<22} {now - start:7.2f} s  {text}"
+            line = f"{name or stage:<22} {now - start:7.2f} s  {text}"
             self._console.print(line.rstrip(), markup=False, soft_wrap=True)
         if finished:
             self._finished.add(stage)
+
+
+def _later_picture(stage: str) -> tuple[str, int]:
+    """Series and number of a picture that isn't shown by itself; "" for other stages."""
+    if "render/" in stage:
+        from gpusim.report.stage_rows import SINGLE, picture_number  # not for help and plans
+
+        picture = picture_number(stage)
+        if picture is not None and picture[1] >= SINGLE:
+            return picture
+    return "", 0
+
+
+def _decade(number: int) -> int:
+    """1, 10, 100, …: the place of the number's first digit."""
+    return int(10 ** (len(str(number)) - 1))
 
 
 def size_text(count: int) -> str:

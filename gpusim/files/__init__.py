@@ -4,10 +4,12 @@ In the order in which data passes:
 
 - `input_file`: Input files, read once, and the files that they name.
 - `picture_tags`: What the header of a picture's file says: size, pages, white as zero, orientation.
+- `silence`: Silence of decoders in C, which print past Python what is wrong with a file.
 - `radiance_file`: Radiance pictures: the radiances, whatever was done to the numbers.
 - `picture_file`: Pictures in files, decoded by one function, as they are stored or as grey images.
 - `frame_source`: Pictures of one camera as a sequence: a folder, files, pages of a TIFF, arrays.
 - `hdf5_file`: HDF5 files: read whole, as arrays and attributes, and written to full disks.
 - `output_folder`: The output folder: what may be written and deleted in it, and who is writing.
 - `atomic_files`: Files that are either whole or absent.
+- `cache_files`: The user's cache folder, and the files in caches: what gpusim can do without.
 """

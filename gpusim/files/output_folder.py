@@ -1,6 +1,6 @@
 """The output folder: what may be written and deleted in it, and who is writing.
 
-A run's results lie in one folder, OUT. Names of files in it come from scenes, from ``state.json``
+A run's results lie in one folder, OUT. Names of files in it come from scenes, from ``.gpusim``
 and from the folder itself, any of which may be damaged or made to do harm. `inside` alone turns a
 name into a path, for whoever writes or deletes; `claim` lets one process write at a time.
 OUT may be a link that the user chose. What lies below may not: a link there would lead outside.

@@ -16,6 +16,7 @@ from typing import Any
 
 import wgpu
 
+from gpusim.files.cache_files import open_cached
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel, Layout
 from gpusim.gpu.raster import Raster
@@ -25,6 +26,8 @@ __all__ = ["CompiledPrograms", "prime"]
 
 UNIFORM_BYTES = 1 << 16
 STORAGE_BYTES = 1 << 16
+
+_MOST_BYTES = 10_000_000  # of the list of programs
 
 TEXELS = (4096, 3)
 """Width and height of textures that hold arrays: drivers compile for powers of two apart."""
@@ -118,7 +121,8 @@ class CompiledPrograms:
         if self._path is not None:
             self._path /= "gpusim-programs.txt"
             with suppress(OSError, UnicodeDecodeError):
-                self._known.update(self._path.read_text(encoding="utf-8").split())
+                with open_cached(self._path, _MOST_BYTES) as stream:
+                    self._known.update(stream.read().decode().split())
 
     def lacks(self, code: str, key: object) -> bool:
         """Whether it is worth while to `prime` a program: its WGSL, and what it was made by."""
@@ -130,8 +134,8 @@ class CompiledPrograms:
             return
         with suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write(self._name(code, key) + "\n")
+            with open_cached(self._path, _MOST_BYTES, append=True) as stream:
+                stream.write(f"{self._name(code, key)}\n".encode())
         self._known.add(self._name(code, key))
 
     def _name(self, code: str, key: object) -> str:

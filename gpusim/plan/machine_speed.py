@@ -20,12 +20,14 @@ from pathlib import Path
 from typing import Any
 
 from gpusim._version import __version__
+from gpusim.files.cache_files import cache_folder, open_cached
 from gpusim.parallel.machine import all_processors
 
-__all__ = ["HOST_SECONDS", "Speed", "Workload", "cache_folder", "host_seconds"]
+__all__ = ["HOST_SECONDS", "Speed", "Workload", "host_seconds"]
 
 _VERSION = 1
 _MOST_KNOWN = 500
+_MOST_BYTES = 10_000_000
 _LIMITS = 0.02, 50.0  # of a ratio: what is beyond is another fault than speed
 _FASTER, _SLOWER = 0.7, 0.4  # weights of a new run: one that is slow may have had neighbours
 _QUIET = 0.6  # share of the machine from which on a first run is believed
@@ -204,22 +206,6 @@ def _others() -> float:
     return sum(found) / len(found)
 
 
-def cache_folder() -> Path | None:
-    """Where gpusim keeps what it can do without; None if there is no such place."""
-    if os.environ.get("GPUSIM_NO_CACHE", "0") not in ("", "0"):
-        return None
-    try:
-        if base := os.environ.get("XDG_CACHE_HOME"):
-            return Path(base) / "gpusim"
-        if sys.platform == "win32":
-            return Path(os.environ["LOCALAPPDATA"]) / "gpusim" / "cache"
-        if sys.platform == "darwin":
-            return Path.home() / "Library" / "Caches" / "gpusim"
-        return Path.home() / ".cache" / "gpusim"
-    except (KeyError, RuntimeError):  # no home
-        return None
-
-
 def host_seconds() -> float:
     """Processor time (s) of a fixed piece of work like what stages do: Python, and NumPy on one
     core: the median of five, as machines are quicker by starts. A sixth of a second."""
@@ -247,7 +233,8 @@ def _content(path: Path | None) -> dict[str, Any]:
     """Machines by name. Raises OSError, ValueError, KeyError or TypeError for no such file."""
     if path is None:
         raise FileNotFoundError
-    content = json.loads(path.read_text(encoding="utf-8"))
+    with open_cached(path, _MOST_BYTES) as stream:
+        content = json.loads(stream.read().decode())
     if content["version"] != _VERSION:
         raise ValueError
     machines = content["machines"]

@@ -185,11 +185,11 @@ def _these(numbers: Sequence[int], record: int) -> Sequence[int]:
 def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
     """Public stages that aren't there, and why."""
     scene, output = build.scene, build.scene.output
-    given = "displacements are given" if scene.analysis.type == "field" else ""
-    still = given or stillness(scene, build.frames)
+    unsolved = kind_of(scene).unsolved
+    still = unsolved or stillness(scene, build.frames)
     reasons = {
         "mesh": "no [[body]]",
-        "model": given or ("nothing that runs needs it" if scene.bodies else "no [[body]]"),
+        "model": unsolved or ("nothing that runs needs it" if scene.bodies else "no [[body]]"),
         "solve": still,
         "surface": "nothing that runs needs it",
         "render": "no [[camera]]",

@@ -37,8 +37,9 @@ class StageBuilder:
         on_device: bool = False,
         **more: Any,
     ) -> Stage:
-        """A stage whose function ``work`` of `gpusim.pipeline.stages` ("images:radiance") gets the
-        ``sections`` of the scene (`SceneParts.of`), and nothing else of it.
+        """A stage whose function ``work`` of `gpusim.pipeline.stages` ("images:radiance"), or of a
+        module that is named whole ("my_package.swing:motion"), gets the ``sections`` of the scene
+        (`SceneParts.of`), and nothing else of it.
 
         ``shown``: the public stage that it belongs to; "{}" in it becomes the record's number. A
         stage ``on_device`` depends on the backend. ``more``: as `Stage` has it.
@@ -47,8 +48,9 @@ class StageBuilder:
         digests = dict(part.digests)
         if on_device:
             digests["backend"] = self.options.backend
+        whole = work if "." in work else f"gpusim.pipeline.stages.{work}"
         return Stage(
-            name, f"gpusim.pipeline.stages.{work}", part.scene, digests, needs or {}, rows,
+            name, whole, part.scene, digests, needs or {}, rows,
             shown=lambda record: shown.format(record), on_device=on_device, **more,
         )  # fmt: skip
 

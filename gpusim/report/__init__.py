@@ -5,6 +5,7 @@ In the order in which data passes:
 - `model`: What a run found, as plain data.
 - `findings`: Parts of that: mesh, forces and stress, errors.
 - `text`: Numbers as a reader sees them, and as JSON has them.
+- `stage_rows`: Stages as rows for readers: a camera's pictures that are alike are one row.
 - `style`: One look for all figures.
 - `figures`: Deflection line, convergence, tracked markers, errors.
 - `measurement_figures`: A rig and its points in space, its calibration; states compared.

@@ -17,6 +17,7 @@ from gpusim.files.picture_file import read_grey
 from gpusim.pipeline import run
 from gpusim.plan.plan import make_plan
 from tests.support.documented_tables import documented_columns, head
+from tests.support.small_crane import crane
 
 NOTCH = {"position_mm": 110.0, "width_mm": 1.0, "depth_mm": 5.0, "side": "-z"}
 CHANGES: dict[str, Any] = {
@@ -179,3 +180,21 @@ def test_example_is_valid(checkout: Path) -> None:
     ]  # fmt: skip
     notches = [len(scene.variant(v.name).bodies[0].mesh.notches) for v in scene.variants]  # type: ignore[union-attr]
     assert notches == [0, 1, 2, 3] and np.isclose(scene.cameras[0].focal, 0.043)
+
+
+def test_cameras_of_one_name_see_what_is_before_them(tmp_path: Path) -> None:
+    """Bodies stand alike in all variants, and no frame comes between their pictures."""
+    changes: list[dict[str, Any]] = [
+        {"camera.front.position_mm": [350.0, -1020.0, 290.0]}, {"camera.front.focal_mm": 25.0}, {}
+    ]  # fmt: skip
+    sets = [{"sensor.series": 0, **change} for change in changes]
+    variants = [{"name": f"v{number}", "set": change} for number, change in enumerate(sets)]
+    scene = crane(variant=variants).replace("analysis.load_factors", [1.0])
+    run(scene, tmp_path / "all", backend="numpy")
+    name = "images/front/0000.png"
+    pictures = []
+    for number in range(len(sets)):
+        run(scene.variant(f"v{number}"), tmp_path / f"{number}", backend="numpy")
+        pictures.append((tmp_path / "all" / "variants" / f"v{number}" / name).read_bytes())
+        assert pictures[-1] == (tmp_path / f"{number}" / name).read_bytes()
+    assert len(set(pictures)) == 3

@@ -37,7 +37,7 @@ CONCEPTS = {
     "optics/geometry": "edge_on open_sheets winding",
     "optics/paint": "checker_fields gloss_prints grazing",
     "optics/shading": "small_faces",
-    "optics/shadow": "border contact render scenes shares sheets stages sunk_lamps",
+    "optics/shadow": "border contact edge_on render scenes shares sheets stages sunk_lamps",
     "parallel": "child_process copies helper_processes",
     "report": "comparison",
     "scene": "gltf_looks limits",

@@ -9,6 +9,7 @@ In the order in which data passes:
 - `med`: MED files (Salome, Code_Aster): one mesh of one computing step, with its groups.
 - `msh_numbers`, `msh`: Gmsh's .msh files: their bytes, and the mesh that they hold.
 - `element_sizes`, `cad`: CAD files meshed by Gmsh, which is an optional dependency.
+- `cad_cache`: Meshes of CAD files, kept in the user's cache folder.
 - `reader`: Reading mesh files, by the ending of their name.
 - `gltf`: glTF files: their triangles and base colours.
 - `obj`: Wavefront's OBJ: faces, their texture coordinates and the names of their materials.

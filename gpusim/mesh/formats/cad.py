@@ -23,6 +23,7 @@ from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble
 from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, set_sizes
 from gpusim.mesh.mesh import Mesh
+from gpusim.parallel.machine import memory_limit
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
 
 __all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
@@ -36,6 +37,7 @@ _NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
 _STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
 _TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
 _MAX_ELEMENTS = 1e8
+_BYTES_PER_ELEMENT = 300  # of what Gmsh takes
 _LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
 
 
@@ -226,10 +228,12 @@ def _refuse_too_many(gmsh: Any, file: InputFile, size: float, scale: float) -> N
     else:
         volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
     count = volume * scale**3 / (_TETRAHEDRON * size**3)
-    if not count <= _MAX_ELEMENTS:
+    most = min(_MAX_ELEMENTS, memory_limit() / _BYTES_PER_ELEMENT)
+    if not count <= most:
         raise InputError(
-            f"{file.path}: size; got {size:g}, which makes about {count:.1g} elements; expected at "
-            f"least {(volume / (_TETRAHEDRON * _MAX_ELEMENTS)) ** (1 / 3) * scale:.2g}"
+            f"{file.path}: size; got {size / scale:g} in the file's unit, which makes about "
+            f"{count:.1g} elements; expected at least "
+            f"{(volume / (_TETRAHEDRON * most)) ** (1 / 3):.2g}"
         )
 
 

@@ -15,6 +15,7 @@ from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Faces, Mesh
+from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
@@ -90,7 +91,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
 def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
-        return mesh.mesh_cad(**{**_values_for(mesh.mesh_cad, recipe), "path": file})
+        return cached_cad_mesh(**{**_values_for(mesh.mesh_cad, recipe), "path": file})
     grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:

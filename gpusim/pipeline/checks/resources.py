@@ -10,7 +10,6 @@ from gpusim.errors import InputError
 from gpusim.field import Field
 from gpusim.files.output_folder import check_below, inside
 from gpusim.graph.folder import INNER
-from gpusim.mesh import check_gmsh
 from gpusim.parallel.machine import host_memory
 from gpusim.pipeline.build.cameras import build_camera, build_lens
 from gpusim.pipeline.build.lights import build_lights
@@ -26,7 +25,6 @@ __all__ = [
     "check_files",
     "check_folders",
     "check_memory",
-    "check_mesher",
     "check_views",
     "memory_fault",
     "mesh_fault",
@@ -79,14 +77,6 @@ def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]
             if isinstance(paint, m.Picture):
                 yield partial(_read_picture, paint, scene)
     yield partial(build_lights, scene)
-
-
-def check_mesher(scene: Scene) -> None:
-    """Raises InputError where a CAD file is to be meshed and Gmsh isn't there."""
-    for state in _states(scene):
-        for body in state.bodies:
-            if isinstance(body.mesh, m.FileMesh) and body.mesh.size is not None:
-                check_gmsh(body.mesh.path)
 
 
 def _check_size(body: m.Body, scene: Scene, warnings: list[str]) -> None:

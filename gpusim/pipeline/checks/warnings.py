@@ -6,7 +6,6 @@ What a measure can't do without (a camera that sees its markers) is an error, he
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -18,15 +17,18 @@ from gpusim.optics.light.quadrature import MOST_ACROSS
 from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
 from gpusim.pipeline.build.cameras import build_camera
 from gpusim.pipeline.build.lights import build_lights
+from gpusim.pipeline.build.modelling import build_model
 from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.measurability import disc_warnings
 from gpusim.pipeline.checks.resources import mesh_fault
 from gpusim.pipeline.measurements.kinds import Unloaded, kind_of
 from gpusim.pipeline.pictures.visibility import blind_cameras, lamps_inside
+from gpusim.plan.scene_stages import scene_stages
+from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
+from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.description import model as m
-from gpusim.scene.description.mesh import CAD_SUFFIXES
 from gpusim.scene.frames import frame_table
 from gpusim.surface import Surface
 
@@ -44,7 +46,8 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
     small = sum(isinstance(light, PointLight | SpotLight) for light in lights)
     if small + MOST_ACROSS**2 * (len(lights) - small) <= MAX_EMITTERS:
         return
-    names = [one.name for one in scene.lights if not isinstance(one, m.Ambient | m.Environment)]
+    lamps = [one for one in scene.lights if not isinstance(one, m.Ambient | m.Environment)]
+    names = [one.name for one in sorted(lamps, key=lambda lamp: not lamp.shadows)]  # `lamps_of`
     for camera in cameras:
         rows = emitting_points(look(surfaces, camera, lit=False), lights)
         if len(rows) <= MAX_EMITTERS:
@@ -65,15 +68,13 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
 def scene_warnings(scene: Scene) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
 
-    CAD files aren't meshed for it: a scene with one gives nothing. One that the free memory can't
-    hold gives that. Raises InputError for a measure
-    that can't work.
+    A scene that the free memory can't hold gives that. Raises InputError for what a run would end
+    with before it solves: a measure that can't work, a place where a body has nothing.
     """
     if not scene.variants:
         if fault := mesh_fault(scene):
             return [fault]
-        objects = build_objects(scene)
-        return [] if objects is None else geometry_warnings(objects)
+        return geometry_warnings(build_objects(scene))
     states: dict[str, list[str]] = {}
     for variant in scene.variants:
         for text in scene_warnings(scene.variant(variant.name)):
@@ -85,14 +86,13 @@ def scene_warnings(scene: Scene) -> list[str]:
     ]
 
 
-def build_objects(scene: Scene) -> SceneObjects | None:
-    """Bodies and props, unloaded; None where CAD would have to be meshed."""
-    if any(
-        isinstance(body.mesh, m.FileMesh) and Path(body.mesh.path).suffix.lower() in CAD_SUFFIXES
-        for body in scene.bodies
-    ):
-        return None
+def build_objects(scene: Scene) -> SceneObjects:
+    """Bodies and props, unloaded. Raises InputError, also where a body's model can't be built."""
     bodies = [build_body(body, scene.input) for body in scene.bodies]
+    stages = {one.name for one in scene_stages(scene, RunOptions("numpy")).stages}
+    for parts in bodies:
+        if f"model/{parts.body.name}" in stages:
+            build_model(parts, load_groups(parts.body, scene.analysis.load_factors))
     props = [build_prop(prop, scene.input) for prop in scene.props]
     board = scene.calibration.board if scene.calibration is not None else ""
     shown = [instant.shown for instant in frame_table(scene)]

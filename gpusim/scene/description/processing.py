@@ -6,7 +6,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, model_validator
+
+from gpusim.scene.analyses import ANALYSES
 
 from .colors import Tint
 from .table import SI, Listed, Name, Table, Words, each_once, fault
@@ -27,25 +29,27 @@ TruthLayer = Literal[
 
 Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
 _FACTORS = (0.0, 1.0)
-ANALYSIS_TYPES = ["static", "field"]
-"""What ``[analysis] type`` may be; `gpusim.scene.analyses.add_analysis` adds another one."""
 _PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
 def _existing(value: Any) -> Any:
-    if value in ANALYSIS_TYPES:
+    if value in tuple(ANALYSES):
         return value
     problem = "no such analysis yet" if value in _PLANNED else "unknown value"
-    raise fault("", problem, value, '"static" (linear), or "field" (displacements that are given)')
+    kinds = ", or ".join(f'"{name}" ({kind.about})' for name, kind in ANALYSES.items())
+    raise fault("", problem, value, kinds)
 
 
-_KINDS = {"enum": ["static", "field"], "type": "string"}
+def _list_kinds(schema: dict[str, Any]) -> None:
+    schema["enum"] = list(ANALYSES)
 
 
 class Analysis(Table):
     """Linear statics, or displacements that are given; one frame per load factor or time."""
 
-    type: Annotated[str, BeforeValidator(_existing), WithJsonSchema(_KINDS)] = "static"
+    type: Annotated[str, BeforeValidator(_existing), Field(json_schema_extra=_list_kinds)] = (
+        "static"
+    )
     """"field": bodies have a ``field``, and nothing is solved."""
     load_factors_: Annotated[Series, Field(alias="load_factors")] = _FACTORS
     """All loads and prescribed displacements are multiplied by this; frame 0 is the reference."""
@@ -63,13 +67,13 @@ class Analysis(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Analysis:
-        if self.type == "field":
+        if ANALYSES[self.type].given:
             if self.times is None:
                 raise fault("times", "missing", Words("no times"), "the time of each frame")
             if self.load_factors_ != _FACTORS:
                 raise fault("load_factors", "of a given field", self.load_factors_, "times")
         elif self.times is not None:
-            raise fault("times", 'of an analysis that is not of type "field"', self.times,
+            raise fault("times", f'of an analysis of type "{self.type}"', self.times,
                         "load_factors")  # fmt: skip
         return self
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.errors import Fault
+from gpusim.scene.analyses import ANALYSES
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
 from gpusim.scene.description.table import Words
@@ -24,6 +25,7 @@ Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, Mapping[str, Any]]
 _BITS = 31  # of a truth layer
 _OF_TYPE = "measure of a "
+_SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
 _NEEDS = {
     "gravity": ("density_kg_m3", "gravity on a material without density"),
@@ -45,6 +47,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.calibration()
     checks.truth_layers()
     checks.shutters()
+    checks.shadows()
     return checks.found
 
 
@@ -92,6 +95,8 @@ class _Checks:
     def __init__(self, document: Mapping[str, Any]) -> None:
         self.document, self.found = document, Found()
         self.analysis = _table(document, "analysis")
+        kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
+        self.analysis_kind = ANALYSES.get(kind)
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
             list(_items(document, key)) for key in lists
@@ -232,19 +237,23 @@ class _Checks:
 
     def fields(self) -> None:
         """Displacements are given for every body, or for none."""
-        kind = None if self.analysis is None else self.analysis.get("type", "static")
+        if self.analysis_kind is None:
+            return
+        assert self.analysis is not None
+        kind = self.analysis.get("type", "static")
         for index, body in self.bodies:
-            if kind == "field" and "field" not in body:
-                self.add(("body", index, "field"), "missing", Words('analysis.type = "field"'),
+            if self.analysis_kind.given and "field" not in body:
+                self.add(("body", index, "field"), "missing", Words(f'analysis.type = "{kind}"'),
                          "a field for every body, or type \"static\"")  # fmt: skip
-            elif kind == "static" and "field" in body:
+            elif not self.analysis_kind.given and "field" in body:
                 self.add(("analysis", "type"), "of a scene whose displacements are given", kind,
                          f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
 
     def poses(self) -> None:
         frames = None
         if self.analysis is not None:
-            key = "times" if self.analysis.get("type") == "field" else "load_factors"
+            given = self.analysis_kind is not None and self.analysis_kind.given
+            key = "times" if given else "load_factors"
             frames = self.analysis.get(key, [0, 1])
         for index, prop in self.props:
             keys = ("prop", index, "poses")
@@ -278,6 +287,20 @@ class _Checks:
         if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
             got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
             self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
+
+    def shadows(self) -> None:
+        """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""
+        casting = [
+            index
+            for index, light in _items(self.document, "light")
+            if light.get("type") in ("point", "spot", "area", "sun") and light.get("shadows", True)
+        ]
+        if len(casting) > _SHADOWS:
+            self.add(
+                ("light", casting[_SHADOWS]), "too many lamps that cast shadows",
+                Words(str(len(casting))), f"at most {_SHADOWS}",
+                "set shadows = false for lamps whose shadows don't matter",
+            )  # fmt: skip
 
     def shutters(self) -> None:
         """What moves while a shutter is open depends on how fast frames follow each other."""

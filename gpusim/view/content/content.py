@@ -19,6 +19,7 @@ from gpusim.optics.sensor.channels import Weights
 from gpusim.pipeline.build.cameras import build_lens, grey_weights
 from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
 from gpusim.scene.amplitudes import LoadGroup, load_groups
+from gpusim.scene.analyses import kind_of
 from gpusim.scene.frames import frame_word
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -112,9 +113,9 @@ class Content:
 
     @property
     def is_given(self) -> bool:
-        """Whether the displacements of its bodies are another program's."""
+        """Whether its bodies move without anything being solved."""
         objects = self.objects
-        return objects is not None and any(parts.field is not None for parts in objects.bodies)
+        return objects is not None and bool(kind_of(objects.scene).unsolved)
 
     @property
     def is_solvable(self) -> bool:

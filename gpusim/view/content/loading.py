@@ -9,8 +9,9 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
-from gpusim.mesh import boundary_faces, mesh_cad, read_mesh, read_surface
+from gpusim.mesh import boundary_faces, read_mesh, read_surface
 from gpusim.mesh.formats.cad import CAD_SUFFIXES
+from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.mesh.formats.reader import MESH_SUFFIXES
 from gpusim.motion import Given
 from gpusim.pipeline.build.cameras import build_camera
@@ -83,7 +84,7 @@ def _part(path: Path, suffix: str, scale: float) -> tuple[Surface, list[Skin]]:
         points, faces = read_surface(file)
         return Surface(scale * points, faces, PAINT, name=path.stem), []
     if suffix in CAD_SUFFIXES:
-        mesh = mesh_cad(file, size=1e-3 * COARSE_MM, curvature=CURVED, scale=scale)
+        mesh = cached_cad_mesh(file, size=1e-3 * COARSE_MM, curvature=CURVED, scale=scale)
     else:
         mesh = read_mesh(file, scale=scale)
     outside = boundary_faces(mesh)
