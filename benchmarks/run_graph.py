@@ -72,7 +72,7 @@ def books() -> None:
     global _pixels
     _pixels = random.Random(1).randbytes(8 * FRAMES + 3072)
     stage = Stage("render/a", f"{__name__}:small_frame", keeps=True, on_device=True,
-                  rows=range(FRAMES), shown=lambda k: f"render/a/{k:04d}")  # fmt: skip
+                  rows=range(FRAMES), public=lambda k: f"render/a/{k:04d}")  # fmt: skip
 
     def decided(out: Path) -> Runner:
         graph, store = Graph(), Store(out / INNER)

@@ -47,8 +47,8 @@ def test_every_kind_of_table_runs_on_parts_alone(
     kinds = {name.split("/")[0] for name in made}
     assert kinds == {
         "mesh", "surface", "props", "meshes", "geometry", "model", "solve", "solution", "motion",
-        "linear theory", "radiance", "exposure", "render", "target", "calib-exposure",
-        "calib-render", "truth", "tracks", "measure", "stress", "export",
+        "linear theory", "radiance", "exposure", "picture", "target", "calib-exposure",
+        "calib-picture", "truth", "tracks", "measure", "stress", "export",
     }  # fmt: skip
     before = made.copy()
     for number, scene in enumerate((first, second)):
@@ -67,7 +67,7 @@ def test_stages_are_given_parts(tmp_path: Path) -> None:
     assert tables["solve"] == {"solver", "bodies"} and tables["mesh"] == {"bodies"}
     assert tables["radiance"] == {"cameras", "lights", "render", "props", "bodies"}
     assert tables["exposure"] == {"cameras", "lights", "sensor"}
-    assert tables["render"] == {"cameras", "sensor"}
+    assert tables["picture"] == {"cameras", "sensor"}
     assert all("content" not in names for names in known.values())
 
 
@@ -105,7 +105,7 @@ def expected(seeds: int, places: int, loads: int) -> dict[str, int]:
     return {
         "mesh/crane": 1, "surface/crane": 1, "props": 1, "meshes": 1, "model/crane": loads,
         "solve": loads, "solution": loads, "motion/crane": loads, "radiance/front": views,
-        "exposure/front": places, "render/front": seeds * views,
+        "exposure/front": places, "picture/front": seeds * views,
     }  # fmt: skip
 
 
@@ -130,7 +130,7 @@ def test_runs_into_two_folders_share_a_store(tmp_path: Path, made: Counter[str])
     first = made.copy()
     run(two, tmp_path / "two", backend="numpy", store=store)
     again = made - first
-    assert again["solve"] == 0 and again["render/front"] == 2 and again["radiance/front"] == 2
+    assert again["solve"] == 0 and again["picture/front"] == 2 and again["radiance/front"] == 2
     run(one, tmp_path / "three", backend="numpy", store=store)
     assert made - first == again
     assert pictures(tmp_path / "one") == pictures(tmp_path / "three")

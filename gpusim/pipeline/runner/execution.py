@@ -11,6 +11,7 @@ from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device
 from gpusim.gpu.warmup import compile_during
+from gpusim.graph.folder import Folder
 from gpusim.graph.graph import Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
@@ -91,12 +92,12 @@ class Execution:
                 runner.make_early()
             except StageFailed as failed:
                 raise failed.__cause__ or failed from None
-            self._begin()
             try:
+                self._begin()
                 self._make(runner)
-            finally:
                 if device is not None:
                     keep_programs(self.out, device.programs.asked)
+            finally:
                 self._close()
 
     @contextmanager
@@ -123,6 +124,9 @@ class Execution:
             for name in ("report.html", "report.json") if runs else ():
                 delete(path, name)
         delete(self.out, "state.json")  # of a gpusim that had no store
+        for path in (self.out, *sorted(inside(self.out, "variants").glob("*"))):
+            if path not in {folder.path for folder in self.decision.folders.values()}:
+                Folder(path).retire(())  # of a scene that had other variants, or none
         if "" not in self.decision.folders:
             write_text(inside(self.out, "scene.toml"), self.scene.to_toml())
         for place, folder in self.decision.folders.items():
