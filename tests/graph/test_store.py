@@ -5,8 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import subprocess
-import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -335,39 +333,6 @@ def test_what_a_disk_refuses_is_one_clear_error(
         put(store)
     assert str(tmp_path) in str(told.value) and store.find(KEY) is None
     assert not list((tmp_path / "blobs").glob(".new*"))
-
-
-CLAIM = """
-import sys
-from pathlib import Path
-from gpusim.graph.store import Store
-store = Store(Path(sys.argv[1]))
-for line in sys.stdin:
-    what, key = line.split()
-    print(getattr(store, what)(key), flush=True)
-"""
-
-
-def test_a_claim_is_one_process_s_until_it_ends(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    other = subprocess.Popen([sys.executable, "-c", CLAIM, str(tmp_path)], text=True,
-                             stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
-
-    def says(what: str, key: str) -> str:
-        assert other.stdin is not None and other.stdout is not None
-        print(what, key, file=other.stdin, flush=True)
-        return other.stdout.readline().strip()
-
-    with other:
-        assert says("claim", KEY) == "True" and not store.claim(KEY)
-        assert store.claim(OTHER) and says("claim", OTHER) == "False"
-        says("release", KEY)
-        assert store.claim(KEY) and says("claim", KEY) == "False"
-        assert says("claim", THIRD) == "True"
-        other.kill()
-        other.wait()
-    assert store.claim(THIRD)
-    store.close()
 
 
 @pytest.mark.parametrize("broken", ["open", "lockf"])
