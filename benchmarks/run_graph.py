@@ -101,8 +101,9 @@ def books() -> None:
         closed = time.perf_counter()
         again = decided(Path(name))
         decided_s = time.perf_counter() - closed
-        print(f"close {closed - start:.2f} s; decided again {decided_s:.2f} s, "
-              f"{len(again.graph.order())} to be made; MiB at 500 and the last: {memory}")  # fmt: skip
+        left = len(again.graph.order())
+        print(f"close {closed - start:.2f} s; decided again {decided_s:.2f} s, {left} to be made; "
+              f"MiB at 500 and the last: {memory}")  # fmt: skip
 
 
 def made_in(
@@ -190,7 +191,7 @@ def kill() -> None:
                 while process.poll() is None and begun_in(out) == before:
                     time.sleep(0.005)
                 try:
-                    code = process.wait(chance.uniform(0.0, 0.5) if done < KILLS else 300)
+                    code = process.wait(chance.uniform(0.0, 1.5) if done < KILLS else 300)
                 except subprocess.TimeoutExpired:
                     process.send_signal(signal.SIGKILL)
                     code, done = process.wait(), done + 1

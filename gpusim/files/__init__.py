@@ -4,6 +4,7 @@ In the order in which data passes:
 
 - `input_file`: Input files, read once, and the files that they name.
 - `picture_tags`: What the header of a picture's file says: size, pages, white as zero, orientation.
+- `silence`: Silence of decoders in C, which print past Python what is wrong with a file.
 - `radiance_file`: Radiance pictures: the radiances, whatever was done to the numbers.
 - `picture_file`: Pictures in files, decoded by one function, as they are stored or as grey images.
 - `frame_source`: Pictures of one camera as a sequence: a folder, files, pages of a TIFF, arrays.

@@ -238,8 +238,8 @@ def _looks(file: InputFile, statement: re.Pattern[bytes]) -> list[InputFile]:
     names = set()
     for rest in statement.findall(file.data):
         words = re.sub(rb"\\[ \t]*\r?\n", b" ", rest).strip()
-        for count in range(_MOST_WORDS):
-            names |= {words.split(None, count)[-1], *words.split()[count : count + 1]}
+        for count, word in enumerate(words.split()[:_MOST_WORDS]):
+            names |= {words.split(None, count)[-1], word}
     found = set()
     for name in names:
         plain = str(_text(name))

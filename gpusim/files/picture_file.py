@@ -11,7 +11,6 @@ import logging
 import os
 import re
 import struct
-import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stdout
@@ -22,7 +21,6 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
-from cv2.utils import logging as messages
 
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
@@ -30,6 +28,7 @@ from gpusim.files.atomic_files import PathLike
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_tags import TIFF_MAGIC, Page, exif_orientation, plain_tiff, tiff_pages
 from gpusim.files.radiance_file import RadianceHeader, to_srgb
+from gpusim.files.silence import silence
 from gpusim.parallel.machine import memory_limit
 
 __all__ = [
@@ -55,7 +54,7 @@ _DENSEST = {b"\x89PNG": 8300, b"\xff\xd8": 1000, b"BM": 130, b"#?": 16, b"P": 8}
 _OPENEXR = b"\x76\x2f\x31\x01"
 
 
-def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) -> npt.NDArray[Any]:
+def decode(source: Source, page: int = 0) -> npt.NDArray[Any]:
     """The picture in a file as it is stored, (H, W) or (H, W, C), colours blue, green, red.
 
     It isn't turned or mirrored, whatever the file says of its orientation: that is a warning. Where
@@ -65,7 +64,6 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
     ----------
     source : a PNG, TIFF, JPEG, BMP, PBM, PGM, PPM, PAM, Radiance or OpenEXR file.
     page : of a TIFF with several, from 0.
-    flags : OpenCV's ``IMREAD_...``.
 
     Raises
     ------
@@ -78,7 +76,7 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
     with decoding(file):
         if file.data[:4] in TIFF_MAGIC:
             tiff = tiff_pages(file)[page]
-            turned, image = tiff.orientation, _tiff(file, tiff, flags)
+            turned, image = tiff.orientation, _tiff(file, tiff)
         elif file.data[:4] == _OPENEXR:
             image = _openexr(file)
         elif size := _claimed(file.data):
@@ -86,8 +84,8 @@ def decode(source: Source, page: int = 0, *, flags: int = cv2.IMREAD_UNCHANGED) 
             _check_size(file, size, densest * len(file.data))
             radiance = RadianceHeader.of(file.data)
             data = _plain_pam(file.data) if radiance is None else radiance.plain()
-            image = _by_opencv(data, 0, flags)
-            if radiance is not None and image is not None and image.dtype.kind == "f":
+            image = _by_opencv(data, 0)
+            if radiance is not None and image is not None:
                 image = radiance.radiances(image[..., ::-1])[..., ::-1]
             turned = exif_orientation(file.data)
     if image is None or 0 in image.shape:
@@ -139,38 +137,33 @@ def decoding(file: InputFile) -> Iterator[None]:
         ) from None
 
 
-def _by_opencv(data: bytes, page: int, flags: int) -> npt.NDArray[Any] | None:
+def _by_opencv(data: bytes, page: int) -> npt.NDArray[Any] | None:
     buffer = np.frombuffer(data, np.uint8)
-    flags |= cv2.IMREAD_IGNORE_ORIENTATION
-    level = messages.getLogLevel()
-    messages.setLogLevel(messages.LOG_LEVEL_SILENT)  # what is wrong is said once, by the error
-    try:
+    flags = cv2.IMREAD_UNCHANGED  # never turned by EXIF, which OpenCV's other flags do
+    with silence():  # what is wrong is said once, by the error
         if page == 0:
             image = cv2.imdecode(buffer, flags)
         else:
             read, images = cv2.imdecodemulti(buffer, flags, range=(page, page + 1))
             image = images[0] if read and images else None
-    finally:
-        messages.setLogLevel(level)
     return None if image is None else np.asarray(image)
 
 
-def _tiff(file: InputFile, page: Page, flags: int) -> npt.NDArray[Any] | None:
+def _tiff(file: InputFile, page: Page) -> npt.NDArray[Any]:
     """A page, by tifffile where OpenCV reads other numbers than are stored, or none: grey beside
     opacity, channels apart, more than four of them, floats of 16 bits."""
     _check_size(file, page.size)
     data = plain_tiff(file, page)
-    plain = not page.apart and page.channels <= (1 if page.grey else 4)
-    image = _by_opencv(data, page.index, flags) if plain else None
-    if image is None and flags == cv2.IMREAD_UNCHANGED:
+    image = _by_opencv(data, page.index) if page.plain else None
+    if image is None:
         import tifffile
 
         image = np.asarray(tifffile.imread(io.BytesIO(data), key=page.index))
         image = np.moveaxis(image, 0, -1) if page.apart else image
-        image = image[..., : page.colors] if page.channels > 1 else image
+        image = image[..., : page.colors] if image.ndim == 3 else image
         colors = image.ndim == 3 and image.shape[2] in (3, 4)
         image = image[..., [2, 1, 0, 3][: image.shape[2]]] if colors else image
-    return ~image if image is not None and page.white_is_zero else image
+    return ~image if page.white_is_zero else image
 
 
 def _openexr(file: InputFile) -> npt.NDArray[Any]:
@@ -181,7 +174,7 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
             f"image file: {file.path}: got no package OpenEXR; expected it for .exr files: "
             "pip install 'gpusim[exr]'"
         ) from None
-    with file.on_disk() as path, _silenced():
+    with file.on_disk() as path, redirect_stdout(io.StringIO()), silence():
         (part,) = OpenEXR.File(str(path), header_only=True).parts
         low, high = part.header["dataWindow"]
         _check_size(file, (int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1))
@@ -196,19 +189,6 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
         matrix = to_srgb(part.header["chromaticities"])
         pixels = np.maximum(pixels[..., :3] @ matrix.T, 0.0).astype(pixels.dtype)
     return pixels[..., [2, 1, 0, 3][: pixels.shape[2]]]
-
-
-@contextmanager
-def _silenced() -> Iterator[None]:
-    """Without what OpenEXR prints of damaged files, by Python and past it: the error says it."""
-    kept = os.dup(2)
-    with tempfile.TemporaryFile() as unread, redirect_stdout(io.StringIO()):
-        os.dup2(unread.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
 
 
 def _check_size(file: InputFile, size: Size, most: int = LARGEST) -> None:

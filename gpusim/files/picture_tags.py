@@ -37,13 +37,12 @@ class Page:
     orientation: int
     """1: as stored; 2 to 8: to be mirrored or turned for display."""
     white_is_zero: bool
-    floats: bool
     apart: bool
     """Whether its channels lie one after the other, each a whole picture."""
-    channels: int
     colors: int
-    """How many of the channels, the first ones, aren't said to be something else, as opacity is."""
-    grey: bool
+    """How many of its channels, the first ones, aren't said to be something else, as opacity is."""
+    plain: bool
+    """Whether OpenCV reads its numbers as they are stored, if it reads them."""
     edits: Sequence[tuple[int, bytes]]
     """Where in the file it is said, and what would say: as stored, black is zero, colours are
     already multiplied by their opacity."""
@@ -75,11 +74,9 @@ def tiff_pages(file: InputFile) -> list[Page]:
                     (page.imagewidth, page.imagelength),
                     orientation,
                     white,
-                    page.dtype is not None and page.dtype.kind == "f",
-                    page.samplesperpixel > 1 and _number(page, _PLANAR, 1) == 2,
-                    page.samplesperpixel,
+                    apart := page.samplesperpixel > 1 and _number(page, _PLANAR, 1) == 2,
                     page.samplesperpixel - len(page.extrasamples),
-                    photometric < 2,
+                    not apart and page.samplesperpixel <= (1 if photometric < 2 else 4),
                     [_says_one(page.tags[tag], tiff.byteorder) for tag in wrong],
                 )
             )
@@ -89,20 +86,17 @@ def tiff_pages(file: InputFile) -> list[Page]:
 def plain_tiff(file: InputFile, page: Page) -> bytes:
     """The file's bytes, but that decoders give the page's numbers as they are stored.
 
-    Raises InputError for floats of which white is zero, as there is no white to count from;
-    ValueError for a page of other kinds of colours, or that isn't there as a whole.
+    Raises InputError for a page that isn't there as a whole, of colours that OpenCV turns into
+    others, of bits that nobody unpacks, and of floats of which white is zero: there is no white to
+    count from.
     """
     import tifffile
 
     with tifffile.TiffFile(file.stream()) as tiff:
         whole = tiff.pages[page.index].aspage()
-        _check_kind(whole)
-        _check_whole(whole, len(file.data))
-    if page.white_is_zero and page.floats:
-        raise InputError(
-            f"image file: {file.path}: got floats of which white is zero (photometric "
-            "interpretation 0); expected black as zero, or integers"
-        )
+        problem = _unread(whole) or _lacking(whole, len(file.data))
+    if problem:
+        raise InputError(f"image file: {file.path}: got {problem}")
     if not page.edits:
         return file.data
     data = bytearray(file.data)
@@ -111,31 +105,38 @@ def plain_tiff(file: InputFile, page: Page) -> bytes:
     return bytes(data)
 
 
-def _check_kind(page: Any) -> None:
-    """Raises ValueError for colours that OpenCV turns into others, and for what nobody unpacks."""
+def _unread(page: Any) -> str:
+    """Why a page isn't read; "" if it is."""
     photometric = _number(page, _PHOTOMETRIC, 1)
     if photometric not in _PHOTOMETRICS:
-        raise ValueError(
-            f"colours of photometric interpretation {photometric} (CMYK is 5, CIELAB 8): grey, "
-            "RGB, a palette or YCbCr is due"
+        return (
+            f"colours of photometric interpretation {photometric} (CMYK is 5, CIELAB 8); expected "
+            "grey, RGB, a palette or YCbCr"
+        )
+    if photometric == 0 and page.dtype is not None and page.dtype.kind == "f":
+        return (
+            "floats of which white is zero (photometric interpretation 0); expected black as zero, "
+            "or integers"
         )
     if photometric != 3 and page.bitspersample in (2, 4):
-        raise ValueError(f"numbers of {page.bitspersample} bits: 1, or 8 and more are due")
+        return f"numbers of {page.bitspersample} bits; expected 1, or 8 and more"
+    return ""
 
 
-def _check_whole(page: Any, length: int) -> None:
-    """Raises ValueError unless the file, of ``length`` bytes, has all tiles or strips."""
+def _lacking(page: Any, length: int) -> str:
+    """What a page lacks in a file of ``length`` bytes; "" if all tiles or strips are there."""
     count = math.prod(page.chunked)
     if 2 * count > length:
-        raise ValueError(f"{count} tiles or strips in {length} bytes")
+        return f"{count} tiles or strips in {length} bytes; expected fewer"
     parts = list(zip(page.dataoffsets, page.databytecounts, strict=False))
     there = sum(at > 0 and size > 0 and at + size <= length for at, size in parts)
     if there < count:
-        raise ValueError(f"{there} of {count} tiles or strips: the file is cut off")
+        return f"{there} of {count} tiles or strips; expected all: the file is cut off"
     row = -(-page.imagewidth * page.bitspersample * page.samplesperpixel // 8)
     stored = sum(size for _, size in parts)
     if page.compression == 1 and page.photometric != 6 and stored < page.imagelength * row:
-        raise ValueError(f"{stored} bytes for {page.imagelength} rows of {row}: it is cut off")
+        return f"{stored} bytes; expected {page.imagelength} rows of {row}: the file is cut off"
+    return ""
 
 
 def exif_orientation(data: bytes) -> int:

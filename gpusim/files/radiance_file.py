@@ -77,15 +77,12 @@ class RadianceHeader:
         if not (divisor > 0.0).all():
             raise ValueError(f"EXPOSURE and COLORCORR of {divisor}")
         formats = {value for key, value in self.values if key == "FORMAT"} or {"32-bit_rle_rgbe"}
-        matrix = np.eye(3)
-        if formats == {"32-bit_rle_xyze"}:
-            matrix = to_srgb(_XYZ)
-        elif formats != {"32-bit_rle_rgbe"}:
+        primaries = [_XYZ] if formats == {"32-bit_rle_xyze"} else self._entries("PRIMARIES", 8)
+        if not formats <= {"32-bit_rle_rgbe", "32-bit_rle_xyze"} or len(formats) > 1:
             raise ValueError(f"FORMAT={', '.join(sorted(formats))[:60]}")
-        elif primaries := self._entries("PRIMARIES", 8):
-            matrix = to_srgb(primaries[-1])
-        # what sRGB hasn't got would be below 0
-        picture = np.maximum((numbers / divisor) @ matrix.T, 0.0).astype(np.float32)
+        picture = np.divide(numbers, divisor, dtype=np.float32)
+        if primaries:  # what sRGB hasn't got would be below 0
+            picture = np.maximum(picture @ to_srgb(primaries[-1]).T.astype(np.float32), 0.0)
         if self.first[1] == "X":
             picture = picture.transpose(1, 0, 2)
         axes = self.first, self.second

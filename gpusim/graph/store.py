@@ -279,12 +279,16 @@ class Store:
         with ThreadPoolExecutor(_FLUSHERS) as pool:
             list(pool.map(_flush, map(self.blob, self._unflushed)))
         whole = Log(self.root / "log" / f".log.{self._name}.part")
-        for content in (*(one.content() for one in self._records.values()), {"closed": True}):
-            whole.append(content)
-        whole.close()
-        os.replace(whole.path, self.root / "log" / f"0-{secrets.token_hex(4)}.log")
-        for path in ended:
-            path.unlink(missing_ok=True)
+        try:
+            for content in (*(one.content() for one in self._records.values()), {"closed": True}):
+                whole.append(content)
+            whole.close()
+            os.replace(whole.path, self.root / "log" / f"0-{secrets.token_hex(4)}.log")
+            for path in ended:
+                path.unlink(missing_ok=True)
+        except OSError:  # full, or read alone: they stay as they are, and are doubted
+            with suppress(OSError):
+                whole.path.unlink(missing_ok=True)
 
     def collect(self, keys: Iterable[str]) -> None:
         """Forget all results but those of ``keys``, and delete the files that nobody needs, those

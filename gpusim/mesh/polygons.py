@@ -32,16 +32,17 @@ def cut_at_dents(points: Array, faces: npt.NDArray[np.integer]) -> tuple[Long, L
     """Faces (F, 4), -1 as a triangle's last corner, of which no quadrilateral has a dent, and the
     face (F,) that each is of.
 
-    A dented one becomes two triangles. Elsewhere, what cuts along the diagonal from a face's first
-    corner gets two triangles that look the same way. Neighbours of a face stay its neighbours.
+    A dented one becomes two triangles. A dent is where the outline, seen along the face's mean
+    normal, turns the other way; a quadrilateral that is bent has none.
     """
     quads = np.flatnonzero(faces[:, 3] >= 0)
     a, b, c, d = (points[faces[quads, k]] for k in range(4))
     at_b, at_c, at_d = np.cross(b - a, c - a), np.cross(c - b, d - b), np.cross(c - a, d - a)
     area = at_b + at_d
-    least = -_FLAT * np.einsum("ij,ij->i", area, area)
-    # whether the halves along either diagonal look opposite ways
-    dented = np.stack([np.einsum("ij,ij->i", one, area - one) < least for one in (at_b, at_c)], 1)
+    size = np.einsum("ij,ij->i", area, area)
+    # of the corners b and d, and c and a, between two of which a diagonal lies
+    shares = np.stack([np.einsum("ij,ij->i", one, area) for one in (at_b, at_c)], axis=1)
+    dented = np.minimum(shares, size[:, None] - shares) < -_FLAT * size[:, None]
     source = np.arange(len(faces))
     if not dented.any():
         return faces.astype(np.int64), source

@@ -17,6 +17,7 @@ from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
 from gpusim.arrays.grey import grey_of
+from gpusim.errors import InputError
 from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
@@ -272,30 +273,19 @@ def draw_map(
             most = max(-low, high)
             norm, colours = TwoSlopeNorm(0.0, -most, most), "RdBu_r"
         if limited:
-            norm = style.pop("norm", None) or Normalize(
-                style.pop("vmin", low), style.pop("vmax", high)
-            )
+            norm = style.pop("norm", None) or _limits(style, low, high)
+        style = {"cmap": colours, "norm": norm} | style
         shown = _lattice(points, one.values)
         if shown is not None:
             grid, extent = shown
-            drawn: Any = axes.imshow(
-                grid,
-                **{
-                    "cmap": colours,
-                    "norm": norm,
-                    "interpolation": "nearest",
-                    "extent": extent,
-                    "alpha": 0.85 if backdrop is not None else 1.0,
-                    **style,
-                },
-            )
+            cells: dict[str, Any] = {
+                "alpha": 0.85 if backdrop is not None else 1.0,
+                "interpolation": "nearest",
+            }
+            drawn: Any = axes.imshow(grid, **(cells | {"extent": extent} | style))
         else:
-            drawn = axes.scatter(
-                points[known, 0],
-                points[known, 1],
-                c=one.values[known],
-                **{"s": 14, "cmap": colours, "norm": norm, "linewidths": 0, **style},
-            )
+            dots: dict[str, Any] = {"s": 14, "linewidths": 0} | style
+            drawn = axes.scatter(points[known, 0], points[known, 1], c=one.values[known], **dots)
         bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02, extend="both")
         bar.outline.set_visible(False)
         bar.ax.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
@@ -303,6 +293,17 @@ def draw_map(
     axes.set_xlim(left, right)
     axes.set_ylim(lower, upper)
     axis_title(axes, one.title)
+
+
+def _limits(style: dict[str, Any], low: float, high: float) -> Normalize:
+    """Those of ``style``, which loses them, else ``low`` and ``high``. Raises InputError."""
+    given = style.pop("vmin", None), style.pop("vmax", None)
+    low, high = (
+        one if one is not None else usual for one, usual in zip(given, (low, high), strict=True)
+    )
+    if not low < high:
+        raise InputError(f"plot: vmin, vmax; got {low} and {high}; expected growing numbers")
+    return Normalize(low, high)
 
 
 def _frame_of(points: npt.NDArray[np.float64]) -> Frame:

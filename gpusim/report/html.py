@@ -19,7 +19,7 @@ import numpy.typing as npt
 from gpusim.errors import GpusimError, InputError
 from gpusim.export.images import Picture, read_image
 from gpusim.files.input_file import read_input
-from gpusim.files.picture_file import decode
+from gpusim.files.picture_file import read_picture
 from gpusim.printable import printable
 from gpusim.report.model import Figure, FramePair, Measurement, Report, Stage
 from gpusim.report.stage_rows import stage_rows
@@ -83,8 +83,8 @@ def page_pair(pair: FramePair) -> PagePair:
         width,
         height,
         bits,
-        _frame_uri(reference, bits),
-        _frame_uri(deformed, bits),
+        _jpeg_uri(reference, _PAGE_WIDTH, 86, bits),
+        _jpeg_uri(deformed, _PAGE_WIDTH, 86, bits),
         crops,
     )
 
@@ -99,20 +99,15 @@ def file_uri(path: Path) -> str:
 
 def photo_uri(path: Path) -> str:
     """Return a picture file as the data URI of a JPEG no wider than the page shows it sharply."""
-    image = decode(path, flags=cv2.IMREAD_COLOR)
-    height, width = image.shape[:2]
-    scale = min(1.0, _PHOTO_WIDTH / width)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
-    small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    return _encoded(small, ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 88])
+    return _jpeg_uri(np.ascontiguousarray(read_picture(path)), _PHOTO_WIDTH, 88)
 
 
-def _frame_uri(image: Picture, bits: int) -> str:
+def _jpeg_uri(image: Picture, widest: int, quality: int, bits: int = 0) -> str:
     """Down-scale by area average and encode as JPEG; levels of ``bits`` become 8."""
     height, width = image.shape[:2]
-    scale = min(1.0, _PAGE_WIDTH / width)
+    scale = min(1.0, widest / width)
     small = reduced(image, (max(1, round(width * scale)), max(1, round(height * scale))), bits)
-    return _encoded(_opencv(small), ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86])
+    return _encoded(_opencv(small), ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def reduced(image: Picture, size: tuple[int, int], bits: int = 0) -> Bytes:

@@ -202,7 +202,7 @@ def _occluder_refinement(device: Device) -> None:
             _any_of(len(entry), pair, space.lamp, seen)
             for seen in (
                 edge_functions(
-                    space.lamp, own[row], corners[own_face], planes[own_face],
+                    space, own[row], corners[own_face], planes[own_face],
                     occluders.open[own_face], some,
                 )
                 for some in (looks, np.where(looks < 0.0, 1.0, looks))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import os
 import resource
 import struct
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -76,7 +78,7 @@ def test_colours_beside_two_more_channels(tmp_path: Path) -> None:
          "photometric interpretation 5"),
         (tiff(4, 1, b"\x1b", 2), "numbers of 2 bits"),
         (tiff(4, 1, b"\x1b\x1b", 4), "numbers of 4 bits"),
-        (tiff(4, 5, bytes(19), 8), "19 bytes for 5 rows of 4: it is cut off"),
+        (tiff(4, 5, bytes(19), 8), "got 19 bytes; expected 5 rows of 4: the file is cut off"),
     ],
 )  # fmt: skip
 def test_a_tiff_that_is_not_read_is_one_error(content: bytes, words: str, tmp_path: Path) -> None:
@@ -98,10 +100,10 @@ def test_tiles_are_counted_before_they_are_read(tmp_path: Path) -> None:
     path = tmp_path / "tiles.tif"
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     path.write_bytes(tiles(16000, 1, 300, 500))
-    with pytest.raises(InputError, match="256000000 tiles or strips in"):
+    with pytest.raises(InputError, match="got 256000000 tiles or strips in"):
         read_picture(path)
     path.write_bytes(tiles(1600, 16, 16, 10000))
-    with pytest.raises(InputError, match="16 of 10000 tiles or strips: the file is cut off"):
+    with pytest.raises(InputError, match="got 16 of 10000 tiles or strips; expected all"):
         read_picture(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000
 
@@ -114,7 +116,9 @@ def test_a_copy_of_tiles_that_was_cut_off(tmp_path: Path) -> None:
     path.write_bytes(stream.getvalue())
     np.testing.assert_array_equal(read_picture(path), pixels)
     path.write_bytes(stream.getvalue()[:-300])
-    with pytest.raises(InputError, match="14 of 16 tiles or strips: the file is cut off"):
+    with pytest.raises(
+        InputError, match="got 14 of 16 tiles or strips; expected all: the file is cut off"
+    ):
         read_picture(path)
 
 
@@ -256,3 +260,26 @@ def test_panoramas_in_openexr(
     openexr.File({}, {"Z": green[..., 0].copy()}).write(str(path))
     with pytest.raises(InputError, match=r"sky\.exr: .*channels Z"):
         read_panorama(path)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".hdr", ".bmp"])
+def test_decoders_say_nothing_of_damage(
+    suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """In any number of threads; what is printed afterwards is seen."""
+    pixels = np.random.default_rng(5).integers(1, 256, (33, 57, 3), dtype=np.uint8)
+    data = cv2.imencode(suffix, pixels.astype(np.float32) if suffix == ".hdr" else pixels)[1]
+    path = tmp_path / f"cut{suffix}"
+    path.write_bytes(data.tobytes()[: data.size // 2])
+    capfd.readouterr()
+
+    def refused(_: int) -> bool:
+        with pytest.raises(InputError, match=rf"cut\{suffix}"):
+            read_picture(path)
+        return True
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(refused, range(20)))
+    assert capfd.readouterr() == ("", "")
+    os.write(2, b"seen")
+    assert capfd.readouterr().err == "seen"

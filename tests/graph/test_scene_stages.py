@@ -158,3 +158,24 @@ def test_plans_of_many_frames_are_linear() -> None:
 
     small, large = work(20), work(200)
     assert large[0] < 10.5 * small[0] and large[1] < 10.5 * small[1]
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [{"camera.front.position_mm": [350.0, -1020.0, 290.0]}, {"camera.front.focal_mm": 35.0}],
+)
+def test_variants_that_show_the_same_to_another_camera(
+    tmp_path: Path, setting: dict[str, Any]
+) -> None:
+    """What the device drew last is no picture of theirs, though nothing has moved."""
+    scene = crane(
+        variant=[{"name": "as-it-is"}, {"name": "changed", "set": setting}],
+        sensor={"exposure": 0.3},
+    ).replace("analysis.load_factors", [1.0])  # fmt: skip
+    run(scene, tmp_path / "both", backend="numpy")
+    alone = [tmp_path / name for name in ("as-it-is", "changed")]
+    for out in alone:
+        run(scene.variant(out.name), out, backend="numpy")
+    assert pictures(alone[0]) != pictures(alone[1])
+    for out in alone:
+        assert pictures(out) == pictures(tmp_path / "both" / "variants" / out.name)

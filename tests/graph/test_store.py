@@ -388,3 +388,22 @@ def test_where_nothing_can_be_locked_nobody_waits(
     store = Store(tmp_path)
     assert store.claim(KEY)
     store.release(KEY)
+
+
+def test_logs_that_cant_be_put_together_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, before = abandoned(tmp_path, (KEY, "data")), sorted(tmp_path.rglob("*"))
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Log, "append", refuse)
+        Store(tmp_path).close()
+    assert sorted(tmp_path.rglob("*")) == before and log.exists()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        Store(tmp_path).close()
+    assert sorted(tmp_path.rglob("*")) == before
+    assert Store(tmp_path).fault(KEY, "stage") is None

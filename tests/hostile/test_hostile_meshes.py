@@ -17,6 +17,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.export import write_pvd, write_stl
+from gpusim.files.input_file import included_files, read_input
 from gpusim.mesh import box, mesh_cad, read_mesh, read_surface, read_textured
 from tests.field import test_read as fields
 from tests.hostile.mutations import SEED, mutations, share
@@ -100,6 +101,40 @@ def legacy_of(binary: bool, version: str) -> bytes:
     return legacy(bricks.points, bricks.cells["hex8"], binary, version, True)
 
 
+LOOKS = b"""mtllib {name}
+v 0 0 0
+v 4 0 0
+v 4 4 0
+v 1 1 0
+v 0 4 0
+vt 0 0
+vt 1 0
+vt 1 1
+usemtl A
+f 1/1 2/2 3/3 4/1 5/2
+usemtl B c
+f 1/1 2/2 4/-1 5/3
+"""
+MTL = b"""newmtl A
+Kd 0.5 0.2 0.1
+map_Kd -s 2 2 1 -o 0.5 0 0 q.png
+newmtl B c
+Kd 0.1
+map_KD -clamp on \\
+  q.png
+"""
+
+
+def looks_of(path: Path) -> None:
+    """As a scene reads them; of an .mtl, those of an OBJ that names it."""
+    (path.parent / "q.png").write_bytes(b"of no matter here")
+    if path.suffix == ".mtl":
+        path.with_suffix(".obj").write_bytes(LOOKS.replace(b"{name}", path.name.encode()))
+    file = read_input(path.with_suffix(".obj"))
+    known = {str(one.path): one.sha256 for one in (file, *included_files(file))}
+    read_textured(read_input(file, known=known))
+
+
 Make = Callable[[Path], bytes]
 CASES: dict[str, tuple[str, Callable[[Path], Any], Make]] = {
     "msh 2.2 text": (".msh", read_mesh, lambda f: msh(f, 2.2, 0)),
@@ -124,6 +159,8 @@ CASES: dict[str, tuple[str, Callable[[Path], Any], Make]] = {
                  + b"0 0 0 9\n1 0 0 9\n1 1 0 9\n0 1 .5 9\n3 0 1 2\n4 0 1 2 3\n"),
     "ply binary": (".ply", read_surface, lambda f: binary_ply("<")),
     "obj": (".obj", read_surface, lambda f: OBJ),
+    "obj looks": (".obj", looks_of, lambda f: LOOKS.replace(b"{name}", b"a.mtl")),
+    "mtl": (".mtl", looks_of, lambda f: MTL),
     "off": (".off", read_surface, lambda f: OFF),
     "glb": (".glb", read_textured, lambda f: pictured().glb()),
     "gltf": (".gltf", read_textured, lambda f: gltf_text()),

@@ -38,6 +38,15 @@ def test_a_dented_quadrilateral_is_cut_at_its_dent(first: int, order: int) -> No
     assert normals[0] @ normals[1] > 0.0
 
 
+def test_what_is_bent_has_no_dent() -> None:
+    """A square whose halves make a sharp fold, along either diagonal."""
+    for height in (0.2, 1.0, 5.0):
+        folded = np.array([[0.0, 0, 0], [1, 0, height], [1, 1, 0], [0, 1, height]])
+        for first in range(4):
+            face = np.roll([[0, 1, 2, 3]], first, axis=1)
+            np.testing.assert_array_equal(cut_at_dents(folded, face)[0], face)
+
+
 def test_what_has_no_dent_stays() -> None:
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0.4], [0, 1, 0], [2, 0, 0]])
     faces = np.array([[0, 1, 2, 3], [0, 4, 2, -1], [0, 1, 4, 2]])  # bent; a triangle; straight at 1

@@ -113,6 +113,12 @@ def test_a_map_with_colours_of_its_own() -> None:
     ):  # fmt: skip
         with pytest.raises(gs.InputError, match=rf"DicResult.plot: image; .*{words}"):
             result.plot(image=image)
+    for limits in ({"vmin": np.nan}, {"vmin": 2.0, "vmax": 1.0}, {"vmax": -5.0}):
+        with pytest.raises(gs.InputError, match=r"plot: vmin, vmax; got .*growing"):
+            result.plot(**limits)
+    mapped = gs.measure.mapped(result, lambda pixels: pixels / 800.0)
+    with pytest.raises(gs.InputError, match=r"MappedResult\.plot: image; got one beside points"):
+        mapped.plot(image=before)
 
 
 def test_numbers_that_are_none(solution: gs.Solution) -> None:

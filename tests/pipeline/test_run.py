@@ -193,8 +193,13 @@ def test_without_shortcuts_nothing_is_reused(done: tuple[gs.Report, Path], scene
 def test_overexposed_markers_are_warned_of(scene: gs.Scene, tmp_path: Path) -> None:
     plain = scene.replace("output.truth", []).replace("output.vtu", False)
     right = run(plain, tmp_path / "right")
-    full = json.loads((tmp_path / "right/images/side/exposure.json").read_text())
-    bright = plain.replace("sensor.exposure", 1.3 / full["full_scale_radiance"])
+    (chosen,) = json.loads((tmp_path / "right/images/side/exposure.json").read_text()).items()
+    assert chosen[0] == "exposure"
+    # copied into the scene, the number gives the same pictures; a larger one brighter ones
+    run(plain.replace("sensor.exposure", chosen[1]), tmp_path / "copied")
+    same = (tmp_path / place / "images/side/0001.png" for place in ("right", "copied"))
+    assert len({path.read_bytes() for path in same}) == 1
+    bright = plain.replace("sensor.exposure", 1.3 * chosen[1])
     report = run(bright, tmp_path / "bright")
     assert right.warnings == ()
     assert any("saturated pixels on side-0" in text for text in report.warnings)

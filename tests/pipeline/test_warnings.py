@@ -188,7 +188,10 @@ def test_a_lamp_inside_a_body() -> None:
 
 def test_more_lamps_than_a_picture_takes(tmp_path: Path) -> None:
     def lamps(count: int) -> list[dict[str, Any]]:
-        return [lamp([10.0 * k, -900.0, 300.0]) | {"name": f"bulb-{k}"} for k in range(count)]
+        return [
+            lamp([10.0 * k, -900.0, 300.0]) | {"name": f"bulb-{k}", "shadows": False}
+            for k in range(count)
+        ]
 
     small = {"camera.front.resolution_px": [40, 30]}
     assert scene_warnings(mini(small, light=lamps(256), measure=[])) == []

@@ -73,7 +73,8 @@ def blocked(
 def ray_shares(
     lamp: Lamp, corners: Array, is_open: Flags, own: Receivers, slack: float, grain: int = GRAIN
 ) -> Array:
-    """(n,): the share of a lamp that receivers see, by stratified rays from all over each."""
+    """(n,): the share of a lamp, as far as it is above their planes, that receivers see, by
+    stratified rays from all over each."""
     random = np.random.default_rng(7)
     cell = np.stack(np.meshgrid(*2 * [np.arange(grain)], indexing="ij"), axis=-1).reshape(-1, 2)
     result = np.zeros(len(own.at))
@@ -91,7 +92,9 @@ def ray_shares(
             stop = start + FAR * stop
         some = near[row]
         hidden = blocked(start, stop, own.normal[row], corners[some], is_open[some], slack)
-        result[row] = 1.0 - hidden.mean()
+        above = (stop - start) @ np.cross(own.across[row], own.down[row])
+        above *= np.sign(np.cross(own.across[row], own.down[row]) @ own.normal[row])
+        result[row] = 1.0 - hidden[above > 0.0].mean() if (above > 0.0).any() else 0.0
     return result
 
 

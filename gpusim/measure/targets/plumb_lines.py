@@ -99,12 +99,12 @@ def plumb_lines(
     middle, scale = 0.5 * (np.array(size) - 1.0), 0.5 * max(size)
     x = (points - middle) / scale
     best, best_fit = np.inf, None
-    for terms in (*LENSES, *map(_polynomial, DEGREES)):
+    for terms in (*LENSES, *STRETCHED, *map(_polynomial, DEGREES)):
         unknown = 8 + terms(x[:1]).shape[-1]
         if 2 * len(x) < EQUATIONS_PER_UNKNOWN * unknown:
             continue
-        weights, square, used = _fit(x, index.astype(np.float64), terms)
-        variance = square / (2 * used) + (GOOD_FIT / scale) ** 2
+        weights, square = _fit(x, index.astype(np.float64), terms)
+        variance = square / (2 * len(x)) + (GOOD_FIT / scale) ** 2
         score = 2 * len(x) * np.log(variance) + unknown * np.log(2 * len(x))
         if score < best:
             best, best_fit = score, (terms, weights)
@@ -145,6 +145,24 @@ def _lens(radial: int, centre: int) -> Straighten:
 LENSES = tuple(_lens(*orders) for orders in ((0, 0), (1, 0), (2, 1), (3, 2)))
 
 
+def _stretched(radial: int, centre: int) -> Straighten:
+    """What pixels that aren't square make of the same: x times all even monomials, and for a shift
+    of the lens's centre all monomials of second, fourth … degree."""
+    even = [(2 * k, 2 * (n - k)) for n in range(1, radial + 1) for k in range(n + 1)]
+    shift = [(k, 2 * n - k) for n in range(1, centre + 1) for k in range(2 * n + 1)]
+
+    def terms(x: FloatArray) -> FloatArray:
+        column, row = x[..., None, :1], x[..., None, 1:]
+        every = [x[..., None] * column**i * row**j for i, j in even]
+        every += [column**i * row**j * np.eye(2) for i, j in shift]
+        return np.concatenate(every, axis=-1)
+
+    return terms
+
+
+STRETCHED = tuple(_stretched(*orders) for orders in ((1, 1), (2, 1), (3, 1), (3, 2)))
+
+
 def _polynomial(degree: int) -> Straighten:
     """All monomials from the second degree on, in both coordinates."""
     powers = [(n - k, k) for n in range(2, degree + 1) for k in range(n + 1)]
@@ -162,14 +180,15 @@ def _polynomial(degree: int) -> Straighten:
     return terms
 
 
-def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray, float, int]:
-    """Weights (T,) of the terms, the sum of squares that is left, and of how many points."""
+def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray, float]:
+    """Weights (T,) of the terms, and the sum of squares that is left: of points beyond `FARTHEST`
+    the square of that, so that no fit gains by leaving points out."""
     grid = (grid - grid.mean(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1.0)
     values = terms(x)
     weights = np.zeros(values.shape[-1])
     h = _homography(grid, x)
     use = np.ones(len(x), dtype=bool)
-    square = np.inf
+    square = limit = np.inf
     for _ in range(ROUNDS):
         image, slopes = _seen(h, grid)
         deviation = x + values @ weights - image
@@ -184,8 +203,8 @@ def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray
         if abs(before - square) <= 1e-6 * square:
             break
     image, _ = _seen(h, grid)
-    deviation = (x + values @ weights - image)[use]
-    return weights, float(np.square(deviation).sum()), int(use.sum())
+    square_deviation = np.square(x + values @ weights - image).sum(axis=1)
+    return weights, float(np.minimum(square_deviation, limit**2).sum())
 
 
 def _homography(grid: FloatArray, x: FloatArray) -> FloatArray:

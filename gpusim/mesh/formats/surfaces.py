@@ -321,10 +321,10 @@ def numbered_surface(
     if kind is None:
         raise InputError(f"{name}: got {name.suffix!r}; expected one of {', '.join(_FORMATS)}")
     file = read_input(path, "a file of faces")
-    return merged(str(name), *kind(file))
+    return welded(str(name), *kind(file))
 
 
-def merged(
+def welded(
     where: str, points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
     """Points at the same place as one, faces that have an area, and which (F,) of all each is."""

@@ -16,7 +16,7 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import fail, numbers, statements
 from gpusim.mesh.formats.gltf.base_colors import gltf_looks
 from gpusim.mesh.formats.obj import ObjFile, read_obj
-from gpusim.mesh.formats.surfaces import merged, numbered_surface
+from gpusim.mesh.formats.surfaces import numbered_surface, welded
 
 __all__ = ["TEXTURED_SUFFIXES", "FileMaterial", "TexturedSurface", "read_textured"]
 
@@ -87,7 +87,7 @@ def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
         content = read_obj(file)
         if content.fault:
             raise InputError(content.fault)
-        points, faces, number = merged(str(file.path), content.points, content.faces)
+        points, faces, number = welded(str(file.path), content.points, content.faces)
         uv, material, materials = _obj(file, content)
     else:
         points, faces, number = numbered_surface(file)
@@ -102,15 +102,15 @@ def _obj(file: InputFile, content: ObjFile) -> Looks:
     library: dict[str, _Look] = {}
     absent = ""
     for names in content.libraries:
-        for name in [names] if _found(file, names) else names.split():
-            path = _found(file, name)
+        for name in [names] if _name_beside(file, names) else names.split():
+            path = _name_beside(file, name)
             absent = absent or ("" if path else name)
             library |= _library(file.beside(path, "materials")) if path else {}
     uv, materials = content.uv.copy(), []
     for number, name in enumerate(content.materials):
         look = library.get(name) or _Look({"missing": absent or f"newmtl {name}"})
-        own = content.material == number
-        uv[own] = uv[own] * look.scale + look.offset
+        of_it = content.material == number
+        uv[of_it] = uv[of_it] * look.scale + look.offset
         materials.append(FileMaterial(name, **look.fields))
     return uv, content.material, tuple(materials)
 
@@ -124,7 +124,7 @@ class _Look:
     offset: tuple[float, float] = (0.0, 0.0)
 
 
-def _found(file: InputFile, name: str) -> str:
+def _name_beside(file: InputFile, name: str) -> str:
     """The name of a file beside it, also with separators of Windows; "" if none is there."""
     names = name, name.strip("\"'"), name.strip("\"'").replace("\\", "/")
     return next((one for one in names if os.path.isfile(file.path.parent / one)), "")
@@ -146,13 +146,15 @@ def _library(mtl: InputFile) -> dict[str, _Look]:
             look.fields["color"] = tuple(color)
         elif keyword == "map_kd":
             look.fields.setdefault("color", (1.0, 1.0, 1.0))
-            name = _placed(mtl, rest, look, line)
-            path = _found(mtl, name)
+            name = _picture_name(mtl, rest, look, line)
+            path = _name_beside(mtl, name)
+            if not name:
+                fail(mtl, "map_Kd without a name; expected a picture's", line)
             look.fields |= {"picture": mtl.beside(path, "a picture")} if path else {"missing": name}
     return looks
 
 
-def _placed(mtl: InputFile, rest: str, look: _Look, line: int) -> str:
+def _picture_name(mtl: InputFile, rest: str, look: _Look, line: int) -> str:
     """The picture's name behind the options of `map_Kd`, which go to ``look``."""
     while match := re.match(r"(-[a-z]+)\s+(?=\S)", rest):
         option, rest = match[1], rest[match.end() :]
@@ -162,9 +164,10 @@ def _placed(mtl: InputFile, rest: str, look: _Look, line: int) -> str:
             values.append(word[1])
             rest = rest[word.end() :]
         u, v, *_ = [*map(float, values), *(1.0, 1.0)[len(values) :]] if most > 1 else (0.0, 0.0)
-        if option == "-s" and values:
+        finite = bool(values) and bool(np.isfinite([u, v]).all())
+        if option == "-s" and finite:
             look.scale = u, v
-        elif option == "-o" and values:
+        elif option == "-o" and finite:
             look.offset = u, v if len(values) > 1 else 0.0
         elif option == "-clamp" and values == ["on"]:
             look.fields["wrap"] = "clamp", "clamp"

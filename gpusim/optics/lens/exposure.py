@@ -18,7 +18,6 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Band, Frame
-from gpusim.optics.geometry.culling import wound_inwards
 from gpusim.optics.lens.convolution import (
     ConvolvePass,
     Target,
@@ -40,7 +39,13 @@ from gpusim.optics.lens.thin_lens import Focus, Lens, focus_of, seen_through
 from gpusim.optics.lens.tiles import Tile, largest_tile
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.local_origin import local_view
-from gpusim.optics.rendering.renderer import MIN_ERROR, backdrop, is_coloured, render
+from gpusim.optics.rendering.renderer import (
+    MIN_ERROR,
+    backdrop,
+    is_coloured,
+    picture_warnings,
+    render,
+)
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
@@ -48,6 +53,9 @@ from gpusim.validation import checked
 __all__ = ["Exposure", "photograph", "plan_exposure"]
 
 Array = npt.NDArray[np.float64]
+PLACE_ERROR = 1.0 / 8.0
+"""Over w n^2: how far the centroid of what is w px wide moves at most, as cells of 1 / n px that it
+fills in part on one side don't tell where."""
 SAME_IMAGE = SampledKernel(1, 0, ((np.ones(1), np.ones(1)),), 0.0)
 
 
@@ -144,7 +152,7 @@ def photograph(
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])
     frame.facts = dict(exposure.facts)
-    frame.warnings = (*wound_inwards(*exposure.sight), *exposure.warnings)
+    frame.warnings = (*picture_warnings(*exposure.sight, lights), *exposure.warnings)
     return frame
 
 
@@ -280,7 +288,8 @@ def _point_spread(
         )
         notes.facts["point spread"] = (
             f"{kernel.n} x {kernel.n} cells a pixel, {kernel.taps} across the kernel, edge error "
-            f"{kernel.edge_error:.1e}"
+            f"{kernel.edge_error:.1e}, what is w px wide in place to "
+            f"{PLACE_ERROR / kernel.n**2:.2g} / w px"
         )
         return kernel, 1.0
     side = float(np.sqrt(lens.fill_factor))

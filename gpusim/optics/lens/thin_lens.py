@@ -106,7 +106,8 @@ class Lens:
     blades : of the iris, 0 for a round one; ``blade_angle`` (rad) turns it.
     vignetting : fall-off towards the corners.
     positions : lens positions, unless the error asked for decides.
-    samples_per_px : render cells along a pixel for the point spread, unless the error decides.
+    samples_per_px : render cells along a pixel for the point spread, n, unless the error decides:
+        the centroid of what is w px wide is then off by up to 1 / (8 w n^2) px.
 
     Examples
     --------

@@ -26,7 +26,7 @@ from gpusim.optics.light.lights import (
 )
 
 __all__ = [
-    "MOST_LAMPS",
+    "MOST_SHADOWS",
     "Lamp",
     "check_number",
     "closest_points",
@@ -40,7 +40,8 @@ Array = npt.NDArray[np.float64]
 MOST_ACROSS = 8
 """Emitting points along one side of a lamp; shadows have samples of their own, `sample_mask`."""
 
-MOST_LAMPS = 16
+MOST_SHADOWS = 32
+"""Lamps that cast shadows: each has a bit of a word."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +72,17 @@ class Lamp:
 
 
 def check_number(lamps: Sequence[Lamp]) -> None:
-    """Raises InputError for more lamps than shaders take."""
-    if len(lamps) > MOST_LAMPS:
-        raise InputError(f"render lights; got {len(lamps)} lamps; expected at most {MOST_LAMPS}")
+    """Raises InputError for more lamps that cast shadows than shaders take."""
+    casting = sum(lamp.light.shadows for lamp in lamps)
+    if casting > MOST_SHADOWS:
+        raise InputError(
+            f"render lights; got {casting} lamps that cast shadows; expected at most "
+            f"{MOST_SHADOWS}: set shadows to False for those whose shadows don't matter"
+        )
 
 
 def lamps_of(lights: Sequence[Light]) -> list[Lamp]:
-    """Every light but the surroundings, in order."""
+    """Every light but the surroundings: in order, those that cast shadows first."""
     zero = np.zeros(3)
     lamps = []
     for light in lights:
@@ -102,7 +107,7 @@ def lamps_of(lights: Sequence[Light]) -> list[Lamp]:
         across, along = _square_to(axis)
         u, v = 0.5 * light.size[0] * across, 0.5 * light.size[1] * along
         lamps.append(Lamp(light, position, u, v, axis, light.shape == "ellipse", False))
-    return lamps
+    return sorted(lamps, key=lambda lamp: not lamp.light.shadows)
 
 
 def _square_to(axis: Array) -> tuple[Array, Array]:

@@ -118,7 +118,8 @@ def _band_rows(width: int, height: int, lights: Sequence[Light] | None) -> int:
     rows = max(MIN_ROWS, BAND_BYTES // (4 * width))
     if lights is not None:
         # shares of all lamps are in one binding, and tiles are looked at together
-        lamps = max(len(lamps_of(lights)), LAMPS_AT_ONCE)
+        casting = sum(lamp.light.shadows for lamp in lamps_of(lights))
+        lamps = max(casting, LAMPS_AT_ONCE)
         whole = rows * LAMPS_AT_ONCE // lamps // MIN_ROWS_SHADOWED
         rows = max(whole, 1) * MIN_ROWS_SHADOWED
     return min(height, rows)

@@ -18,7 +18,7 @@ from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.culling import wound_inwards
 from gpusim.optics.geometry.view import View, look
-from gpusim.optics.light.lights import Light, is_light
+from gpusim.optics.light.lights import EnvironmentLight, Light, is_light
 from gpusim.optics.paint.checker_lines import BoardLines
 from gpusim.optics.rendering.frame_plan import FramePlan, plan_frame
 from gpusim.optics.rendering.frame_programs import frame_programs
@@ -36,7 +36,7 @@ from gpusim.surface.color import BANDS, Color, color, in_band
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = ["backdrop", "is_coloured", "render"]
+__all__ = ["backdrop", "is_coloured", "picture_warnings", "render"]
 
 MAX_SIDE = 8192
 """px, of an image."""
@@ -84,7 +84,7 @@ def render(
     Frame
         Each pixel is the mean radiance over its square: paint patterns and edges are integrated
         in closed form, light varies smoothly and is taken at the centre. Its ``warnings`` name
-        closed surfaces whose faces are wound inwards.
+        closed surfaces whose faces are wound inwards, and lights that don't shine.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def render(
             plan = plan if shortcuts else plan.without_shortcuts()
             bands += _draw(device, part, scene, plan, rows)
         frame = Frame.of_bands(shown, device, bands)
-    frame.warnings = wound_inwards(moved, camera_there)
+    frame.warnings = picture_warnings(moved, camera_there, lights)
     return frame
 
 
@@ -132,6 +132,24 @@ class _Scene:
     def coloured(self) -> bool:
         """Whether something in it isn't grey."""
         return is_coloured(self.surfaces, self.lights, self.background)
+
+
+def picture_warnings(
+    surfaces: Sequence[Surface], camera: Camera, lights: Sequence[Light] | None
+) -> tuple[str, ...]:
+    """What is doubtful of a picture, before it is looked at."""
+    wound = wound_inwards(surfaces, camera)
+    if lights is None or not all(map(_is_dark, lights)):
+        return wound
+    text = f"lights: got {lights!r}: every surface is black; expected some that shines, or None"
+    return (f"{text}, which shows the paints' albedo", *wound)
+
+
+def _is_dark(light: Light) -> bool:
+    """Whether it is surroundings of no radiance; all other lights have some."""
+    if not isinstance(light, EnvironmentLight):
+        return False
+    return not (light.sky or light.ground or (light.image is not None and light.image.any()))
 
 
 def backdrop(background: float | str | Sequence[float]) -> Color:

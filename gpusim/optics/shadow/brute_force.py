@@ -90,14 +90,26 @@ def shares_of(
     row, face = row[other], face[other]
     pairs = receivers[row]
     seen = edge_functions(
-        lamp, pairs, corners[face], planes[face], occluders.open[face],
+        space, pairs, corners[face], planes[face], occluders.open[face],
         visible_footprint(lamp, occluders, corners, planes, pairs, face),
     )  # fmt: skip
     some = np.flatnonzero(seen.may_hide)
     covered = np.zeros((len(receivers.at), ROWS), np.uint32)
     np.bitwise_or.at(covered, row[some], seen.hidden(lamp, some))
-    count = np.bitwise_count(masks & ~covered).sum(axis=1)
-    return np.asarray(count / np.bitwise_count(masks).sum())
+    above = masks & above_horizon(lamp, receivers)
+    above = np.where(above.any(axis=1, keepdims=True), above, masks)
+    return np.asarray(
+        np.bitwise_count(above & ~covered).sum(axis=1) / np.bitwise_count(above).sum(axis=1)
+    )
+
+
+def above_horizon(lamp: Lamp, receivers: Receivers) -> npt.NDArray[np.uint32]:
+    """(n, 16) words: the samples above the planes of ``receivers``, which alone light them."""
+    over, near = receivers.upright(), 0.0 if lamp.far else 1.0
+    none = np.zeros(len(over))
+    height = _dot(over, lamp.centre - near * receivers.at)
+    horizon = np.stack([height, over @ lamp.u, over @ lamp.v, none, none])[None]
+    return EdgeFunctions(horizon, none > 0.0).hidden(lamp, np.arange(len(over)))
 
 
 def visible_footprint(
@@ -116,12 +128,19 @@ def visible_footprint(
     occluder before whose plane the triangle lies, as all of the lamp does, hides nothing of it
     (-1), nor does one that touches it on the other side of an edge, seen from all of the lamp. Past
     others that touch it a receiver looks from what lies within its triangle; that is too little
-    where the pixel alone makes a penumbra, of lamps without size.
+    where the pixel alone makes a penumbra, of lamps without size. Past one of its own surface whose
+    plane passes through the pixel, as that of a sheet that is bent there, it looks from the middle.
     """
     on = np.maximum(receivers.on, 0)
     result = np.ones(len(face))
     rows = np.flatnonzero((receivers.on >= 0) & occluders.open[on] & occluders.open[face])
     near = 0.0 if lamp.far else 1.0
+    bent = rows[occluders.sheet[on[rows]] == occluders.sheet[face[rows]]]
+    normal, pixel = planes[face[bent], :3], receivers[bent]
+    bent = bent[
+        (np.abs(_dot(normal, pixel.normal)) > BESIDE)
+        & _passes(planes[face[bent], 3] - _dot(normal, pixel.at), normal, pixel)
+    ]
     normal, offset = planes[face[rows], :3], planes[face[rows], 3]
     height = normal @ lamp.centre - near * offset
     before = np.abs(height) > np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
@@ -156,12 +175,20 @@ def visible_footprint(
         inside = _dot(receivers.at[rows] - a, inwards)
         within = np.minimum(within, np.clip(inside / np.maximum(reach, 1e-30), 0.0, 1.0))
     result[rows] = np.where(apart, -1.0, within if lamp.extended else 1.0)
+    result[bent] = np.minimum(result[bent], 0.0)
     return result
+
+
+def _passes(height: Array, normal: Array, receivers: Receivers) -> Flags:
+    """Whether planes with ``normal`` (P, 3) at a ``height`` (P,) over the middle of a pixel pass
+    through it, or close by."""
+    wide = np.abs(_dot(normal, receivers.across)) + np.abs(_dot(normal, receivers.down))
+    return np.asarray(np.abs(height) < wide)
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeFunctions:
-    """Pairs of receivers and occluders: ``edges`` (4, 5, P): the functions of the lamp that have to
+    """Pairs of receivers and occluders: ``edges`` (E, 5, P): the functions of the lamp that have to
     be positive, their value in its middle and what they change by per a, b, and pixel in x and y;
     ``may_hide`` (P,): whether some samples may be behind the occluder."""
 
@@ -191,7 +218,7 @@ class EdgeFunctions:
 
 
 def edge_functions(
-    lamp: Lamp,
+    space: LightSpace,
     receivers: Receivers,
     corners: Array,
     planes: Array,
@@ -200,6 +227,7 @@ def edge_functions(
 ) -> EdgeFunctions:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
     (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, by `visible_footprint`."""
+    lamp = space.lamp
     near = 0.0 if lamp.far else 1.0
     at, across, down, looks = receivers.at, receivers.across, receivers.down, receivers.normal
     to = lamp.centre - near * at
@@ -208,20 +236,29 @@ def edge_functions(
     height = planes[:, 3] - _dot(normal, at)
     turned = _dot(normal, looks)
     against = ~is_open & (np.abs(height) <= tolerance) & (turned < AGAINST)
-    side = np.where((height > 0.0) & ~against, 1.0, -1.0)
-    apart = side * (_dot(normal, to) - near * height)
-    counts = (np.where(is_open, np.abs(height), -height) > tolerance) | against
-    counts &= apart + np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v) > 0.0
-    passes = np.abs(height) < np.abs(_dot(normal, across)) + np.abs(_dot(normal, down))
+    passes = _passes(height, normal, receivers)
+    change_x, change_y = looks_from * _dot(normal, across), looks_from * _dot(normal, down)
+    over_plane = _dot(normal, to) - near * height
+    extent = np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
     over = np.cross(across, down)
     over *= np.where(_dot(over, looks) > 0.0, 1.0, -1.0)[:, None]
+    slack = tolerance * np.linalg.norm(over, axis=1)
     whole = _dot(over, to) > np.abs(over @ lamp.u) + np.abs(over @ lamp.v)
-    level = np.where(whole, tolerance * np.linalg.norm(over, axis=1), -np.inf)
     D = corners - at[:, None]
-    counts &= against | ~passes | (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
-    counts &= against | (np.einsum("pka,pa->pk", D, over).max(axis=1) > level)
+    above = np.einsum("pka,pa->pk", D, over)
+    # of a pixel that the plane of what is above it parts, what is on the other side than the lamp
+    parted = passes & (above.min(axis=1) > slack) & (looks_from > 0.0)
+    parted &= np.abs(over_plane) > extent + near * space.on_face
+    side = np.where((height > 0.0) & ~against, 1.0, -1.0)
+    side = np.where(parted, np.sign(over_plane), side)
+    apart = side * over_plane
+    most_beyond = side * height + 0.5 * parted * (np.abs(change_x) + np.abs(change_y))
+    counts = ((most_beyond > tolerance) & (is_open | (side < 0.0))) | against
+    counts &= apart + extent > near * space.on_face
+    towards = (np.einsum("pka,pa->pk", D, to) > 0.0).any(axis=1)
+    counts &= against | parted | ~passes | towards
+    counts &= against | ~whole | (above.max(axis=1) > slack)
     counts &= looks_from >= 0.0
-    moves = np.where(is_open & passes & (np.abs(turned) > BESIDE), 0.0, looks_from)
     edges = np.zeros((4, 5, len(at)))
     most = np.full(len(at), np.inf)
     for k in range(3):
@@ -230,12 +267,14 @@ def edge_functions(
         change = np.cross(to, side[:, None] * (end - begin)) - near * plane
         edges[k] = (
             _dot(plane, to), plane @ lamp.u, plane @ lamp.v,
-            moves * _dot(change, across), moves * _dot(change, down),
+            looks_from * _dot(change, across), looks_from * _dot(change, down),
         )  # fmt: skip
         extent = np.abs(edges[k, 1:3]).sum(axis=0) + 0.5 * np.abs(edges[k, 3:]).sum(axis=0)
         most = np.minimum(most, edges[k, 0] + extent)
     # only samples beyond the occluder's plane: it may go on behind the lamp
     edges[3, :3] = apart, side * (normal @ lamp.u), side * (normal @ lamp.v)
+    beyond = side * np.stack([height, 0.0 * height, 0.0 * height, -change_x, -change_y])
+    edges[3] = np.where(parted, beyond, edges[3])
     return EdgeFunctions(edges, counts & (most >= 0.0))
 
 

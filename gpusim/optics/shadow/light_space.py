@@ -79,6 +79,11 @@ class LightSpace:
         return ROUNDING * self.scale
 
     @property
+    def on_face(self) -> float:
+        """Distance below a face within which a near lamp lies on it, and isn't hidden by it."""
+        return 4.0 * self.rounding
+
+    @property
     def begin(self) -> float:
         """Distance before the lamp's plane at which the space begins."""
         return BEGIN * self.scale
@@ -151,7 +156,7 @@ class LightSpace:
         return {
             "centre": np.array([*lamp.centre, 0.0 if lamp.far else 1.0]),
             "u": np.array([*across, float(lamp.extended)]),
-            "v": np.array([*lamp.v, float(np.bitwise_count(masks).sum())]),
+            "v": np.array([*lamp.v, 0.0]),
             "mask": masks.reshape(4, 4),
         }
 

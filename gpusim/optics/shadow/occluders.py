@@ -305,14 +305,16 @@ def planes_of(corners: Array) -> Array:
 def facing(space: LightSpace, corners: Array, is_open: npt.NDArray[np.bool_]) -> Numbers:
     """(T,): the way that triangles (T, 3, 3) face a lamp."""
     planes = space.planes(planes_of(corners))
-    slack = ANGLE if space.lamp.far else 4.0 * space.rounding
-    reach = space.extent(planes) + slack
+    slack = ANGLE if space.lamp.far else space.on_face
+    extent = space.extent(planes)
+    reach = extent + slack
     away, towards = planes[:, 2] + reach < 0.0, planes[:, 2] - reach > 0.0
     result = np.where(is_open, SPLIT_OPEN, SPLIT)
     result = np.where(away, np.where(is_open, AWAY_OPEN, AWAY), result)
     result = np.where(towards, np.where(is_open, TOWARDS, HIDES_NOTHING), result)
     if space.lamp.far:
         return result
+    result[~is_open & (planes[:, 2] - extent > -slack)] = HIDES_NOTHING
     behind = space.ahead(corners.reshape(-1, 3)).reshape(-1, 3) < space.begin
     crossing = np.where(behind.all(axis=1), HIDES_NOTHING, CROSSING)
     return np.where(behind.any(axis=1) & (result != HIDES_NOTHING), crossing, result)

@@ -26,6 +26,7 @@ __all__ = ["axial_loads", "marker_warnings"]
 Array = npt.NDArray[np.float64]
 MOST_BLUR = 0.15  # of a marker's width: a cross blurred by more has its border in its middle
 NAMED = 6
+MOSAIC_PX, GAMMA_PX = {"bilinear": 0.1, "malvar": 0.04}, 0.02  # RMS, of markers of 15 to 24 px
 
 
 def marker_warnings(
@@ -56,7 +57,26 @@ def marker_warnings(
         if strict and not any(reasons):
             check_widths(what, marks, camera)
         found += _blurred(what, marks, camera_spec, camera)
+        found += _developed(what, scene.sensor_of(camera.name), camera.name)
     return found
+
+
+def _developed(what: str, sensor: m.Sensor, camera: str) -> list[str]:
+    """A sentence for markers that are measured in pictures made for the eye."""
+    parts = []
+    if sensor.demosaic is not None:
+        parts.append(
+            f"the mosaic (demosaic {sensor.demosaic!r}) by about {MOSAIC_PX[sensor.demosaic]} px"
+        )
+    if sensor.gamma not in (None, 1.0):
+        parts.append(f"gamma {sensor.gamma!r} by about {GAMMA_PX} px")
+    if not parts:
+        return []
+    return [
+        f"{what}: camera {camera!r} develops pictures for the eye, which moves centres of markers: "
+        f"{' and '.join(parts)} (RMS); measure linear ones of three chips or mono, or see with "
+        "`gpusim budget` what each does here"
+    ]
 
 
 def _blurred(what: str, marks: MarkerSet, spec: m.Camera, camera: Camera) -> list[str]:

@@ -11,7 +11,7 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.optics.sensor.sensor import Sensor
 
-__all__ = ["full_scale_in", "level_warnings"]
+__all__ = ["chosen_exposure", "level_warnings"]
 
 MOST_CLIPPED = 1e-3
 """Share of the pixels; a highlight has fewer."""
@@ -51,12 +51,12 @@ def level_warnings(image: npt.NDArray[Any], sensor: Sensor) -> list[str]:
     return []
 
 
-def full_scale_in(file: InputFile) -> float:
-    """The full scale of a camera's sensor that was chosen. Raises InputError."""
+def chosen_exposure(file: InputFile) -> float:
+    """The exposure that was chosen for a camera, as ``[sensor] exposure``. Raises InputError."""
     try:
-        value = float(json.loads(file.data)["full_scale_radiance"])
+        value = float(json.loads(file.data)["exposure"])
     except (ValueError, KeyError, TypeError, RecursionError):
         value = 0.0
     if not 0.0 < value < float("inf"):
-        raise InputError(f"{file.path}: no exposure; expected full_scale_radiance > 0")
+        raise InputError(f"{file.path}: no exposure; expected exposure > 0")
     return value

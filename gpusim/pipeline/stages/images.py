@@ -37,7 +37,7 @@ from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.build.scene_objects import scene_objects
 from gpusim.pipeline.build.surfaces import posed
 from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.pictures.exposure import full_scale_in, level_warnings
+from gpusim.pipeline.pictures.exposure import chosen_exposure, level_warnings
 from gpusim.pipeline.pictures.file_names import corners_name, image_name
 from gpusim.pipeline.pictures.image_window import Window, window_of
 from gpusim.scene import Scene
@@ -136,7 +136,7 @@ def _photograph(
 
 
 def exposure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
-    """The full scale of a camera's sensor, chosen from its first frame."""
+    """The exposure of a camera's sensor, chosen from its first frame."""
     (camera,), kind = scene.cameras, inputs.row
     drawn: Radiance = inputs[f"{'target' if kind else 'radiance'}/{camera.name}"]
     like = build_sensor(scene.sensor_of(camera.name), camera, 1.0)
@@ -150,7 +150,7 @@ def exposure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
             f"camera {camera.name!r}: image {kind}0000 is black, there is nothing to expose it "
             f"for: {why}, or it sees nothing"
         ) from None
-    text = json.dumps({"full_scale_radiance": sensor.full_scale}) + "\n"
+    text = json.dumps({"exposure": 1.0 / sensor.full_scale}) + "\n"
     name = f"images/{camera.name}/{kind}exposure.json"
     return StageResult({name: text.encode()}, words=Path(name).name)
 
@@ -187,11 +187,10 @@ def _full_scale(scene: Scene, inputs: Inputs, kind: str) -> float:
     """The scene's exposure, or the one that was chosen."""
     (camera,) = scene.cameras
     given = scene.sensor_of(camera.name).exposure
-    if given is not None:
-        return 1.0 / given
-    return full_scale_in(
-        inputs.read(f"{kind}exposure/{camera.name}", f"images/{camera.name}/{kind}exposure.json")
-    )
+    if given is None:
+        name = f"images/{camera.name}/{kind}exposure.json"
+        given = chosen_exposure(inputs.read(f"{kind}exposure/{camera.name}", name))
+    return 1.0 / given
 
 
 def _save(image: npt.NDArray[Any], density: float | None, kept: bool, path: Path) -> None:

@@ -25,6 +25,7 @@ Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, Mapping[str, Any]]
 _BITS = 31  # of a truth layer
 _OF_TYPE = "measure of a "
+_SHADOWS = 32  # lamps that the renderer looks for shadows of
 _HINTS = 50  # faults whose nearest word is looked for, which takes a while where there are many
 _NEEDS = {
     "gravity": ("density_kg_m3", "gravity on a material without density"),
@@ -46,6 +47,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.calibration()
     checks.truth_layers()
     checks.shutters()
+    checks.shadows()
     return checks.found
 
 
@@ -285,6 +287,20 @@ class _Checks:
         if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
             got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
             self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)
+
+    def shadows(self) -> None:
+        """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""
+        casting = [
+            index
+            for index, light in _items(self.document, "light")
+            if light.get("type") in ("point", "spot", "area", "sun") and light.get("shadows", True)
+        ]
+        if len(casting) > _SHADOWS:
+            self.add(
+                ("light", casting[_SHADOWS]), "too many lamps that cast shadows",
+                Words(str(len(casting))), f"at most {_SHADOWS}",
+                "set shadows = false for lamps whose shadows don't matter",
+            )  # fmt: skip
 
     def shutters(self) -> None:
         """What moves while a shutter is open depends on how fast frames follow each other."""

@@ -6,7 +6,7 @@
 @group(0) @binding(69) var<storage, read> lamp_shares: array<f32>;
 
 // A receiver among `count`. Bits of the lamps of which its share is listed, and of those of which it
-// sees nothing: of the others it sees all.
+// sees nothing: of the others it sees all. Lamps from the 32nd on cast no shadows.
 struct Known {
     place: u32,
     count: u32,
@@ -14,8 +14,9 @@ struct Known {
     dark: u32,
 }
 fn known_share(k: Known, lamp: u32) -> f32 {
-    let found = ((k.listed >> lamp) & 1u) != 0u;
-    let plain = select(1.0, 0.0, ((k.dark >> lamp) & 1u) != 0u);
+    let bit = select(0u, 1u << (lamp & 31u), lamp < 32u);
+    let found = (k.listed & bit) != 0u;
+    let plain = select(1.0, 0.0, (k.dark & bit) != 0u);
     return select(plain, lamp_shares[select(0u, lamp * k.count + k.place, found)], found);
 }
 

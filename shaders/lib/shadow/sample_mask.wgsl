@@ -3,7 +3,7 @@
 // one side `EdgeFunctions.hidden` in gpusim/optics/shadow/brute_force.py.
 
 // centre (w: 1 if it is near, 0 for a direction), half sides u (w: 1 if it has a size, else a
-// direction across its axis) and v (w: the number of its samples), samples on its face.
+// direction across its axis) and v, samples on its face.
 struct LampFace {
     centre: vec4f,
     u: vec4f,
@@ -59,17 +59,21 @@ struct Samples {
     rows2: vec4u,
     rows3: vec4u,
 }
-// Where the sample lattice is on the lamp, it is in part on the pixel.
 fn samples_of(lamp: LampFace, to: vec3f, normal: vec3f, way: vec3f, dx: vec3f, dy: vec3f) -> Samples {
-    let extended = lamp.u.w != 0.0;
     let turned = cross(to, way) - lamp.centre.w * normal;
-    let gx = dot(turned, dx);
-    let gy = dot(turned, dy);
-    let value = dot(normal, to);
-    let a = select(0.5 * gx, dot(normal, lamp.u.xyz), extended);
-    let b = select(0.5 * gy, dot(normal, lamp.v.xyz), extended);
-    let along = select(0.0, 0.5 * gy, extended);
-    let across = select(0.0, gx, extended);
+    return samples_inside(
+        lamp, dot(normal, to), vec2f(dot(normal, lamp.u.xyz), dot(normal, lamp.v.xyz)),
+        vec2f(dot(turned, dx), dot(turned, dy)),
+    );
+}
+// Where a `value` in the middle of lamp and pixel isn't negative that grows by so much along the lamp's
+// half sides and over the pixel. Where the sample lattice is on the lamp, it is in part on the pixel.
+fn samples_inside(lamp: LampFace, value: f32, along_lamp: vec2f, over_pixel: vec2f) -> Samples {
+    let extended = lamp.u.w != 0.0;
+    let a = select(0.5 * over_pixel.x, along_lamp.x, extended);
+    let b = select(0.5 * over_pixel.y, along_lamp.y, extended);
+    let along = select(0.0, 0.5 * over_pixel.y, extended);
+    let across = select(0.0, over_pixel.x, extended);
     // the last two groups of rows run the other way along a lamp with a size
     let forth = a + along;
     let back = select(a, -a, extended) + along;

@@ -45,11 +45,13 @@ fn is_behind(x: vec3f) -> bool { return is_near() && ahead(x) < light.axis.w; }
 
 fn facing(o: Occluder) -> u32 {
     let plane = plane_in_light_space(o.plane);
-    let slack = select(ANGLE, 4.0 * light.rounding, is_near());
+    let slack = select(ANGLE, on_face(), is_near());
     let reach = lamp_extent(plane) + slack;
     var result = select(SPLIT, SPLIT_OPEN, o.open);
     if (plane.z + reach < 0.0) { result = select(AWAY, AWAY_OPEN, o.open); }
     if (plane.z - reach > 0.0) { result = select(NONE, TOWARDS, o.open); }
+    // it may lie on a closed body's face
+    if (is_near() && !o.open && plane.z - lamp_extent(plane) > -slack) { result = NONE; }
     let behind = vec3<bool>(is_behind(o.a), is_behind(o.b), is_behind(o.c));
     if (any(behind) && result != NONE) { result = select(CROSSING, NONE, all(behind)); }
     return result;

@@ -49,6 +49,9 @@ fn rounding_at(at: vec3f) -> vec3f {
 // A length, as functions of light space have it at some s.
 fn scaled(length: f32, s: f32) -> f32 { return length * select(1.0, s, is_near()); }
 
+// Distance below a face within which a near lamp lies on it, and isn't hidden by it.
+fn on_face() -> f32 { return 4.0 * light.rounding; }
+
 // A plane as a function of p, q and s: the height over it, `scaled`. z: the height of the lamp.
 fn plane_in_light_space(plane: vec4f) -> vec4f {
     let u = dot(plane.xyz, light.across.xyz);
@@ -68,6 +71,7 @@ struct Occluder {
     b: vec3f,
     c: vec3f,
     open: bool,
+    sheet: f32,      // number of the open surface that it is of, or 0
     plane: vec4f,
 }
 // Number of the open surface that a triangle is of, or 0.
@@ -79,7 +83,7 @@ fn occluder(i: u32) -> Occluder {
     let a = textureLoad(occluders, texel(4u * i));
     return Occluder(
         a.xyz, textureLoad(occluders, texel(4u * i + 1u)).xyz,
-        textureLoad(occluders, texel(4u * i + 2u)).xyz, a.w > 0.0,
+        textureLoad(occluders, texel(4u * i + 2u)).xyz, a.w > 0.0, a.w,
         textureLoad(occluders, texel(4u * i + 3u)),
     );
 }

@@ -83,9 +83,17 @@ fn visible_share(r: Receiver, head: vec4u, singles: bool) -> f32 {
         i++;
         if (i % LENGTH == 0u && i < head.y) { chunk = pool[CHUNK * chunk + LENGTH]; }
     }
-    let seen = countOneBits(lamp.mask[0] & ~covered.rows0) + countOneBits(lamp.mask[1] & ~covered.rows1)
-        + countOneBits(lamp.mask[2] & ~covered.rows2) + countOneBits(lamp.mask[3] & ~covered.rows3);
-    return f32(seen.x + seen.y + seen.z + seen.w) / lamp.v.w;
+    // what is below the receiver's horizon doesn't light it; normals for shading may see it nevertheless
+    let over = vec2f(dot(k.over, lamp.u.xyz), dot(k.over, lamp.v.xyz));
+    let face = Samples(lamp.mask[0], lamp.mask[1], lamp.mask[2], lamp.mask[3]);
+    var above = both(face, samples_inside(lamp, dot(k.over, k.to), over, vec2f(0.0)));
+    if (number_in(above) == 0u) { above = face; }
+    let count = number_in(above);
+    return f32(count - number_in(both(above, covered))) / f32(count);
+}
+fn number_in(s: Samples) -> u32 {
+    let four = countOneBits(s.rows0) + countOneBits(s.rows1) + countOneBits(s.rows2) + countOneBits(s.rows3);
+    return four.x + four.y + four.z + four.w;
 }
 
 fn store(group: u32, k: u32, share: f32) {

@@ -13,6 +13,7 @@ struct Looking {
     to: vec3f,
     tolerance: f32,
     over: vec3f,
+    slack: f32,
     level: f32,
     // the triangle that it lies on, if that is of an open surface; how much of the pixel about its middle
     // lies within it
@@ -43,7 +44,8 @@ fn looking(r: Receiver) -> Looking {
     let up = cross(r.dx, r.dy);
     k.over = select(-up, up, dot(up, r.n) > 0.0);
     let sides = lamp.u.w * abs(dot(k.over, lamp.u.xyz)) + abs(dot(k.over, lamp.v.xyz));
-    k.level = select(-1e30, k.tolerance * length(k.over), dot(k.over, k.to) > sides);
+    k.slack = k.tolerance * length(k.over);
+    k.level = select(-1e30, k.slack, dot(k.over, k.to) > sides);
     let own = open_triangle(r.on);
     let n = own.plane.xyz;
     let within = min(within_edge(r, n, own.a, own.b), min(within_edge(r, n, own.b, own.c), within_edge(r, n, own.c, own.a)));
@@ -93,26 +95,38 @@ fn is_over(r: Receiver, k: Looking, o: Occluder) -> bool {
 }
 
 // How a receiver sees an occluder: whether it may be hidden by it, from which side, and whether from
-// all over the pixel (1), its middle (0), or so much of it.
-struct Aspect { counts: bool, side: f32, moves: f32, apart: f32 }
+// all over the pixel (1), its middle (0), or so much of it. `beyond`: what has to be positive so that the
+// plane is between pixel and lamp: in the middle of both, and its change along the lamp or over the pixel.
+struct Aspect { counts: bool, side: f32, moves: f32, beyond: f32, along_lamp: vec2f, over_pixel: vec2f }
 fn aspect(r: Receiver, k: Looking, o: Occluder) -> Aspect {
     let n = o.plane.xyz;
     let height = o.plane.w - dot(n, r.x);
     let against = !o.open && abs(height) <= k.tolerance && dot(n, r.n) < AGAINST;
-    let side = select(-1.0, 1.0, height > 0.0 && !against);
-    let above = select(-height, abs(height), o.open);
-    let apart = side * (dot(n, k.to) - lamp.centre.w * height);
-    let extent = lamp.u.w * abs(dot(n, lamp.u.xyz)) + abs(dot(n, lamp.v.xyz));
-    var counts = (above > k.tolerance || against) && apart + extent > 0.0;
     let passes = abs(height) < abs(dot(n, r.dx)) + abs(dot(n, r.dy));
+    // a sheet that is bent within the pixel
+    let bent = k.own.open && k.own.sheet == o.sheet && passes && abs(dot(n, r.n)) > BESIDE;
+    let moves = select(select(1.0, k.within, touch(k.own, o)), 0.0, bent);
+    let change = moves * vec2f(dot(n, r.dx), dot(n, r.dy));
+    let over_plane = dot(n, k.to) - lamp.centre.w * height;
+    let along_lamp = vec2f(lamp.u.w * dot(n, lamp.u.xyz), dot(n, lamp.v.xyz));
+    let extent = abs(along_lamp.x) + abs(along_lamp.y);
+    let least = lamp.centre.w * on_face();
+    // of a pixel that the plane of what is above it parts, what is on the other side than the lamp
+    let parted = passes && moves > 0.0 && abs(over_plane) > extent + least
+        && min(dot(o.a - r.x, k.over), min(dot(o.b - r.x, k.over), dot(o.c - r.x, k.over))) > k.slack;
+    let side = select(-1.0, 1.0, select(height > 0.0 && !against, over_plane > 0.0, parted));
+    let most_beyond = side * height + select(0.0, 0.5 * (abs(change.x) + abs(change.y)), parted);
+    var counts = (most_beyond > k.tolerance && (o.open || side < 0.0)) || against;
+    counts = counts && side * over_plane + extent > least;
     // seen edge-on, a face would seem to hide what lies on its other side
-    if (passes && !against) {
+    if (passes && !against && !parted) {
         counts = counts && max(dot(o.a - r.x, k.to), max(dot(o.b - r.x, k.to), dot(o.c - r.x, k.to))) > 0.0;
     }
     counts = counts && (against || is_over(r, k, o));
-    var moves = select(1.0, k.within, touch(k.own, o));
-    if (o.open && passes && abs(dot(n, r.n)) > BESIDE) { moves = 0.0; }
-    return Aspect(counts, side, moves, apart);
+    return Aspect(
+        counts, side, moves, side * select(over_plane, height, parted),
+        select(side * along_lamp, vec2f(0.0), parted), select(vec2f(0.0), -side * change, parted),
+    );
 }
 
 // Most of what an edge's function is over lamp and pixel.
@@ -150,23 +164,13 @@ fn hidden_by(r: Receiver, k: Looking, o: Occluder, s: Aspect) -> Samples {
     var found = samples_of(lamp, k.to, s.side * cross(a, b), s.side * (b - a), dx, dy);
     found = both(found, samples_of(lamp, k.to, s.side * cross(b, c), s.side * (c - b), dx, dy));
     found = both(found, samples_of(lamp, k.to, s.side * cross(c, a), s.side * (a - c), dx, dy));
-    // of what goes on behind the lamp's plane only samples beyond the face's own plane
+    // of what goes on behind the lamp's plane, or passes through the pixel, only samples beyond it
     let behind = min(ahead(o.a), min(ahead(o.b), ahead(o.c))) < light.axis.w;
+    let parted = any(s.over_pixel != vec2f(0.0));
     // & and not &&: lavapipe compiles a program anew, at each dispatch, with the values of uniforms that
     // branches of it depend on alone
-    if ((lamp.u.w != 0.0) & is_near() & behind) { found = both(found, samples_beyond(s, o.plane.xyz)); }
+    if (((lamp.u.w != 0.0) & is_near() & behind) | parted) {
+        found = both(found, samples_inside(lamp, s.beyond, s.along_lamp, s.over_pixel));
+    }
     return found;
-}
-fn samples_beyond(s: Aspect, n: vec3f) -> Samples {
-    let a = s.side * dot(n, lamp.u.xyz);
-    let b = s.side * dot(n, lamp.v.xyz);
-    let slope = STEP_A * vec2f(a, -a) + STEP_B * b;
-    let inverse = select(vec2f(-1e30), -1.0 / slope, slope != vec2f(0.0));
-    let falling = select(vec2u(0u), vec2u(0xffffffffu), slope < vec2f(0.0));
-    return Samples(
-        inside_edge(s.apart, a, b, 0.0, inverse.x, falling.x, ROWS0),
-        inside_edge(s.apart, a, b, 0.0, inverse.x, falling.x, ROWS1),
-        inside_edge(s.apart, -a, b, 0.0, inverse.y, falling.y, ROWS2),
-        inside_edge(s.apart, -a, b, 0.0, inverse.y, falling.y, ROWS3),
-    );
 }

@@ -75,7 +75,17 @@ def test_a_picture_that_is_clamped(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "option", ["-mm 0.2 0.5", "-cc on", "-t 1 1 1", "-imfchan r", "-boost 2", "-type sphere"]
+    "option",
+    [
+        "-mm 0.2 0.5",
+        "-cc on",
+        "-t 1 1 1",
+        "-imfchan r",
+        "-boost 2",
+        "-type sphere",
+        "-s 1e999 1",
+        "-o 0 1e999",
+    ],
 )
 def test_options_that_are_not_done_are_refused(option: str, tmp_path: Path) -> None:
     picture(tmp_path / "q.png")
@@ -103,6 +113,12 @@ def test_names_of_pictures(written: str, there: str, keyword: str, tmp_path: Pat
     found = material(tmp_path, f"newmtl A\n\t{keyword} {written}   \r\n")
     assert found.picture is not None
     assert found.picture.data == (tmp_path / there).read_bytes()
+
+
+@pytest.mark.parametrize("rest", ["", "   ", " # none"])
+def test_a_picture_without_a_name(rest: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"a\.mtl:2: map_Kd without a name"):
+        read(tmp_path, f"newmtl A\nmap_Kd{rest}\n")
 
 
 def test_a_colour_beside_a_picture_multiplies_it(tmp_path: Path) -> None:

@@ -204,3 +204,25 @@ def test_what_cannot_be_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=part):
             make()
+
+
+@pytest.mark.parametrize("samples", [None, 3, 8, 16])
+def test_places_of_what_is_narrower_than_a_pixel_are_as_exact_as_facts_say(
+    samples: int | None,
+) -> None:
+    """A square of 0.6 px in the middle of 11 x 9 px, at 40 places along a pixel."""
+    camera = gs.Camera(11, 9, np.array([[100.0, 0.0, 5.0], [0.0, 100.0, 4.0], [0.0, 0.0, 1.0]]))
+    lens = gs.Lens(psf=gs.psf.Gaussian(0.7), samples_per_px=samples)
+    side, off = 0.6, []
+    for place in np.linspace(0.0, 1.0, 40, endpoint=False):
+        x, y = 5.0 + place + side * np.array([-0.5, 0.5]), 4.1 + side * np.array([-0.5, 0.5])
+        corners = [[x[i] - 5.0, y[j] - 4.0, 100.0] for i, j in ((0, 0), (0, 1), (1, 1), (1, 0))]
+        square = gs.Surface(np.array(corners), [[0, 1, 2, 3]], gs.paint.Plain(0.8))
+        frame = gs.photograph([square], camera, lens=lens, backend="numpy")
+        radiance = frame.radiance.astype(float)
+        off.append(radiance.sum(axis=0) @ np.arange(11.0) / radiance.sum() - 5.0 - place)
+    words = frame.facts["point spread"]
+    told = float(words.split("in place to ")[1].split(" /")[0]) / side
+    # a bound: how much of it is reached depends on how the side fits into cells
+    assert 0.4 * told < np.abs(off).max() < 1.05 * told
+    assert told == pytest.approx(1.0 / (8.0 * side * int(words.split()[0]) ** 2), rel=0.05)

@@ -226,6 +226,28 @@ def test_too_many_emitting_points_are_refused() -> None:
         gs.render([surface], view, lamps, backend="numpy")
 
 
+@pytest.mark.parametrize("backend", ["numpy", "auto"])
+def test_lamps_without_shadows_count_as_none_that_cast_them(backend: str) -> None:
+    surface = gs.Surface(np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]]), QUAD)
+    post = gs.Surface(surface.points * 0.2 + (0.4, -0.1, 0.4), QUAD)
+    view = gs.Camera.from_lens((36, 24), 30, (19, 11), (0.5, -1, 0.5), (0.5, 0, 0.5))
+    plain = [gs.PointLight((0.02 * k, -0.5, 0.9), 1.0, shadows=False) for k in range(40)]
+    casting = [gs.PointLight((0.02 * k, -0.5, 0.9), 1.0) for k in range(33)]
+
+    def radiance(lights: list[gs.PointLight]) -> Array:
+        return np.asarray(gs.render([surface, post], view, lights, backend=backend).radiance)
+
+    # each by itself, and all at once
+    want = sum(radiance([light]) for light in (*plain[::8], *casting[::8]))
+    np.testing.assert_allclose(radiance([*plain[::8], *casting[::8]]), want, rtol=2e-4)
+    lit = radiance([*plain, *casting[:32]])
+    np.testing.assert_allclose(lit, radiance(plain) + radiance(casting[:32]), rtol=2e-4)
+    assert radiance(casting[:32]).sum() < 0.99 * radiance(plain[:32]).sum()
+    with pytest.raises(InputError, match=r"got 33 lamps that cast shadows; expected at most 32.*"
+                                         r"shadows"):  # fmt: skip
+        radiance([*plain, *casting])
+
+
 def test_what_isnt_a_truth_value_is_refused() -> None:
     with pytest.raises(InputError, match="occlusion"):
         gs.AmbientLight(0.3, occlusion="yes")  # type: ignore[arg-type]

@@ -67,3 +67,15 @@ def test_no_lights_at_all_is_dark_not_unlit() -> None:
     camera = gs.Camera.from_lens((36, 24), 30, (57, 33), (0, -1, 0), (0, 0, 0))
     assert gs.render([PLATE], camera, [], backend="numpy").radiance.max() == 0.0
     assert gs.render([PLATE], camera, None, backend="numpy").radiance.max() == np.float32(0.5)
+
+
+@pytest.mark.parametrize("lights", [[], [gs.EnvironmentLight()]])
+def test_a_black_picture_says_that_nothing_shines(lights: list[gs.EnvironmentLight]) -> None:
+    camera = gs.Camera.from_lens((36, 24), 50, (9, 7), (0, -1, 0), (0, 0, 0))
+    for take in (gs.render, gs.photograph):
+        frame = take([PLATE], camera, lights, backend="numpy")
+        assert not frame.radiance.any()
+        (text,) = frame.warnings
+        assert "every surface is black" in text and "None" in text
+        for others in (None, [*lights, gs.AmbientLight(0.1)]):
+            assert take([PLATE], camera, others, backend="numpy").warnings == ()

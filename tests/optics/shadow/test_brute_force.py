@@ -168,3 +168,17 @@ def test_as_many_triangles_as_leaves(device: Device) -> None:
     surface = sheet((-0.3, -0.3), (0.3, 0.3), 0.2, 8)
     assert Occluders.of([surface]).count == 128
     agree(device, [surface], [AREA, POINT], on_plane(40, (-0.1, -0.1), (0.5, 0.7)))
+
+
+def test_a_lamp_partly_below_the_horizon(device: Device) -> None:
+    """Where a sheet hides what of it is above, little is left, whatever is below."""
+    wall = [[0.5, -0.6, 0.02], [0.5, 0.6, 0.02], [0.5, 0.6, 1.0], [0.5, -0.6, 1.0]]
+    grazing = [
+        AreaLight((1.5, 0.1, 0.07), (0.0, 0.0, 0.0), (0.13, 0.31), 5.0),
+        AreaLight((1.5, 0.1, 0.1), (0.0, 0.0, 0.0), (0.3, 0.3), 5.0, shape="ellipse"),
+        SunLight((-1.0, 0.1, -0.01), 0.6, diameter=0.05),
+    ]
+    surfaces = [gs.Surface(np.array(wall), np.array([[0, 1, 2, 3]]), gs.paint.Plain(0.5))]
+    want = agree(device, surfaces, grazing, on_plane(80, (-0.8, -0.6), (0.8, 0.6)))
+    assert ((want < 0.6) & (want > 0.0)).any(axis=0).all()
+    assert (want == 1.0).any(axis=0).all()

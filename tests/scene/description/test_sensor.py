@@ -15,6 +15,7 @@ from gpusim.optics.light.blackbody import blackbody
 from gpusim.pipeline.build.cameras import build_camera, build_lens, build_sensor, build_shutter
 from gpusim.plan.plan import make_plan
 from gpusim.scene.description.sensor import CameraSensor, Sensor
+from tests.support.small_scene import small_scene
 
 HEAD = """schema = 1
 name = "sensors"
@@ -212,6 +213,15 @@ def test_bits_in_the_upper_ones_of_a_file(tmp_path: Path) -> None:
     plain, upper = (read_image(tmp_path / f"out{n}/images/one/0000.png") for n in (0, 1))
     assert upper.dtype == np.uint16 and plain.max() < 4096
     np.testing.assert_array_equal(upper, plain * 16)
+    noisy = {"bits": 12, "full_well_e": 10_000.0, "read_noise_e": 5.0}
+    reports = [
+        gs.run(small_scene(tmp_path, sensor=sensor), tmp_path / f"bar{number}", backend="numpy")
+        for number, sensor in enumerate((noisy, noisy | {"upper_bits": True}))
+    ]
+    assert reports[0].measurements[0].error == reports[1].measurements[0].error
+    assert [pair.bits for report in reports for pair in report.frames] == [12, 16]
+    tables = [(tmp_path / f"bar{n}/measure/tip.csv").read_bytes() for n in (0, 1)]
+    assert tables[0] == tables[1]
     eight = scene(tmp_path, CAMERA.format("one") + "[camera.sensor]\nupper_bits = true\n")
     assert eight.sensor_of("one").shift == 0
 

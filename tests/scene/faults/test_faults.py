@@ -226,6 +226,17 @@ def test_schema_and_reference_faults_come_together(crane: Document) -> None:
     assert set(faults(changed)) == {"sensor.bits", "measure.0.camera", "light.1.name"}
 
 
+def test_lamps_that_cast_shadows_are_counted(crane: Document) -> None:
+    lamp = {"type": "point", "position_mm": [0.0, -900.0, 500.0], "power_W": 3.0}
+    plain = [lamp | {"name": f"plain-{k}", "shadows": False} for k in range(40)]
+    casting = [lamp | {"name": f"led-{k}"} for k in range(33)]
+    sky = {"name": "sky", "type": "ambient", "radiance_W_m2_sr": 1.0}
+    Scene.from_document(with_value(crane, "light", [sky, *plain, *casting[:32]]))
+    ((key, fault),) = faults(with_value(crane, "light", [sky, *plain, *casting])).items()
+    assert (key, fault.got, fault.expected) == ("light.73", "33", "at most 32")
+    assert "shadows = false" in fault.hint
+
+
 def test_gravity_needs_density(crane: Document) -> None:
     gravity = {"name": "own", "type": "gravity"}
     changed = with_value(crane, "body.0.load.0", gravity)
