@@ -151,7 +151,7 @@ class _ScenePlan:
         """The different weights of a frame, in the order in which bodies have them."""
         weights = [weight for state in shown.states for weight in state or (0.0,)]
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]
-        word = "time" if kind_of(self.scene).given else "load x"
+        word = "time" if kind_of(self.scene).type.given else "load x"
         return f"{word} {', '.join(f'{weight:g}' for weight in weights)}"
 
     def _targets(self, camera: Camera, public: Sequence[PublicStage]) -> list[PlannedStage]:
