@@ -45,15 +45,30 @@ class Format(StrEnum):
     h5 = "h5"
 
 
+Reference = Annotated[
+    Path, typer.Argument(metavar="REF", help="The picture before; page 1 of a stack: FILE.tif#1.")
+]
+Deformed = Annotated[
+    list[Path],
+    typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
+]
+CalibrationFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Undo the lens: opencv, kalibr, matchid, vic, dice."),
+]
+RigFile = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Calibration of two cameras: pictures are pairs."),
+]
+CalibrationUnit = Annotated[
+    Literal["m", "cm", "mm", "um", "in"] | None,
+    typer.Option(help="Of a calibration file that doesn't say (Kalibr: m, all others: mm)."),
+]
+
+
 def dic(
-    reference: Annotated[
-        Path,
-        typer.Argument(metavar="REF", help="The picture before; page 1 of a stack: FILE.tif#1."),
-    ],
-    deformed: Annotated[
-        list[Path],
-        typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
-    ],
+    reference: Reference,
+    deformed: Deformed,
     output: Output,
     subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
     step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
@@ -64,18 +79,9 @@ def dic(
     mask: Annotated[
         Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")
     ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Undo the lens: opencv, kalibr, matchid, vic, dice."),
-    ] = None,
-    stereo: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Calibration of two cameras: pictures are pairs."),
-    ] = None,
-    calibration_unit: Annotated[
-        Literal["m", "cm", "mm", "um", "in"] | None,
-        typer.Option(help="Of a calibration file that doesn't say (Kalibr: m, all others: mm)."),
-    ] = None,
+    calibration: CalibrationFile = None,
+    stereo: RigFile = None,
+    calibration_unit: CalibrationUnit = None,
     update: Annotated[
         Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
     ] = "never",
@@ -114,19 +120,13 @@ def dic(
             tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend.value,
             formats=tuple(one.value for one in formats or [Format.csv]),
         )  # fmt: skip
-        files = [reference, *deformed]
-        if stereo is not None and len(files) % 2:
-            raise InputError(
-                f"--stereo: got {len(files)} pictures; expected pairs: LEFT_REF RIGHT_REF "
-                "LEFT_1 RIGHT_1 …"
-            )
+        lefts, rights = ([], []) if stereo is None else _pairs([reference, *deformed])
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             if stereo is None:
                 done = correlate_files(
                     reference, deformed, output, settings, progress=progress, keep_results=False
                 )
             else:
-                lefts, rights = files[::2], files[1::2]
                 done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
         if as_json:
             out(json.dumps(done.report, indent=2))
@@ -177,12 +177,8 @@ def calibrate(
 
         pictures = [images, *([folder] for folder in others or [])]
         target = _board(board, square_mm, kind, marker_mm, dictionary)
-        options: dict[str, Any] = {
-            "lens": lens,
-            "square_pixels": square_pixels,
-            "formats": formats or ["opencv"],
-        }
-        done = calibrate_files(pictures, target, output, **options)
+        options: dict[str, Any] = {"lens": lens, "formats": formats or ["opencv"]}
+        done = calibrate_files(pictures, target, output, square_pixels=square_pixels, **options)
         if as_json:
             out(json.dumps(done.content, indent=2))
         elif not quiet:
@@ -204,6 +200,16 @@ def options_named() -> Iterator[None]:
             return "--" + OPTIONS.get(found[1], found[1]).replace("_", "-")
 
         raise InputError(re.sub(r"`(\w+)`", option, str(error))) from error
+
+
+def _pairs(files: list[Path]) -> tuple[list[Path], list[Path]]:
+    """Pictures of the left and of the right camera."""
+    if len(files) % 2:
+        raise InputError(
+            f"--stereo: got {len(files)} pictures; expected pairs: LEFT_REF RIGHT_REF "
+            "LEFT_1 RIGHT_1 …"
+        )
+    return files[::2], files[1::2]
 
 
 def _roi(text: str | None) -> tuple[int, int, int, int] | None:

@@ -62,19 +62,13 @@ def view(
         pixels = _size(size)
         with importing():
             from gpusim.gpu import default_device
-            from gpusim.view.screenshot import (
-                check_ending,
-                look_as_asked,
-                save_screenshot,
-                wait_for_solution,
-            )
-            from gpusim.view.server import local_socket, serve_view
+            from gpusim.view import screenshot as pictures
+            from gpusim.view import server, window
             from gpusim.view.viewer import Viewer
-            from gpusim.view.window import open_window
 
         if screenshot is not None:
-            check_ending(screenshot)
-        where = local_socket(port) if serve else None
+            pictures.check_ending(screenshot)
+        where = server.local_socket(port) if serve else None
         loaded = frame is not None or field is not None
         solves = screenshot is None or loaded
         if screenshot is None:  # a CAD file takes seconds
@@ -82,17 +76,17 @@ def view(
         viewer = Viewer(default_device(), path, pixels, solves, unit)
         try:
             if loaded:
-                wait_for_solution(viewer)
-            look_as_asked(viewer, camera, frame, field)
+                pictures.wait_for_solution(viewer)
+            pictures.look_as_asked(viewer, camera, frame, field)
             if screenshot is not None:
-                save_screenshot(viewer, screenshot)
+                pictures.save_screenshot(viewer, screenshot)
                 out(str(screenshot))
                 return
             if where is None:
-                open_window(viewer)
+                window.open_window(viewer)
             else:
                 out(f"http://127.0.0.1:{where.getsockname()[1]}/ shows {path}; Ctrl-C ends it")
-                serve_view(viewer, where)
+                server.serve_view(viewer, where)
         except KeyboardInterrupt:
             raise typer.Exit(INTERRUPTED) from None
         finally:

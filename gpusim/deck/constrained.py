@@ -148,6 +148,49 @@ def _pivots(held: csr_matrix, right: Float, where: str) -> tuple[Int, Bool]:
 _MOST_UNKNOWNS = 100_000
 
 
+@dataclass(frozen=True, eq=False)
+class _ReducedSystem:
+    """T'KT of the unknowns that ``reduced`` leaves of u's ``free`` (n,) ones, divided by ``scale``
+    and factorised."""
+
+    free: Int
+    reduced: Reduced
+    scale: float
+    factor: SuperLU
+
+    @classmethod
+    def of(cls, stiffness: csr_matrix, free: Int, reduced: Reduced, where: str) -> _ReducedSystem:
+        matrix = csc_matrix(reduced.matrix.T @ stiffness[free][:, free] @ reduced.matrix)
+        scale = float(np.abs(matrix.diagonal()).max())
+        return cls(free, reduced, scale, _factorised(csc_matrix(matrix / scale), where))
+
+    def solved(self, loads: Float) -> Float:
+        """What is left of the unknowns, under ``loads`` (3N,)."""
+        return np.asarray(self.factor.solve(self.reduced.matrix.T @ loads[self.free] / self.scale))
+
+    def refined(self, elements: Deformation, forces: Float, given: Float) -> tuple[Float, float]:
+        """Displacements (3N,), which are ``given`` at the supports, and the share of them that is
+        open."""
+        matrix, shift = self.reduced.matrix, self.reduced.shift
+        answer, u = np.zeros(matrix.shape[1]), given.copy()
+        u[self.free] = shift
+
+        def share(step: Float) -> float:
+            size = float(np.abs(u).max())
+            return float(np.abs(matrix @ step).max()) / (size if size > 0.0 else 1.0)
+
+        for _ in range(6):
+            correction = self.solved(forces - elements.product(u.reshape(1, -1, 3)).ravel())
+            answer += correction
+            u[self.free] = matrix @ answer + shift
+            change = share(correction)
+            if change <= 1e-12:
+                break
+        return u, change + share(
+            self.solved(signed(elements.rounding(u.reshape(1, -1, 3))).ravel())
+        )
+
+
 def solve_constrained(
     model: Model, equations: Equations, formulation: Mapping[str, str], where: str
 ) -> Solution:
@@ -172,55 +215,32 @@ def solve_constrained(
     held = csr_matrix(equations.matrix[:, open_])
     _refuse_free(model, stiffness, equations.matrix, where)
     reduced = eliminate(held, equations.right - equations.matrix @ given, where)
-    own = stiffness[open_][:, open_]
+    system = _ReducedSystem.of(stiffness, open_, reduced, where)
     forces = model.load_cases[0].ravel()
-    system = csc_matrix(reduced.matrix.T @ own @ reduced.matrix)
-    scale = float(np.abs(system.diagonal()).max())
-    factor = _factorised(csc_matrix(system / scale), where)
-    shape = model.mesh.points.shape
     elements = Deformation(groups, model.mesh.points)
-    answer, u = np.zeros(system.shape[0]), given.copy()
-    u[open_] = reduced.shift
-
-    def solved(loads: Float) -> Float:
-        return np.asarray(factor.solve(reduced.matrix.T @ loads[open_] / scale))
-
-    def share(step: Float) -> float:
-        size = float(np.abs(u).max())
-        return float(np.abs(reduced.matrix @ step).max()) / (size if size > 0.0 else 1.0)
-
-    for _ in range(6):
-        correction = solved(forces - elements.product(u.reshape(1, *shape)).ravel())
-        answer += correction
-        u[open_] = reduced.matrix @ answer + reduced.shift
-        change = share(correction)
-        if change <= 1e-12:
-            break
-    change += share(solved(signed(elements.rounding(u.reshape(1, *shape))).ravel()))
+    u, change = system.refined(elements, forces, given)
     if not change <= 1e-6:
         raise NotConverged(
             f"{where}: the refinement doesn't settle; got a change of {change:.3g} of the "
             "displacement; expected less than 1e-6 (a motion left free, or units far apart?)"
         )
-    internal = elements.product(u.reshape(1, *shape)).ravel()
+    internal = elements.product(u.reshape(1, -1, 3)).ravel()
     reactions = internal - forces
     reactions[open_[~_touched(held)]] = 0.0
+    left = reduced.matrix.shape[1]
     return Solution(
-        u=u.reshape(shape),
+        u=u.reshape(-1, 3),
         converged=True,
         error_estimate=change,
         iterations=0,
         residuals=np.zeros((0, 1)),
-        reactions=reactions.reshape(shape),
+        reactions=reactions.reshape(-1, 3),
         strain_energy=np.array([0.5 * float(u @ internal)]),
         external_work=np.array([0.5 * float(u @ (forces + reactions))]),
-        unknowns=len(answer),
-        message=f"{len(open_) - len(answer)} equations: factorised",
+        unknowns=left,
+        message=f"{len(open_) - left} equations: factorised",
         warnings=(),
-        timings={
-            "assembly": assembled - start,
-            "factorisation": time.perf_counter() - assembled,
-        },
+        timings={"assembly": assembled - start, "factorisation": time.perf_counter() - assembled},
         backend="numpy",
         real="f64",
         method="direct",

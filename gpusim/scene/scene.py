@@ -129,6 +129,11 @@ class Scene:
                 replace(one, place=one.place or with_names(plain, one.key)) for one in faults[:MOST]
             ]
             raise SceneError(source, faults, more)
+        return cls._of_table(table, source, hashes)
+
+    @classmethod
+    def _of_table(cls, table: SceneTable, source: str, files: tuple[tuple[str, str], ...]) -> Scene:
+        """What a table without faults says, bodies with the materials that they name."""
         materials = {entry.name: entry.resolved() for entry in table.material}
         factors = table.analysis.load_factors
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
@@ -150,7 +155,7 @@ class Scene:
             calibration=table.calibration,
             content=json.dumps(content),
             source=source,
-            files=hashes,
+            files=files,
         )
 
     def _repr_html_(self) -> str | None:

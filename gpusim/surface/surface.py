@@ -74,29 +74,7 @@ class Surface:
                 raise InputError(
                     f"{where} reference; got {reference.shape}; expected {points.shape}"
                 )
-        faces = np.asarray(self.faces)
-        if faces.ndim != 2 or faces.shape[1] not in (3, 4) or not len(faces):
-            raise InputError(f"{where} faces; got shape {faces.shape}; expected (F, 3) or (F, 4)")
-        if not np.issubdtype(faces.dtype, np.integer):
-            raise InputError(f"{where} faces; got dtype {faces.dtype}; expected integers")
-        faces = faces.astype(np.int64)
-        if faces.shape[1] == 3:
-            faces = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
-        bad = (faces >= len(points)) | (faces < 0)
-        bad[:, 3] &= faces[:, 3] != -1
-        if bad.any():
-            face = int(np.argmax(bad.any(axis=1)))
-            raise InputError(
-                f"{where} face {face}; got vertices {faces[face].tolist()}; "
-                f"expected numbers from 0 to {len(points) - 1}"
-            )
-        empty = ~(np.linalg.norm(face_normals(reference, faces), axis=1) > 0.0)
-        if empty.any():
-            face = int(np.argmax(empty))
-            raise InputError(
-                f"{where} face {face}; got vertices {faces[face].tolist()} without area between "
-                "them; expected a face with an area"
-            )
+        faces = _faces(self.faces, reference, where)
         paints = self.paint if isinstance(self.paint, Mapping) else {"surface": self.paint}
         if not paints or not all(_is_paint(p) for p in paints.values()):
             raise InputError(
@@ -255,6 +233,36 @@ def _is_paint(value: object) -> bool:
 
 def _has_pattern(paint: Paint) -> bool:
     return in_band(paint, 0).features(np.zeros(2), np.zeros(2)) is not None
+
+
+def _faces(
+    values: npt.ArrayLike, points: npt.NDArray[np.float64], where: str
+) -> npt.NDArray[np.int64]:
+    """(F, 4) numbers of the vertices at ``points``, -1 for the fourth of a triangle."""
+    faces = np.asarray(values)
+    if faces.ndim != 2 or faces.shape[1] not in (3, 4) or not len(faces):
+        raise InputError(f"{where} faces; got shape {faces.shape}; expected (F, 3) or (F, 4)")
+    if not np.issubdtype(faces.dtype, np.integer):
+        raise InputError(f"{where} faces; got dtype {faces.dtype}; expected integers")
+    faces = faces.astype(np.int64)
+    if faces.shape[1] == 3:
+        faces = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
+    bad = (faces >= len(points)) | (faces < 0)
+    bad[:, 3] &= faces[:, 3] != -1
+    if bad.any():
+        face = int(np.argmax(bad.any(axis=1)))
+        raise InputError(
+            f"{where} face {face}; got vertices {faces[face].tolist()}; "
+            f"expected numbers from 0 to {len(points) - 1}"
+        )
+    empty = ~(np.linalg.norm(face_normals(points, faces), axis=1) > 0.0)
+    if empty.any():
+        face = int(np.argmax(empty))
+        raise InputError(
+            f"{where} face {face}; got vertices {faces[face].tolist()} without area between "
+            "them; expected a face with an area"
+        )
+    return faces
 
 
 def _points(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:

@@ -18,6 +18,7 @@ the line does, of waves 1.2 times to three times that, where it was 0.8 to 1.4 a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -85,18 +86,10 @@ def fit_discontinuities(
     weight : (B, n), 0 where a pixel isn't used.      slopes : by x and by y, (B, n).
     grey : (B, n), reference values less their mean.  rest : (B, n), what the match leaves of them.
     """
-    size = round(np.sqrt(weight.shape[1]))
-    number = min(search.cells, size)
+    number = min(search.cells, round(np.sqrt(weight.shape[1])))
     fields = _fields(replace(search, cells=number))
-    first = np.unique(np.arange(number) * size // number)
-    member = np.zeros((size, number))
-    member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
+    cells = _cell_sums(weight, number)
     x, y = slopes
-
-    def cells(values: FloatArray) -> FloatArray:
-        lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
-        return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
-
     # columns: known motions by x, by y, brightness even and tilted, contrast
     asked = np.concatenate([fields.smooth, fields.sides])
     both = np.concatenate([fields.known, asked])
@@ -130,12 +123,7 @@ def fit_discontinuities(
     right[:, -1] = (weight * grey * rest).sum(axis=1)
 
     # what the known part explains is taken out of everything
-    diagonal = np.einsum("bii->bi", normal)
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    normal = normal * scale[:, :, None] * scale[:, None, :]
-    normal[:, np.arange(unknowns), np.arange(unknowns)] += RIDGE
-    # whitened: with N = L L', the sums of squares that the known part explains are those of L^-1 c
-    whiten = np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :]
+    whiten = _whitening(normal)
     flat = whiten @ cross.reshape(count, unknowns, -1)
     scaled = whiten @ right[:, :, None]
     by_rest = sums[:, :, terms:] - (flat.transpose(0, 2, 1) @ scaled).reshape(count, 2, tests)
@@ -151,6 +139,30 @@ def fit_discontinuities(
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
     return Discontinuities(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
+
+
+def _cell_sums(weight: FloatArray, number: int) -> Callable[[FloatArray], FloatArray]:
+    """Weighted sums (B, number^2), over the cells of subsets, of values (B, n)."""
+    size = round(np.sqrt(weight.shape[1]))
+    first = np.unique(np.arange(number) * size // number)
+    member = np.zeros((size, number))
+    member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
+
+    def sums(values: FloatArray) -> FloatArray:
+        lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
+        return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
+
+    return sums
+
+
+def _whitening(normal: FloatArray) -> FloatArray:
+    """L^-1 (B, Q, Q), where N = L L': sums of squares that the known part explains are those of
+    L^-1 c."""
+    diagonal = np.einsum("bii->bi", normal)
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    normal = normal * scale[:, :, None] * scale[:, None, :]
+    np.einsum("bii->bi", normal)[:] += RIDGE
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :])
 
 
 def _best_side(

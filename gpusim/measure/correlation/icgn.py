@@ -143,8 +143,6 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     contrast, level, before = np.ones(number), np.zeros(number), np.zeros(number)
     active = np.flatnonzero(status == Status.NOT_CONVERGED)
     for iteration in range(1, settings.max_iterations + 1):
-        if active.size == 0:
-            break
         iterations[active] = iteration
         terms = ref.terms[:, active]
         motion = np.einsum("bik,kbn->ibn", c[active][:, :, : len(terms)], terms)

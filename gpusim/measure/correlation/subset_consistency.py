@@ -188,11 +188,12 @@ def _misfit(
     return weight, f, planes[..., 1], planes[..., 2], rest, contrast, total
 
 
-def _inconsistent_chunk(
-    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
-) -> BoolArray:
-    """(3, M) bool: as ``inconsistent_subsets`` returns them."""
-    weight, f, x, y, rest, contrast, total = _misfit(pair, points, coefficients, settings)
+def _ninths(
+    misfit: tuple[FloatArray, ...], settings: Settings, sure: float
+) -> tuple[BoolArray, FloatArray]:
+    """Which subsets (M,) have a part that isn't of the reference, and the largest motion of a part
+    against its subset, px, where it is sure."""
+    weight, _, x, y, rest, contrast, total = misfit
     size = 2 * settings.half + 1
     third = np.arange(size) * PARTS // size
     part = PARTS * np.repeat(third, size) + np.tile(third, size)
@@ -220,12 +221,20 @@ def _inconsistent_chunk(
     variance = np.where(asked, ee / np.maximum(pixels, 1.0), np.nan)
     usual = _lower_quartile(ee / np.maximum(pixels, 1.0), asked)[:, None]
     noise = np.maximum(noise, usual)
-    motion_left = np.where(solvable & (explained > sure * noise), np.hypot(dx, dy), 0.0).max(axis=1)
+    motion = np.where(solvable & (explained > sure * noise), np.hypot(dx, dy), 0.0).max(axis=1)
     odd = RESIDUAL_RATIO + CHANCE / np.sqrt(np.maximum(pixels, 1.0))
     foreign = asked & (variance > odd * usual) & (variance > FOREIGN_VARIANCE * contrast / total)
-    torn_subsets = np.asarray(
-        foreign.any(axis=1) | (motion_left > max(MAX_SMOOTH_MOTION, settings.apart_px))
-    )
+    return np.asarray(foreign.any(axis=1)), np.asarray(motion)
+
+
+def _inconsistent_chunk(
+    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
+) -> BoolArray:
+    """(3, M) bool: as ``inconsistent_subsets`` returns them."""
+    misfit = _misfit(pair, points, coefficients, settings)
+    weight, f, x, y, rest, *_ = misfit
+    foreign, motion = _ninths(misfit, settings, sure)
+    torn_subsets = foreign | (motion > max(MAX_SMOOTH_MOTION, settings.apart_px))
     uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~torn_subsets)
     for search, share in ((COARSE, COARSE_SHARE), (FINE, 1.0)):
@@ -236,7 +245,7 @@ def _inconsistent_chunk(
             jump = fit_discontinuities(
                 weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search
             )
-            torn = np.maximum(jump.length, motion_left[chunk]) > share * settings.apart_px
+            torn = np.maximum(jump.length, motion[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
             most = MAX_SMOOTH_COARSE if search is COARSE else clear

@@ -223,14 +223,9 @@ def _fit(
     sure = np.flatnonzero(fit.converged)
     if sure.size and not rough:
         own = rows[sure]
-        left, slopes = residual_and_slopes(fit.parameters[sure], x[own], y[own], grey[own])
-        influence = fit.covariance[sure, :2] @ (slopes * weight[own, None])
-        side = round(np.sqrt(x.shape[1]))
-        sigma[own] *= widening(
-            left.reshape(-1, side, side),
-            weight[own].reshape(-1, side, side),
-            influence.reshape(-1, 2, side, side),
-            slopes.reshape(-1, PARAMETERS, side, side),
+        window = x[own], y[own], grey[own]
+        sigma[own] *= _widening(
+            fit.parameters[sure], fit.covariance[sure, :2], weight[own], *window
         )
     settled = np.zeros(len(start), dtype=bool)
     settled[rows] = fit.converged
@@ -243,15 +238,26 @@ def _fit(
             noise = noise_level(np.asarray(array, dtype=np.float32)) / span
             most = allowed_residual(MAX_RESIDUAL, noise, contrast)
         drift = np.linalg.norm(place - start, axis=1)
-        ok = (
-            settled
-            & (np.abs(contrast) >= 0.5 * MIN_CONTRAST)
-            & (residual <= most)
-            & (blur <= MAX_SIGMA)
-            & (drift <= MAX_DRIFT)
-        )
+        ok = settled & (np.abs(contrast) >= 0.5 * MIN_CONTRAST) & (residual <= most)
+        ok &= (blur <= MAX_SIGMA) & (drift <= MAX_DRIFT)
     found = Crossings(place, sigma, contrast * span, blur, residual, ok)
     return _kept(found, ok), np.where(ok[:, None], p, np.nan)
+
+
+def _widening(
+    p: FloatArray, covariance: FloatArray, weight: FloatArray, *window: FloatArray
+) -> FloatArray:
+    """By how much (C,) residuals that are alike in neighbouring pixels widen the scatter of x and
+    y; ``covariance`` (C, 2, 9): of these two with all parameters."""
+    rest, slopes = residual_and_slopes(p, *window)
+    influence = covariance @ (slopes * weight[:, None])
+    side = round(np.sqrt(weight.shape[1]))
+    return widening(
+        rest.reshape(-1, side, side),
+        weight.reshape(-1, side, side),
+        influence.reshape(-1, 2, side, side),
+        slopes.reshape(-1, PARAMETERS, side, side),
+    )
 
 
 def _windows(

@@ -68,26 +68,17 @@ def fit_many(
     lower : (Q,) least values of the parameters, or None. One that is there and would go further
         down is held while the others take their step.
     """
-    count, size = start.shape
+    count = len(start)
     p = start.copy()
     damping = np.full(count, FIRST_DAMPING)
     converged = np.zeros(count, dtype=bool)
     active = np.arange(count)
     normal, gradient, square = _normal(model, p, active, weight)
-    diagonal = np.arange(size)
     earlier, steps = square.copy(), np.zeros(count, dtype=np.int64)
     gained = np.full(count, np.inf)
     for _ in range(iterations):
-        damped, down = normal[active], -gradient[active]
-        main = damped[:, diagonal, diagonal]
-        floor = 1e-12 * main.max(axis=1, keepdims=True) + 1e-300
-        damped[:, diagonal, diagonal] = main + damping[active, None] * main + floor
-        if lower is not None:
-            held = (p[active] <= lower) & (down <= 0)
-            damped[held[:, :, None] | held[:, None, :]] = 0.0
-            damped[:, diagonal, diagonal] += held
-            down[held] = 0.0
-        step = np.linalg.solve(damped, down[..., None])[..., 0]
+        least = None if lower is None else p[active] <= lower
+        step = _damped_steps(normal[active], -gradient[active], damping[active, None], least)
         new = p[active] + step
         if lower is not None:
             new = np.maximum(new, lower)
@@ -117,14 +108,29 @@ def fit_many(
         stuck |= due & (gained[active] <= MIN_GAIN * square[active])
         converged[active[stuck]] = True
         active = active[~small & ~stuck]
-        if not active.size:
-            break
     # by the last whole row of steps, and since
     gain = np.maximum(gained, earlier - square)[active]
     converged[active] = gain <= LAST_GAIN * square[active]
     covariance = _covariance(normal, square, (weight > 0).sum(axis=1))
     total = np.maximum(weight.sum(axis=1), 1e-300)
     return ManyFits(p, np.sqrt(square / total), covariance, converged)
+
+
+def _damped_steps(
+    normal: FloatArray, down: FloatArray, damping: FloatArray, least: Bools | None
+) -> FloatArray:
+    """Steps (K, Q) by normal matrices and gradients ``down`` the slope, both of which are changed;
+    parameters that are ``least`` (K, Q) don't go further down."""
+    diagonal = np.arange(normal.shape[1])
+    main = normal[:, diagonal, diagonal]
+    floor = 1e-12 * main.max(axis=1, keepdims=True) + 1e-300
+    normal[:, diagonal, diagonal] = main + damping * main + floor
+    if least is not None:
+        held = least & (down <= 0)
+        normal[held[:, :, None] | held[:, None, :]] = 0.0
+        normal[:, diagonal, diagonal] += held
+        down[held] = 0.0
+    return np.asarray(np.linalg.solve(normal, down[..., None])[..., 0])
 
 
 def _normal(

@@ -88,7 +88,6 @@ class SkyVisibility:
         T = view.camera.camera_from_world
         corners = view.corners[:, :, POSITION] @ T[:3, :3]
         normals = view.corners[:, :, NORMAL]
-        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         longest = _longest(view.screen)
         piece = max(PIECE, float(np.hypot(view.camera.width, view.camera.height)) / PIECES)
         power = np.clip(np.ceil(np.log2(np.maximum(longest / piece, 1.0))), 0, 7)
@@ -107,24 +106,15 @@ class SkyVisibility:
         before = np.zeros(0)
         while len(due):
             triangles = triangle[due]
-            u, v = lattice(m)
-            uv = place[due, 0][:, None] + u[:, None] * (place[due, 1] - place[due, 0])[:, None]
-            uv = uv + v[:, None] * (place[due, 2] - place[due, 0])[:, None]
-            s, t = uv[..., :1], uv[..., 1:]
-            at = (
-                corners[triangles][:, None, 0]
-                + s * a[triangles][:, None]
-                + t * b[triangles][:, None]
-            )
-            n = normals[triangles]
-            normal = (1.0 - s - t) * n[:, None, 0] + s * n[:, None, 1] + t * n[:, None, 2]
+            at, normal = _on_lattice(place[due], corners[triangles], normals[triangles], m)
             shares, even, buried = nodes.look(at, normal)
             if cut_off is not None:
                 buried |= cut_off.behind(triangles, at)
             # a gap may show between nodes that all lie under bodies
-            rough = _mixed(buried) | (buried.all(axis=1) & (m < GAP))
+            under = buried.all(axis=1)
+            rough = np.where(under, m < GAP, buried.any(axis=1))
             if m == 1:
-                rough |= ~buried.all(axis=1) & (np.ptp(even, axis=1) > EVEN)
+                rough |= ~under & (np.ptp(even, axis=1) > EVEN)
             else:
                 off = np.where(buried, 0.0, np.abs(even - before))
                 rough |= off.max(axis=1) > TOLERANCE
@@ -145,9 +135,8 @@ class SkyVisibility:
             values.append(shares)
             filled += len(shares)
         return SkyVisibility(
-            _places(corners[:, 0], a, b), pieces, first, cells, start, np.concatenate(values),
-            nodes.count,
-        )  # fmt: skip
+            _places(corners), pieces, first, cells, start, np.concatenate(values), nodes.count
+        )
 
     def at(self, triangle: Numbers, x: Array) -> Array:
         """Shares (n,) at positions (n, 3) relative to the eye, on triangles (n,)."""
@@ -174,6 +163,20 @@ def lattice(m: int) -> tuple[Array, Array]:
     return i / m, j / m
 
 
+def _on_lattice(place: Array, corners: Array, normals: Array, m: int) -> tuple[Array, Array]:
+    """Positions and normals (P, N, 3) of the nodes of pieces, which lie at ``place`` (P, 3, 2) in
+    triangles of these corners and normals (P, 3, 3)."""
+    u, v = lattice(m)
+    uv = place[:, None, 0] + u[:, None] * (place[:, 1] - place[:, 0])[:, None]
+    uv = uv + v[:, None] * (place[:, 2] - place[:, 0])[:, None]
+    s, t = uv[..., :1], uv[..., 1:]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    at = corners[:, None, 0] + s * a[:, None] + t * b[:, None]
+    return at, (1.0 - s - t) * normals[:, None, 0] + s * normals[:, None, 1] + t * normals[
+        :, None, 2
+    ]
+
+
 def _cell(uv: Array, n: Numbers) -> tuple[Numbers, Array]:
     """Of places (k, 2) in a triangle of n (k,) cells an edge: the cell, and the place in it."""
     uv = np.maximum(uv, 0.0)
@@ -190,13 +193,15 @@ def _longest(screen: Array) -> Array:
     return result
 
 
-def _places(origin: Array, a: Array, b: Array) -> Array:
-    """(T, 2, 4): how far along edges a and b from ``origin`` a position is, affine in it."""
+def _places(corners: Array) -> Array:
+    """(T, 2, 4): how far along the edges a and b from the first of ``corners`` (T, 3, 3) a position
+    is, affine in it."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     aa, ab, bb = (np.sum(x * y, axis=1)[:, None] for x, y in ((a, a), (a, b), (b, b)))
     area = np.maximum(aa * bb - ab * ab, 1e-300)
     result = np.zeros((len(a), 2, 4))
     result[:, 0, :3], result[:, 1, :3] = (bb * a - ab * b) / area, (aa * b - ab * a) / area
-    result[:, :, 3] = -np.einsum("nka,na->nk", result[:, :, :3], origin)
+    result[:, :, 3] = -np.einsum("nka,na->nk", result[:, :, :3], corners[:, 0])
     return result
 
 
@@ -230,10 +235,6 @@ def _in_image(view: View, triangle: Numbers, place: Array) -> npt.NDArray[np.boo
     return np.asarray(
         np.all([(a > -w).any(axis=1) & (a < n * w).any(axis=1) for a, n in limits], axis=0)
     )
-
-
-def _mixed(buried: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    return np.asarray(buried.any(axis=1) & ~buried.all(axis=1))
 
 
 def _grids(shares: Array, buried: npt.NDArray[np.bool_], m: int) -> Array:

@@ -133,6 +133,15 @@ def corners_over(
     return pixel, at, corners / view.camera.pixel_side
 
 
+def _cutting(view: View, edges: EdgePixels, pixel: Long, at: Array) -> Cutting:
+    """Which of two triangles over a pixel, that is ``at`` (n, 2), is in front where."""
+    triangle = edges.triangle[: len(pixel)]
+    last = np.repeat(edges.start[1:], edges.depth)
+    from_centre = (view.screen[triangle] - at[:, None]) / view.camera.pixel_side
+    depth = depth_planes(from_centre, view.inverse_depth(triangle))
+    return Cutting(edges.pierced[pixel], last, depth)
+
+
 def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Array:
     """Radiance (bands, n) of the edge pixels; ``shares`` tells what is seen of lamps."""
     if not len(edges.pixel):
@@ -142,13 +151,7 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
     first = np.repeat(edges.start[:-1], edges.depth)
     triangle = edges.triangle[: len(pixel)]
     planes = half_planes(corners)
-    pierced = edges.pierced[pixel] if edges.pierced.any() else None
-    cutting = None
-    if pierced is not None:
-        last = np.repeat(edges.start[1:], edges.depth)
-        from_centre = (view.screen[triangle] - at[:, None]) / view.camera.pixel_side
-        depth = depth_planes(from_centre, view.inverse_depth(triangle))
-        cutting = Cutting(pierced, last, depth)
+    cutting = _cutting(view, edges, pixel, at) if edges.pierced.any() else None
     polygon, sides_left = clip_square(planes)
     behind = backdrops(setup, edges, fills(planes), corners)
     row, piece = visible_polygons(polygon, sides_left, planes, corners, first, cutting, behind)
@@ -183,12 +186,8 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
             np.bincount(row, size * values, len(pixel))[covered] / area[covered]
             for values in (printed, *middle.T, *albedo)
         )
-        row, size, middle, albedo = (
-            covered,
-            area[covered],
-            np.stack([x, y], axis=1),
-            np.stack(albedos),
-        )
+        row, size = covered, area[covered]
+        middle, albedo = np.stack([x, y], axis=1), np.stack(albedos)
     x, y = (at[row] + view.camera.pixel_side * middle).T
     light = radiance_of(setup, triangle[row], x, y, albedo, printed, sides, shares)
     seen = np.bincount(pixel[row], size, count)

@@ -103,18 +103,7 @@ def visible_polygons(
     if without is not None:
         vertex_buffers &= ~without
     before = np.where(vertex_buffers, fronts, 0)
-    behind, before_it = [], []
-    for part in batches(before, PAIRS):
-        back_row, step = expand(before[part])
-        back_row += part.start
-        front_row = first[back_row] + step
-        meets = _overlap(polygon, planes, corners, back_row, front_row)
-        behind.append(back_row[meets])
-        before_it.append(front_row[meets])
-    hidden, by = (
-        np.concatenate([np.zeros(0, np.int64), *behind]),
-        np.concatenate([np.zeros(0, np.int64), *before_it]),
-    )
+    hidden, by = _occlusions(polygon, planes, corners, first, before)
     many = np.bincount(hidden, minlength=len(row))
     begin = np.cumsum(many) - many
     owner = np.flatnonzero(vertex_buffers)
@@ -143,6 +132,22 @@ def visible_polygons(
     shapes = np.concatenate([pick(polygon, none), *(part[1] for part in finished)])
     order = np.argsort(whose, kind="stable")
     return whose[order], pick(shapes, order)
+
+
+def _occlusions(
+    polygon: Array, planes: Array, corners: Array, first: Long, fronts: Long
+) -> tuple[Long, Long]:
+    """Pairs of rows of which the second hides a part of the first, by rows: as many as ``fronts``
+    (n,) tells from row ``first`` (n,) on are before each."""
+    behind, before = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for part in batches(fronts, PAIRS):
+        back_row, step = expand(fronts[part])
+        back_row += part.start
+        front_row = first[back_row] + step
+        meets = _overlap(polygon, planes, corners, back_row, front_row)
+        behind.append(back_row[meets])
+        before.append(front_row[meets])
+    return np.concatenate(behind), np.concatenate(before)
 
 
 def _overlap(
@@ -174,11 +179,8 @@ def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[
         counts.append(count[:n])
         rest, corners = shape[n:], count[n:]
     touched = moments(rest)[0] > SLIVER
-    shape, count, whose = (
-        np.concatenate(shapes),
-        np.concatenate(counts),
-        np.tile(owner, len(shapes)),
-    )
+    shape, count = np.concatenate(shapes), np.concatenate(counts)
+    whose = np.tile(owner, len(shapes))
     solid = np.tile(touched, len(shapes)) & (moments(shape)[0] > SLIVER)
     return (
         np.concatenate([owner[~touched], whose[solid]]),

@@ -324,7 +324,6 @@ def _seen_of(
     straight = not crossing.any() and ahead.all() and screen.camera.lens is None
     untouched = straight and culled.extent <= SURELY_SHORT
     table = VertexTable(surface, points, corner, bool(out.any()))
-    place = np.take(ideal.T, table.origin, axis=1).T
     shows = feature_edges(
         topology, front, surface.regions, shape.creases, culled.keep,
         shape.smooth[1] if lit else None, surface.extents,
@@ -337,19 +336,23 @@ def _seen_of(
             in_region = surface.regions[topology.source[kept]] == number
             plane = isinstance(surface.paint_frame(number), PaintFrame)
             st_of = partial(table.paint_at, turned)
-            shows[speckle_jumps(topology, kept, in_region, st_of, points, ideal, grain, plane)] = (
-                True
-            )
+            jumps = speckle_jumps(topology, kept, in_region, st_of, points, ideal, grain, plane)
+            shows[jumps] = True
     flags = topology.sides(shows, kept)
     if turned.any():
         flags[turned] = flags[turned][:, [2, 1, 0]]
-    if len(place) < len(table.origin):
-        place = np.take(ideal.T, table.origin, axis=1).T
+    place = np.take(ideal.T, table.origin, axis=1).T
     found = IndexedTriangles(table.columns.T, place, table.corner.T, flags, kept, culled.extent)
-    if untouched:
-        return found
-    left, parts = np.ones(len(kept), bool), []
-    if len(kept) >= MIN_TRIANGLES_FOR_SHARING:
+    return found if untouched else _in_front(found, screen, near, crossing)
+
+
+def _in_front(
+    found: IndexedTriangles, screen: ImagePlane, near: float, crossing: npt.NDArray[np.bool_]
+) -> IndexedTriangles:
+    """What is within the pyramid of view, at its place through the lens; ``crossing`` (T,): which
+    have to be clipped."""
+    left, parts = np.ones(len(found.source), bool), []
+    if len(left) >= MIN_TRIANGLES_FOR_SHARING:
         whole, done = whole_triangles(found, screen, crossing)
         left, parts = ~done, [whole]
         if not left.any():

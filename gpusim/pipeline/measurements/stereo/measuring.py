@@ -54,12 +54,7 @@ def measure_stereo(
     frames, shifts, motions = {}, [], []
     for (frame, seen), moved in zip(tracked.frames.items(), true, strict=True):
         shift = [np.where(s.status[:, None] == "OK", s.displacement, np.nan) for s in seen]
-        before, after = _triangulated(calibration, seen, shift)
-        good = np.count_nonzero(np.isfinite(before.points).all(axis=1))
-        if not good >= 3:
-            raise GpusimError(
-                f"measure {spec.name!r}: {good} markers are seen by two cameras; expected three"
-            )
+        before, after = _triangulated(spec.name, calibration, seen, shift)
         structure = measure.align(before.points, MM * marks.position)
         difference = measure.displacement_3d(before, after, structure)
         displacement, motion = _steady(marks, before.points, after.points, structure, difference)
@@ -128,9 +123,13 @@ def _calibrated(
 
 
 def _triangulated(
-    calibration: measure.Calibration, seen: Sequence[MarkerTracks], shifts: Sequence[Array]
+    name: str,
+    calibration: measure.Calibration,
+    seen: Sequence[MarkerTracks],
+    shifts: Sequence[Array],
 ) -> tuple[Triangulated, Triangulated]:
-    """The markers in space, before and after their ``shifts`` (M, 2) px in each camera."""
+    """The markers in space, three at least, before and after their ``shifts`` (M, 2) px in each
+    camera."""
     noise = np.stack([np.where(s.sigma > 0, s.sigma, np.nan) / np.sqrt(2.0) for s in seen])
     known = noise[np.isfinite(noise)]
     noise = np.where(np.isfinite(noise), noise, np.median(known) if known.size else 1.0)
@@ -139,6 +138,11 @@ def _triangulated(
         measure.triangulate(calibration.cameras, pixels, sigma_px=noise)
         for pixels in (before, before + np.stack(shifts))
     )
+    good = np.count_nonzero(np.isfinite(first.points).all(axis=1))
+    if not good >= 3:
+        raise GpusimError(
+            f"measure {name!r}: {good} markers are seen by two cameras; expected three"
+        )
     return first, last
 
 
