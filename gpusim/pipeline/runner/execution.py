@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from importlib import import_module
 from pathlib import Path
+from threading import current_thread, main_thread
 
 from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
@@ -16,6 +18,7 @@ from gpusim.graph.graph import Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
 from gpusim.graph.store import Store
+from gpusim.interrupts import DelayedSignals
 from gpusim.pipeline.checks.resources import check_memory, check_views
 from gpusim.pipeline.runner.scene_report import SceneReport
 from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
@@ -81,6 +84,7 @@ class Execution:
             Of what is wrong later; what was finished by then is kept.
         """
         check_memory(self.plan)
+        self._import_stages()
         for scene in self.decision.scenes.values():
             check_views(scene)
         with self._device() as device:
@@ -99,6 +103,16 @@ class Execution:
                     keep_programs(self.out, device.programs.asked)
             finally:
                 self._close()
+
+    def _import_stages(self) -> None:
+        """Import what will be run, while an interrupt is put off: in the middle of an import it
+        comes out as any error."""
+        running = (task for task in self.decision.graph.tasks.values() if task.runs)
+        modules = sorted({task.stage.work.split(":")[0] for task in running})
+        is_main = current_thread() is main_thread()
+        with DelayedSignals() if is_main else nullcontext():
+            for module in modules:
+                import_module(module)
 
     @contextmanager
     def _device(self) -> Iterator[Device | None]:

@@ -161,6 +161,8 @@ class _Checks:
         """What the tables of each kind say that they name, and need."""
         names = {
             "camera": _names(self.cameras),
+            "body": _names(self.bodies),
+            "prop": _names(self.props),
             "variant": _names(self.variants),
             "markers paint on a body": _marker_names(self.bodies),
             "markers paint on a prop": _marker_names(self.props),
@@ -170,9 +172,10 @@ class _Checks:
             if table is None:
                 continue
             for key, what in table.references.items():
-                named = names.get(what)
                 if what.startswith(_OF_TYPE):
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
+                else:
+                    named = names[what]
                 value = measure.get(key)
                 if isinstance(value, list):
                     for place, one in enumerate(value):
