@@ -2,10 +2,10 @@
 
 A task is a record of a stage. Its key is a hash of gpusim's version, of the stage's name, of the
 parts of the scene that its function gets, of the record's row, and of the keys of its needs.
-Records of equal key, in whatever scene, are one task. A record that is kept is reused if the store has the
-result of its key; values in memory (mesh, model, surface) are made only if a task that runs needs
-them. So a new camera renders again and doesn't solve again, and a new load leaves the unloaded
-frame alone.
+Records of equal key, in whatever scene, are one task. A record that is kept is reused if the store
+has the result of its key; values in memory (mesh, model, surface) are made only if a task that runs
+needs them. So a new camera renders again and doesn't solve again, and a new load leaves the
+unloaded frame alone.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from gpusim.graph.session import Session
 from gpusim.graph.store import Store
 from gpusim.interrupts import DelayedSignals
 from gpusim.pipeline.checks.resources import check_memory, check_views
+from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.runner.scene_report import SceneReport
 from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
 from gpusim.plan.decision import decide
@@ -106,13 +107,15 @@ class Execution:
 
     def _import_stages(self) -> None:
         """Import what will be run, while an interrupt is put off: in the middle of an import it
-        comes out as any error."""
+        comes out as any error, or ends the process by the signal."""
         running = (task for task in self.decision.graph.tasks.values() if task.runs)
         modules = sorted({task.stage.work.split(":")[0] for task in running})
         is_main = current_thread() is main_thread()
         with DelayedSignals() if is_main else nullcontext():
             for module in modules:
                 import_module(module)
+            for spec in self.scene.measures:
+                kind_of(spec)
 
     @contextmanager
     def _device(self) -> Iterator[Device | None]:
