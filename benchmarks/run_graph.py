@@ -72,7 +72,7 @@ def books() -> None:
     global _pixels
     _pixels = random.Random(1).randbytes(8 * FRAMES + 3072)
     stage = Stage("render/a", f"{__name__}:small_frame", keeps=True, on_device=True,
-                  rows=range(FRAMES), shown=lambda k: f"render/a/{k:04d}")  # fmt: skip
+                  rows=range(FRAMES), public=lambda k: f"render/a/{k:04d}")  # fmt: skip
 
     def decided(out: Path) -> Runner:
         graph, store = Graph(), Store(out / INNER)
@@ -191,7 +191,7 @@ def kill() -> None:
                 while process.poll() is None and begun_in(out) == before:
                     time.sleep(0.005)
                 try:
-                    code = process.wait(chance.uniform(0.0, 0.5) if done < KILLS else 300)
+                    code = process.wait(chance.uniform(0.0, 1.5) if done < KILLS else 300)
                 except subprocess.TimeoutExpired:
                     process.send_signal(signal.SIGKILL)
                     code, done = process.wait(), done + 1

@@ -1,6 +1,11 @@
 """Tasks by key, and what is to be done with each: a run's plan, or that of many runs.
 
-A task is a record of a stage. Records of equal key, in whatever scene, are one task.
+A task is a record of a stage. Its key is a hash of gpusim's version, of the stage's name, of the
+parts of the scene that its function gets, of the record's row, and of the keys of its needs.
+Records of equal key, in whatever scene, are one task. A record that is kept is reused if the store
+has the result of its key; values in memory (mesh, model, surface) are made only if a task that runs
+needs them. So a new camera renders again and doesn't solve again, and a new load leaves the
+unloaded frame alone.
 """
 
 from __future__ import annotations
@@ -137,7 +142,7 @@ class Graph:
                 task.state = "reused" if fault is None else "run"
                 task.reason = "unchanged" if fault is None else fault or self._why(task, folders)
             if task.runs:
-                kind = task.stage.shown(task.record).split("/")[0]
+                kind = task.stage.public(task.record).split("/")[0]
                 # a value that is hidden hands on who needs it
                 names = {kind or _REPORT: None} if kind or task.stage.keeps else users[task.key]
                 for key in (key for keys in task.needs.values() for key in keys):
@@ -170,7 +175,7 @@ class Graph:
                 if part in self.parts[place]:
                     causes |= self._changed(folder, place, part)
                 else:
-                    causes.add("what frames show" if part == "rows" else part)
+                    causes.add("loads or places of frames" if part == "rows" else part)
             self._causes[place, stage] = causes
         return self._causes[place, stage]
 

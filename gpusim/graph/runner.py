@@ -312,5 +312,6 @@ class Runner:
             if not self._users[key]:
                 del self._users[key]
                 if key not in self.session.values:
+                    self.observe(self.graph.tasks[key], 1.0, "")  # nobody will make it
                     self._let_go(self.graph.tasks[key])
                 self.session.values.pop(key, None)

@@ -58,7 +58,7 @@ class Stage:
     needs : names of stages, and which of their records (None: all).
     rows : of each record, plain data that it depends on, and no other record need.
     keeps : whether a record is files and notes; else it is a value in memory.
-    shown : the public stage that a record belongs to ("render/front/0001").
+    public : the stage as people know it that a record belongs to ("render/front/0001").
     on_device : whether it works on the device; the others are worked off beside it.
     early : whether it is made before anything is written: its faults leave no trace.
     """
@@ -70,7 +70,7 @@ class Stage:
     needs: Mapping[str, Which | None] = field(default_factory=dict)
     rows: Sequence[Any] = (None,)
     keeps: bool = False
-    shown: Callable[[int], str] = lambda record: ""
+    public: Callable[[int], str] = lambda record: ""
     on_device: bool = False
     early: bool = False
 

@@ -41,6 +41,8 @@ __all__ = ["DAMAGED", "FileFacts", "Record", "Store", "is_unchanged"]
 DAMAGED = KeyError, TypeError, ValueError, AttributeError, OverflowError
 """What a line raises that isn't as it was written."""
 
+_TOGETHER = "0-"
+"""How names of logs begin that were put together: no process has the number 0."""
 _FLUSHERS = 16
 """Threads that wait for the disk at the end: file systems write together what waits together."""
 
@@ -91,6 +93,7 @@ class Store:
         self._log = Log(root / "log" / f"{self._name}.log")
         self._records: dict[str, Record] = {}
         self._read_to: dict[str, int] = {}
+        self._forgotten: set[str] = set()
         self._doubted: set[str] = set()  # of writers that didn't close: hashed before they are used
         self._unflushed: set[str] = set()
         self._claims = -1
@@ -110,6 +113,8 @@ class Store:
             for line in lines:
                 with suppress(*DAMAGED):
                     record = Record.of(line)
+                    if record.key in self._forgotten and path.name.startswith(_TOGETHER):
+                        continue  # it was made before it was forgotten
                     self._records[record.key] = record
                     if not closed:
                         self._doubted.add(record.key)
@@ -136,6 +141,7 @@ class Store:
 
     def forget(self, key: str) -> None:
         """Don't find what was made for a key by now."""
+        self._forgotten.add(key)
         self._records.pop(key, None)
 
     def blob(self, sha256: str) -> Path:
@@ -268,7 +274,7 @@ class Store:
             path for path in _plain_files(inside(self.root, "log"))
             if path == self._log.path or _has_ended(path.name.split("-")[0])
         ]  # fmt: skip
-        if [path.name[:2] for path in ended] in ([], ["0-"]):
+        if [path.name[:2] for path in ended] in ([], [_TOGETHER]):
             return
         self.refresh()  # after that: what others put together meanwhile stays
         for key in self._doubted & self._records.keys():
@@ -279,12 +285,16 @@ class Store:
         with ThreadPoolExecutor(_FLUSHERS) as pool:
             list(pool.map(_flush, map(self.blob, self._unflushed)))
         whole = Log(self.root / "log" / f".log.{self._name}.part")
-        for content in (*(one.content() for one in self._records.values()), {"closed": True}):
-            whole.append(content)
-        whole.close()
-        os.replace(whole.path, self.root / "log" / f"0-{secrets.token_hex(4)}.log")
-        for path in ended:
-            path.unlink(missing_ok=True)
+        try:
+            for content in (*(one.content() for one in self._records.values()), {"closed": True}):
+                whole.append(content)
+            whole.close()
+            os.replace(whole.path, self.root / "log" / f"{_TOGETHER}{secrets.token_hex(4)}.log")
+            for path in ended:
+                path.unlink(missing_ok=True)
+        except OSError:  # full, or read alone: they stay as they are, and are doubted
+            with suppress(OSError):
+                whole.path.unlink(missing_ok=True)
 
     def collect(self, keys: Iterable[str]) -> None:
         """Forget all results but those of ``keys``, and delete the files that nobody needs, those

@@ -11,6 +11,5 @@ In the order in which data passes:
 - `scene_stages`: The stages of a scene, and what each depends on: the graph of its run.
 - `decision`: What is done with each result of a run, before any work: its graph, against what lies
   there.
-- `plan`: The one decision, before any work: which stages are run, skipped or reused, why, at what
-  cost.
+- `plan`: A decision in words, seconds and bytes: what ``gpusim plan`` prints, and a run goes by.
 """

@@ -50,7 +50,7 @@ class Decision:
         for keys in self.graph.records[place].values():
             for record, key in enumerate(keys):
                 task = self.graph.tasks[key]
-                name = task.stage.shown(record)
+                name = task.stage.public(record)
                 # a value that several records share belongs to the first
                 if name and (place, record) == task.first_in(place):
                     tasks.setdefault(name, []).append(task)

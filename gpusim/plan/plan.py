@@ -1,11 +1,4 @@
-"""The one decision, before any work: which stages are run, skipped or reused, why, at what cost.
-
-A stage's key is a hash of the scene's content that it depends on, of the keys of the stages whose
-results it uses, and of gpusim's version. A stage that writes files is reused if the output folder's
-store holds the result of its key; the in-memory stages (mesh, model, surface) run only if a stage
-that runs needs them. So a new camera renders again and doesn't solve again, and a new load leaves
-the unloaded frame alone.
-"""
+"""A decision in words, seconds and bytes: what ``gpusim plan`` prints, and a run goes by."""
 
 from __future__ import annotations
 
@@ -158,7 +151,7 @@ class _ScenePlan:
         """The different weights of a frame, in the order in which bodies have them."""
         weights = [weight for state in shown.states for weight in state or (0.0,)]
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]
-        word = "time" if kind_of(self.scene).given else "load x"
+        word = "time" if kind_of(self.scene).type.given else "load x"
         return f"{word} {', '.join(f'{weight:g}' for weight in weights)}"
 
     def _targets(self, camera: Camera, public: Sequence[PublicStage]) -> list[PlannedStage]:

@@ -60,11 +60,11 @@ def scene_stages(scene: Scene, options: RunOptions) -> SceneStages:
 def _things(build: StageBuilder) -> Iterator[Stage]:
     """Bodies and props as they stand."""
     for name in build.bodies:
-        yield build.stage(f"mesh/{name}", "bodies:mesh", [f"body.{name}.mesh"], shown="mesh")
+        yield build.stage(f"mesh/{name}", "bodies:mesh", [f"body.{name}.mesh"], public="mesh")
         yield build.stage(f"surface/{name}", "bodies:surface", [f"body.{name}.paint"],
-                          {f"mesh/{name}": first}, shown="surface")  # fmt: skip
+                          {f"mesh/{name}": first}, public="surface")  # fmt: skip
     if build.scene.props:
-        yield build.stage("props", "bodies:props", ["prop.still"], shown="surface")
+        yield build.stage("props", "bodies:props", ["prop.still"], public="surface")
 
 
 def _looks(build: StageBuilder) -> Iterator[Stage]:
@@ -132,7 +132,7 @@ def _exposed(
     sections, corners = [f"camera.{camera}", "sensor"], bool(kind) and build.scene.measures_space
     if corners:
         sections += ["calibration", "prop.still"]
-    yield build.stage(f"{kind}render/{camera}", "images:picture", sections, needs,
+    yield build.stage(f"{kind}picture/{camera}", "images:picture", sections, needs,
                       [[kind, k, corners] for k in range(count)], f"render/{camera}/{kind}{{:04d}}",
                       on_device=True, keeps=True)  # fmt: skip
 
@@ -168,12 +168,12 @@ def _measured(
                 "analysis"]  # fmt: skip
     frames: dict[str, list[int]] = {}
     for camera, frame in spec.pictures(len(build.frames)):
-        frames.setdefault(f"render/{camera}", []).append(frame)
+        frames.setdefault(f"picture/{camera}", []).append(frame)
     needs = whole | {stage: partial(_these, numbers) for stage, numbers in frames.items()}
     if spec.uses_calibration:
         name = f"tracks/{spec.name}"
         yield build.stage(name, "measuring:tracks", sections, needs, table, keeps=True)
-        needs = needs | {f"calib-render/{camera}": None for camera in spec.views} | {name: first}
+        needs = needs | {f"calib-picture/{camera}": None for camera in spec.views} | {name: first}
     yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
                       "measure", keeps=True)  # fmt: skip
 
@@ -198,5 +198,5 @@ def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
         "stress": still if output.stress else f"{_NONE}: [output] stress is false",
         "export": f"{_NONE}: neither vtu nor stl in [output]",
     }
-    there = {stage.shown(0).split("/")[0] for stage in stages if len(stage.rows)}
+    there = {stage.public(0).split("/")[0] for stage in stages if len(stage.rows)}
     return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

@@ -32,7 +32,7 @@ class StageBuilder:
         sections: Sequence[str] = (),
         needs: Mapping[str, Which | None] | None = None,
         rows: Sequence[Any] = (None,),
-        shown: str = "",
+        public: str = "",
         *,
         on_device: bool = False,
         **more: Any,
@@ -41,7 +41,7 @@ class StageBuilder:
         module that is named whole ("my_package.swing:motion"), gets the ``sections`` of the scene
         (`SceneParts.of`), and nothing else of it.
 
-        ``shown``: the public stage that it belongs to; "{}" in it becomes the record's number. A
+        ``public``: the stage as people know it; "{}" in it becomes the record's number. A
         stage ``on_device`` depends on the backend. ``more``: as `Stage` has it.
         """
         part = self._parts.of(*sections)
@@ -51,7 +51,7 @@ class StageBuilder:
         whole = work if "." in work else f"gpusim.pipeline.stages.{work}"
         return Stage(
             name, whole, part.scene, digests, needs or {}, rows,
-            shown=lambda record: shown.format(record), on_device=on_device, **more,
+            public=lambda record: public.format(record), on_device=on_device, **more,
         )  # fmt: skip
 
     def of_bodies(self, kind: str, which: Which = first) -> Needs:

@@ -8,10 +8,8 @@ groups; most scenes have one, with the analysis' load factors as its amplitude.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from gpusim.scene.description.model import Amplitude, Body
+from gpusim.scene.description.model import Amplitude, Body
 
 __all__ = ["LoadGroup", "load_groups"]
 

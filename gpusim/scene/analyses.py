@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpusim.errors import InputError
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.description.processing import ANALYSIS_TYPES, AnalysisType
 
 if TYPE_CHECKING:
     from gpusim.scene.scene import Scene
@@ -25,21 +26,18 @@ States = Sequence[tuple[float, ...] | None]
 class AnalysisKind:
     """One kind.
 
-    about : what it is, in a few words, for who asks which kinds there are.
+    type : what its table is.
     states : of a scene (whether multiples of a load are one case: its second argument), per body
         what its motion depends on in each frame, as plain data; None where it is at rest.
     stages : "module:function" that gives the stages which end in ``motion/<body>``, a
         `gpusim.motion.Motion` each.
     unsolved : why nothing is solved; "" where a model of each body is.
-    given : whether bodies have a ``field`` in place of a mesh, and frames times in place of load
-        factors.
     """
 
-    about: str
+    type: AnalysisType
     states: Callable[[Scene, bool], Sequence[States]]
     stages: str
     unsolved: str = ""
-    given: bool = False
 
     def make_stages(self, build: Any) -> Any:
         """The stages, of what they are made with (`gpusim.plan.stage_builder.StageBuilder`)."""
@@ -51,7 +49,7 @@ def add_analysis(name: str, kind: AnalysisKind) -> None:
     """Let scenes have ``[analysis] type = name``. Raises InputError for a name that another has."""
     if name in ANALYSES:
         raise InputError(f"kind of analysis: type; got {name!r} twice; expected a new one")
-    ANALYSES[name] = kind
+    ANALYSES[name], ANALYSIS_TYPES[name] = kind, kind.type
 
 
 def kind_of(scene: Scene) -> AnalysisKind:
@@ -80,10 +78,12 @@ def _times(scene: Scene, scaled: bool) -> Sequence[States]:
 
 
 ANALYSES = {
-    "static": AnalysisKind("linear", _weights, "gpusim.plan.motion_stages:static_stages"),
+    "static": AnalysisKind(
+        ANALYSIS_TYPES["static"], _weights, "gpusim.plan.motion_stages:static_stages"
+    ),
     "field": AnalysisKind(
-        "displacements that are given", _times, "gpusim.plan.motion_stages:field_stages",
-        unsolved="displacements are given", given=True,
+        ANALYSIS_TYPES["field"], _times, "gpusim.plan.motion_stages:field_stages",
+        unsolved="displacements are given",
     ),
 }  # fmt: skip
 """By the name that ``[analysis] type`` has."""

@@ -103,4 +103,4 @@ def frame_table(scene: Scene, scaled: bool = True) -> FrameTable:
 
 def frame_word(scene: Scene) -> str:
     """What the numbers are that a scene has one of per frame."""
-    return "time" if kind_of(scene).given else "load_factor"
+    return "time" if kind_of(scene).type.given else "load_factor"

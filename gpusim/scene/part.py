@@ -59,9 +59,9 @@ class SceneParts:
     def of(self, *sections: str) -> Part:
         """The part with these sections: "light", "camera.front", "body.bar.mesh", "body.*.paint".
 
-        ``"sensor.response"`` is the sensor without what makes its noise vary, ``"prop.still"`` props
-        without their poses; without a section of sensors, cameras have none of their own. Raises
-        KeyError for an unknown section.
+        ``"sensor.response"`` is the sensor without what makes its noise vary, ``"prop.still"``
+        props without their poses; without a section of sensors, cameras have none of their own.
+        Raises KeyError for an unknown section.
         """
         values = {section: self._value(section, sections) for section in sections}
         texts = {

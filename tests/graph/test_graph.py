@@ -28,7 +28,7 @@ def test_a_key_is_of_what_is_named_and_of_nothing_else(monkeypatch: pytest.Monke
     }
     others = {what: next(iter(keys(one).values()))[0] for what, one in changed.items()}
     assert len({before, *others.values()}) == 1 + len(others)
-    how = dict(shown=lambda record: "x", on_device=True, early=True, keeps=False)
+    how = dict(public=lambda record: "x", on_device=True, early=True, keeps=False)
     assert keys(stage("a", argument=1, **how))["a"] == [before]
     monkeypatch.setattr("gpusim.graph.graph.__version__", "0.0.0")
     assert keys(stage("a", argument=1))["a"] != [before]
@@ -76,13 +76,13 @@ def crane(camera: int = 1, load: int = 1, shown: tuple[float, ...] = (0, 1)) -> 
     return [
         stage("mesh", "value", parts={"body.bar.mesh": "m"}),
         stage("solve", needs={"mesh": first}, parts={"body.bar.solid": f"{load}"},
-              shown=lambda record: "solve"),
+              public=lambda record: "solve"),
         stage("motion", "value", needs={"solve": first}),
         stage("radiance", "value", needs={"motion": first}, rows=shown,
               parts={"camera.front": f"{camera}", "light": "l"},
-              shown=lambda record: f"render/{record}"),
+              public=lambda record: f"render/{record}"),
         stage("render", needs={"radiance": same}, rows=range(len(shown)),
-              shown=lambda record: f"render/{record}"),
+              public=lambda record: f"render/{record}"),
         stage("note", needs={"mesh": first}),
     ]  # fmt: skip
 
@@ -115,7 +115,8 @@ def test_a_second_run_makes_nothing(tmp_path: Path) -> None:
          "body.bar.solid changed"),
         ({"camera": 2, "load": 2}, {"solve": 1, "mesh": 1, "render": 2, "radiance": 2, "motion": 1},
          "body.bar.solid, camera.front changed"),
-        ({"shown": (0, 2)}, {"render": 1, "radiance": 1, "motion": 1}, "what frames show changed"),
+        ({"shown": (0, 2)}, {"render": 1, "radiance": 1, "motion": 1},
+         "loads or places of frames changed"),
     ],
 )  # fmt: skip
 def test_what_changed_is_named_through_all_needs(

@@ -6,21 +6,25 @@ import multiprocessing
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gpusim.graph.log import read_log
-from gpusim.graph.stage import every, same
+from gpusim.graph.stage import digest, every, same
 from gpusim.graph.store import Store
 from tests.graph.toy_stages import ToyRun, stage
 
 _context = multiprocessing.get_context("forkserver")
 _context.set_forkserver_preload(["tests.graph.toy_stages"])
 FRAMES = 30
+KEY, OTHER, THIRD = (digest(number) for number in range(3))
 
 
 def scene(seed: int, seconds: float = 0.01) -> list[Any]:
@@ -127,7 +131,7 @@ def test_killed_at_any_moment_and_continued(tmp_path: Path) -> None:
             while not list(store.glob("log/*")) and process.is_alive():
                 time.sleep(0.002)
             time.sleep(chance.uniform(0.0, 0.5))
-            if process.is_alive():
+            with suppress(ProcessLookupError):  # it was quicker
                 os.kill(process.pid, signal.SIGKILL)
             process.join()
             killed += process.exitcode == -signal.SIGKILL
@@ -144,3 +148,36 @@ def test_killed_at_any_moment_and_continued(tmp_path: Path) -> None:
         assert not [name for name in names if name.startswith(".")], number
         assert len(list(store.glob("log/*"))) == 1
     assert killed >= 20
+
+
+CLAIM = """
+import sys
+from pathlib import Path
+from gpusim.graph.store import Store
+store = Store(Path(sys.argv[1]))
+for line in sys.stdin:
+    what, key = line.split()
+    print(getattr(store, what)(key), flush=True)
+"""
+
+
+def test_a_claim_is_one_process_s_until_it_ends(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    other = subprocess.Popen([sys.executable, "-c", CLAIM, str(tmp_path)], text=True,
+                             stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
+
+    def says(what: str, key: str) -> str:
+        assert other.stdin is not None and other.stdout is not None
+        print(what, key, file=other.stdin, flush=True)
+        return other.stdout.readline().strip()
+
+    with other:
+        assert says("claim", KEY) == "True" and not store.claim(KEY)
+        assert store.claim(OTHER) and says("claim", OTHER) == "False"
+        says("release", KEY)
+        assert store.claim(KEY) and says("claim", KEY) == "False"
+        assert says("claim", THIRD) == "True"
+        other.kill()
+        other.wait()
+    assert store.claim(THIRD)
+    store.close()

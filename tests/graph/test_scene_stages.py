@@ -47,8 +47,8 @@ def test_every_kind_of_table_runs_on_parts_alone(
     kinds = {name.split("/")[0] for name in made}
     assert kinds == {
         "mesh", "surface", "props", "meshes", "geometry", "model", "solve", "solution", "motion",
-        "linear theory", "radiance", "exposure", "render", "target", "calib-exposure",
-        "calib-render", "truth", "tracks", "measure", "stress", "export",
+        "linear theory", "radiance", "exposure", "picture", "target", "calib-exposure",
+        "calib-picture", "truth", "tracks", "measure", "stress", "export",
     }  # fmt: skip
     before = made.copy()
     for number, scene in enumerate((first, second)):
@@ -67,7 +67,7 @@ def test_stages_are_given_parts(tmp_path: Path) -> None:
     assert tables["solve"] == {"solver", "bodies"} and tables["mesh"] == {"bodies"}
     assert tables["radiance"] == {"cameras", "lights", "render", "props", "bodies"}
     assert tables["exposure"] == {"cameras", "lights", "sensor"}
-    assert tables["render"] == {"cameras", "sensor"}
+    assert tables["picture"] == {"cameras", "sensor"}
     assert all("content" not in names for names in known.values())
 
 
@@ -105,7 +105,7 @@ def expected(seeds: int, places: int, loads: int) -> dict[str, int]:
     return {
         "mesh/crane": 1, "surface/crane": 1, "props": 1, "meshes": 1, "model/crane": loads,
         "solve": loads, "solution": loads, "motion/crane": loads, "radiance/front": views,
-        "exposure/front": places, "render/front": seeds * views,
+        "exposure/front": places, "picture/front": seeds * views,
     }  # fmt: skip
 
 
@@ -130,7 +130,7 @@ def test_runs_into_two_folders_share_a_store(tmp_path: Path, made: Counter[str])
     first = made.copy()
     run(two, tmp_path / "two", backend="numpy", store=store)
     again = made - first
-    assert again["solve"] == 0 and again["render/front"] == 2 and again["radiance/front"] == 2
+    assert again["solve"] == 0 and again["picture/front"] == 2 and again["radiance/front"] == 2
     run(one, tmp_path / "three", backend="numpy", store=store)
     assert made - first == again
     assert pictures(tmp_path / "one") == pictures(tmp_path / "three")
@@ -158,3 +158,24 @@ def test_plans_of_many_frames_are_linear() -> None:
 
     small, large = work(20), work(200)
     assert large[0] < 10.5 * small[0] and large[1] < 10.5 * small[1]
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [{"camera.front.position_mm": [350.0, -1020.0, 290.0]}, {"camera.front.focal_mm": 35.0}],
+)
+def test_variants_that_show_the_same_to_another_camera(
+    tmp_path: Path, setting: dict[str, Any]
+) -> None:
+    """What the device drew last is no picture of theirs, though nothing has moved."""
+    scene = crane(
+        variant=[{"name": "as-it-is"}, {"name": "changed", "set": setting}],
+        sensor={"exposure": 0.3},
+    ).replace("analysis.load_factors", [1.0])  # fmt: skip
+    run(scene, tmp_path / "both", backend="numpy")
+    alone = [tmp_path / name for name in ("as-it-is", "changed")]
+    for out in alone:
+        run(scene.variant(out.name), out, backend="numpy")
+    assert pictures(alone[0]) != pictures(alone[1])
+    for out in alone:
+        assert pictures(out) == pictures(tmp_path / "both" / "variants" / out.name)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import subprocess
-import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -337,39 +335,6 @@ def test_what_a_disk_refuses_is_one_clear_error(
     assert not list((tmp_path / "blobs").glob(".new*"))
 
 
-CLAIM = """
-import sys
-from pathlib import Path
-from gpusim.graph.store import Store
-store = Store(Path(sys.argv[1]))
-for line in sys.stdin:
-    what, key = line.split()
-    print(getattr(store, what)(key), flush=True)
-"""
-
-
-def test_a_claim_is_one_process_s_until_it_ends(tmp_path: Path) -> None:
-    store = Store(tmp_path)
-    other = subprocess.Popen([sys.executable, "-c", CLAIM, str(tmp_path)], text=True,
-                             stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
-
-    def says(what: str, key: str) -> str:
-        assert other.stdin is not None and other.stdout is not None
-        print(what, key, file=other.stdin, flush=True)
-        return other.stdout.readline().strip()
-
-    with other:
-        assert says("claim", KEY) == "True" and not store.claim(KEY)
-        assert store.claim(OTHER) and says("claim", OTHER) == "False"
-        says("release", KEY)
-        assert store.claim(KEY) and says("claim", KEY) == "False"
-        assert says("claim", THIRD) == "True"
-        other.kill()
-        other.wait()
-    assert store.claim(THIRD)
-    store.close()
-
-
 @pytest.mark.parametrize("broken", ["open", "lockf"])
 def test_where_nothing_can_be_locked_nobody_waits(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: str
@@ -388,3 +353,22 @@ def test_where_nothing_can_be_locked_nobody_waits(
     store = Store(tmp_path)
     assert store.claim(KEY)
     store.release(KEY)
+
+
+def test_logs_that_cant_be_put_together_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, before = abandoned(tmp_path, (KEY, "data")), sorted(tmp_path.rglob("*"))
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Log, "append", refuse)
+        Store(tmp_path).close()
+    assert sorted(tmp_path.rglob("*")) == before and log.exists()
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", refuse)
+        Store(tmp_path).close()
+    assert sorted(tmp_path.rglob("*")) == before
+    assert Store(tmp_path).fault(KEY, "stage") is None

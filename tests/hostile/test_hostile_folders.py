@@ -179,8 +179,9 @@ def _forged(out: Path, beside: Path, chance: random.Random) -> str:
 
 
 def _logs(out: Path) -> list[Path]:
-    inner = out / INNER
-    return [one for one in (inner / "folder.log", *sorted((inner / "log").glob("*.log")))
+    inner = out / INNER  # or a store by itself
+    own = *sorted((inner / "log").glob("*.log")), *sorted((out / "log").glob("*.log"))
+    return [one for one in (inner / "folder.log", *own)
             if one.is_file() and not one.is_symlink()]  # fmt: skip
 
 
@@ -234,6 +235,39 @@ def test_damaged_folders(first: Path, tmp_path: Path) -> None:
             assert str(out) in run.said or out.name in run.said, f"{told}: {run.said}"
     assert done > 0
     assert {name: what for name, what in files(first).items() if "/" not in name} == inputs
+
+
+def test_damaged_stores(first: Path, tmp_path: Path) -> None:
+    """Of a run into another folder."""
+    expected = results(first / "out")
+    words = ("run", first / "bar.toml", "--backend", "numpy", "--store")
+    whole = Begun(tmp_path / "log", *words, tmp_path / "store", "-o", tmp_path / "made")
+    assert whole.end() == 0, whole.said
+    done = 0
+    for number in range(share(60)):
+        chance = random.Random(f"{SEED} stores {number}")
+        place = tmp_path / str(number)
+        store, victim = place / "store", place / "victim"
+        victim.mkdir(parents=True)
+        (victim / "a.txt").write_text("not of the run")
+        subprocess.run(["cp", "-a", tmp_path / "store", store], check=True)
+        damages = [chance.choice(DAMAGES)(store, place, chance)
+                   for _ in range(chance.choice((1, 1, 2, 4)))]  # fmt: skip
+        told = f"SEED={SEED}, store {number}: {'; '.join(damages)}"
+        before = {name: what for name, what in files(place).items() if not name.startswith("store")}
+        run = Begun(tmp_path / "log", *words, store, "-o", place / "out")
+        code = run.end()
+        assert wrong(code, run.said) == "", told
+        after = {name: what for name, what in files(place).items()
+                 if not name.startswith(("store", "out"))}  # fmt: skip
+        assert after == before, told
+        if code == 0:
+            done += 1
+            made = results(place / "out")
+            assert {name: made.get(name) for name in expected} == expected, told
+        else:
+            assert str(store) in run.said or "out" in run.said, f"{told}: {run.said}"
+    assert done > 0
 
 
 def _outside(place: Path) -> dict[str, str]:

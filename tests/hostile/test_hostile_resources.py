@@ -97,6 +97,42 @@ def test_a_folder_that_only_lets_read(first: Path, small_disk: Callable[[str], P
     assert files(disk / "out") == files(first / "out")
 
 
+def test_a_store_that_only_lets_read(
+    first: Path, tmp_path: Path, small_disk: Callable[[str], Path]
+) -> None:
+    """What is there is used; what isn't can't be kept, which is said."""
+    disk = small_disk("size=10M")
+    words = ("run", first / "bar.toml", *NUMPY, "--store")
+    run = Begun(first / "log", *words, disk / "store", "-o", tmp_path / "made")
+    assert run.end() == 0, run.said
+    small_disk("ro")
+    for store, code in ((disk / "store", 0), (disk / "new", 2)):
+        out = tmp_path / store.name
+        run = Begun(first / "log", *words, store, "-o", out)
+        assert wrong(run.end(), run.said, (code,)) == ""
+        if code:
+            assert str(disk) in run.said
+        else:
+            assert results(out) == results(first / "out")
+
+
+@pytest.mark.parametrize("number", range(share(5)))
+def test_a_store_on_a_full_disk(
+    number: int, first: Path, tmp_path: Path, small_disk: Callable[[str], Path]
+) -> None:
+    size = random.Random(f"{SEED} store {number}").randrange(4, 120) * 1024
+    disk = small_disk(f"size={size}")
+    words = ("run", first / "bar.toml", *NUMPY, "--store", disk / "store", "-o", tmp_path / "out")
+    run = Begun(first / "log", *words)
+    code = run.end()
+    assert wrong(code, run.said, FAILED) == "", size
+    assert code == 0 or "disk is full" in run.said or "No space left" in run.said, run.said
+    small_disk("size=50M")
+    run = Begun(first / "log", *words)
+    assert wrong(run.end(), run.said, (0,)) == "", size
+    assert results(tmp_path / "out") == results(first / "out")
+
+
 def limited_to(what: str, most: int) -> None:
     """Of memory, so many bytes beyond what the process has."""
     if what == "RLIMIT_AS":

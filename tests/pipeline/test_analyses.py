@@ -18,6 +18,7 @@ from gpusim.errors import InputError, SceneError
 from gpusim.plan.plan import make_plan
 from gpusim.scene import json_schema
 from gpusim.scene.analyses import ANALYSES, add_analysis
+from gpusim.scene.description.processing import ANALYSIS_TYPES
 from gpusim.scene.frames import frame_table
 from gpusim.view.content.loading import load_content
 from tests.support.small_scene import DOCUMENT, small_scene
@@ -39,7 +40,7 @@ def registered() -> Iterator[None]:
     with pytest.raises(InputError, match="got 'swing' twice"):
         add_analysis("swing", ANALYSES["static"])
     yield
-    del ANALYSES["swing"]
+    del ANALYSES["swing"], ANALYSIS_TYPES["swing"]
 
 
 @pytest.fixture(scope="module")

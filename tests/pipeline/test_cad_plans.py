@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from gpusim.cli import app
+from gpusim.cli.console import waiting
 from gpusim.mesh import Mesh, mesh_cad
 from gpusim.mesh.formats import cad_cache
 from gpusim.scene import load_scene
@@ -132,3 +136,16 @@ def test_a_part_whose_results_are_there_is_not_meshed_for_a_plan(
     assert cli("run", part, "-o", out, "--backend", "numpy").exit_code == 0
     planned = cli("plan", part, "-o", out, "--backend", "numpy")
     assert "reused" in planned.stdout and meshed == [0.01]
+
+
+def test_a_terminal_is_told_what_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    for terminal in (True, False):
+        shown = StringIO()
+        make = partial(Console, file=shown, force_terminal=terminal)
+        monkeypatch.setattr("gpusim.cli.console.Console", lambda make=make, **_: make())
+        with waiting("meshing CAD with Gmsh"):
+            pass
+        assert ("meshing CAD with Gmsh" in shown.getvalue()) == terminal
+        with waiting(""):
+            pass
+        assert terminal or not shown.getvalue()

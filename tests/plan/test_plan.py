@@ -137,7 +137,7 @@ def test_a_body_named_like_a_key_hides_no_other(crane: Scene) -> None:
 def test_frames_of_equal_load_have_results_of_their_own(crane: Scene, tmp_path: Path) -> None:
     scene = crane.replace("analysis.load_factors", [0.0, 1.0, 1.0])
     pretend_run(scene, tmp_path)
-    with (tmp_path / "render/front/1.bin").open("r+b") as stream:
+    with (tmp_path / "picture/front/1.bin").open("r+b") as stream:
         stream.write(b"x")
     assert running(make_plan(scene, tmp_path)) == {
         "mesh", "surface", "render/front/0001", "report",
@@ -199,7 +199,7 @@ def test_a_reason_names_what_changed(crane: Scene, tmp_path: Path) -> None:
     plan = make_plan(crane.replace("body.crane.load.weight.force_N.2", -12.0), tmp_path)
     assert plan["render/front/0001"].reason == "body.crane.solid changed"
     plan = make_plan(crane.replace("analysis.load_factors", [0.0, 0.5]), tmp_path)
-    assert plan["render/front/0001"].reason == "what frames show changed"
+    assert plan["render/front/0001"].reason == "loads or places of frames changed"
 
 
 def test_ten_thousand_frames_are_planned_in_proportion(crane: Scene) -> None:

@@ -23,7 +23,7 @@ CONCEPTS = {
     "field": "run",
     "files": "picture_kinds",
     "gpu": "buffer_pool",
-    "graph": "processes",
+    "graph": "processes scene_stages",
     "measure": "luminance",
     "measure/calibration": "photographs turned_boards",
     "measure/correlation": "accuracy ambiguous_patterns",

@@ -17,6 +17,7 @@ from gpusim.motion import State
 from gpusim.plan.stage_builder import StageBuilder
 from gpusim.scene import Scene
 from gpusim.scene.analyses import AnalysisKind, States, add_analysis
+from gpusim.scene.description.processing import AnalysisType
 
 Float = npt.NDArray[np.float64]
 
@@ -56,5 +57,7 @@ def swing_stages(build: StageBuilder) -> Iterator[Stage]:
 
 add_analysis(
     "swing",
-    AnalysisKind("rigid", angles, f"{__name__}:swing_stages", unsolved="bodies only swing"),
+    AnalysisKind(
+        AnalysisType("rigid"), angles, f"{__name__}:swing_stages", unsolved="bodies only swing"
+    ),
 )

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from importlib import import_module
 from pathlib import Path
+from threading import current_thread, main_thread
 
 from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
 from gpusim.gpu import Device
 from gpusim.gpu.warmup import compile_during
+from gpusim.graph.folder import Folder
 from gpusim.graph.graph import Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
 from gpusim.graph.store import Store
+from gpusim.interrupts import DelayedSignals
 from gpusim.pipeline.checks.resources import check_memory, check_views
+from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.runner.scene_report import SceneReport
 from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
 from gpusim.plan.decision import decide
@@ -80,6 +85,7 @@ class Execution:
             Of what is wrong later; what was finished by then is kept.
         """
         check_memory(self.plan)
+        self._import_stages()
         for scene in self.decision.scenes.values():
             check_views(scene)
         with self._device() as device:
@@ -91,13 +97,25 @@ class Execution:
                 runner.make_early()
             except StageFailed as failed:
                 raise failed.__cause__ or failed from None
-            self._begin()
             try:
+                self._begin()
                 self._make(runner)
-            finally:
                 if device is not None:
                     keep_programs(self.out, device.programs.asked)
+            finally:
                 self._close()
+
+    def _import_stages(self) -> None:
+        """Import what will be run, while an interrupt is put off: in the middle of an import it
+        comes out as any error, or ends the process by the signal."""
+        running = (task for task in self.decision.graph.tasks.values() if task.runs)
+        modules = sorted({task.stage.work.split(":")[0] for task in running})
+        is_main = current_thread() is main_thread()
+        with DelayedSignals() if is_main else nullcontext():
+            for module in modules:
+                import_module(module)
+            for spec in self.scene.measures:
+                kind_of(spec)
 
     @contextmanager
     def _device(self) -> Iterator[Device | None]:
@@ -123,6 +141,9 @@ class Execution:
             for name in ("report.html", "report.json") if runs else ():
                 delete(path, name)
         delete(self.out, "state.json")  # of a gpusim that had no store
+        for path in (self.out, *sorted(inside(self.out, "variants").glob("*"))):
+            if path not in {folder.path for folder in self.decision.folders.values()}:
+                Folder(path).retire(())  # of a scene that had other variants, or none
         if "" not in self.decision.folders:
             write_text(inside(self.out, "scene.toml"), self.scene.to_toml())
         for place, folder in self.decision.folders.items():

@@ -49,7 +49,7 @@ def _objects(scene: Scene, inputs: Inputs) -> SceneObjects:
 
 def _sources(scene: Scene, inputs: Inputs) -> Sources:
     def image(camera: str, frame: int) -> npt.NDArray[Any]:
-        stage, name = f"render/{camera}", image_name(scene, camera, frame)
+        stage, name = f"picture/{camera}", image_name(scene, camera, frame)
         path = inputs.path(stage, name)
         known, shift = recall(path), scene.sensor_of(camera).shift
         if known is None:
@@ -58,6 +58,6 @@ def _sources(scene: Scene, inputs: Inputs) -> Sources:
 
     def corners(camera: str, pose: int) -> Sighting:
         name = corners_name(image_name(scene, camera, pose, "calib-"))
-        return read_corners(scene, inputs.read(f"calib-render/{camera}", name))
+        return read_corners(scene, inputs.read(f"calib-picture/{camera}", name))
 
     return Sources(image, corners, MarkerCache(inputs.new_file("measure/-").parent))

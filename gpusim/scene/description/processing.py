@@ -4,16 +4,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from gpusim.scene.analyses import ANALYSES
-
 from .colors import Tint
 from .table import SI, Listed, Name, Table, Words, each_once, fault
 
-__all__ = ["Analysis", "Output", "Render", "Solver", "Variant"]
+__all__ = ["ANALYSIS_TYPES", "Analysis", "AnalysisType", "Output", "Render", "Solver", "Variant"]
 
 TruthLayer = Literal[
     "reference",
@@ -32,16 +31,32 @@ _FACTORS = (0.0, 1.0)
 _PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
+@dataclass(frozen=True)
+class AnalysisType:
+    """A ``type``: what it is ``about``, in a few words; whether bodies have a ``field`` in place of
+    a mesh, and frames times in place of load factors: ``given``."""
+
+    about: str
+    given: bool = False
+
+
+ANALYSIS_TYPES = {
+    "static": AnalysisType("linear"),
+    "field": AnalysisType("displacements that are given", given=True),
+}
+"""`gpusim.scene.analyses.add_analysis` adds another one."""
+
+
 def _existing(value: Any) -> Any:
-    if value in tuple(ANALYSES):
+    if value in tuple(ANALYSIS_TYPES):
         return value
     problem = "no such analysis yet" if value in _PLANNED else "unknown value"
-    kinds = ", or ".join(f'"{name}" ({kind.about})' for name, kind in ANALYSES.items())
+    kinds = ", or ".join(f'"{name}" ({kind.about})' for name, kind in ANALYSIS_TYPES.items())
     raise fault("", problem, value, kinds)
 
 
 def _list_kinds(schema: dict[str, Any]) -> None:
-    schema["enum"] = list(ANALYSES)
+    schema["enum"] = list(ANALYSIS_TYPES)
 
 
 class Analysis(Table):
@@ -67,7 +82,7 @@ class Analysis(Table):
 
     @model_validator(mode="after")
     def _check(self) -> Analysis:
-        if ANALYSES[self.type].given:
+        if ANALYSIS_TYPES[self.type].given:
             if self.times is None:
                 raise fault("times", "missing", Words("no times"), "the time of each frame")
             if self.load_factors_ != _FACTORS:

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpusim.errors import Fault
-from gpusim.scene.analyses import ANALYSES
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
+from gpusim.scene.description.processing import ANALYSIS_TYPES
 from gpusim.scene.description.table import Words
 
 from .faults import value_text
@@ -96,7 +96,7 @@ class _Checks:
         self.document, self.found = document, Found()
         self.analysis = _table(document, "analysis")
         kind = "" if self.analysis is None else str(self.analysis.get("type", "static"))
-        self.analysis_kind = ANALYSES.get(kind)
+        self.analysis_type = ANALYSIS_TYPES.get(kind)
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
             list(_items(document, key)) for key in lists
@@ -161,6 +161,8 @@ class _Checks:
         """What the tables of each kind say that they name, and need."""
         names = {
             "camera": _names(self.cameras),
+            "body": _names(self.bodies),
+            "prop": _names(self.props),
             "variant": _names(self.variants),
             "markers paint on a body": _marker_names(self.bodies),
             "markers paint on a prop": _marker_names(self.props),
@@ -170,9 +172,10 @@ class _Checks:
             if table is None:
                 continue
             for key, what in table.references.items():
-                named = names.get(what)
                 if what.startswith(_OF_TYPE):
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
+                else:
+                    named = names[what]
                 value = measure.get(key)
                 if isinstance(value, list):
                     for place, one in enumerate(value):
@@ -237,22 +240,22 @@ class _Checks:
 
     def fields(self) -> None:
         """Displacements are given for every body, or for none."""
-        if self.analysis_kind is None:
+        if self.analysis_type is None:
             return
         assert self.analysis is not None
         kind = self.analysis.get("type", "static")
         for index, body in self.bodies:
-            if self.analysis_kind.given and "field" not in body:
+            if self.analysis_type.given and "field" not in body:
                 self.add(("body", index, "field"), "missing", Words(f'analysis.type = "{kind}"'),
                          "a field for every body, or type \"static\"")  # fmt: skip
-            elif not self.analysis_kind.given and "field" in body:
+            elif not self.analysis_type.given and "field" in body:
                 self.add(("analysis", "type"), "of a scene whose displacements are given", kind,
                          f'"field", for body {value_text(body.get("name"))}')  # fmt: skip
 
     def poses(self) -> None:
         frames = None
         if self.analysis is not None:
-            given = self.analysis_kind is not None and self.analysis_kind.given
+            given = self.analysis_type is not None and self.analysis_type.given
             key = "times" if given else "load_factors"
             frames = self.analysis.get(key, [0, 1])
         for index, prop in self.props:
