@@ -11,7 +11,7 @@ unloaded frame alone.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Literal
@@ -33,8 +33,9 @@ class Task:
     """A record to be made, or found.
 
     ``needs``: keys of tasks by stage. ``places``: (folder, record) that show it, the first one
-    makes it. ``order``: scenes that share values in memory are worked off side by side: the first
-    scene that has them, then the stage's position, the record, the scene. ``seconds``: what it
+    makes it. ``order``: what shares values in memory is worked off side by side: the first
+    scene that has them, then the stage's position, the first record that has them, the record, the
+    scene. ``seconds``: what it
     took.
     """
 
@@ -42,7 +43,7 @@ class Task:
     record: int
     key: str
     needs: dict[str, list[str]]
-    order: tuple[int, int, int, int]
+    order: tuple[int, int, int, int, int]
     places: list[tuple[str, int]] = field(default_factory=list)
     state: State = "skipped"
     reason: str = ""
@@ -99,7 +100,10 @@ class Graph:
                 key = sha256(" ".join((head, *above, row)).encode()).hexdigest()
                 task = self.tasks.get(key)
                 if task is None:
-                    order = clusters[stage.name], position, record, scene
+                    lead = self._shared(needs) if stage.on_device else None
+                    cluster = clusters[stage.name] if lead is None else lead.order[0]
+                    together = record if lead is None else lead.record
+                    order = cluster, position, together, record, scene
                     task = self.tasks[key] = Task(stage, record, key, needs, order)
                 task.places.append((folder, record))
                 keys[stage.name].append(key)
@@ -110,6 +114,11 @@ class Graph:
             }  # fmt: skip
             if not stage.keeps:
                 in_memory.add(stage.name)
+
+    def _shared(self, needs: Mapping[str, Sequence[str]]) -> Task | None:
+        """The value that a record needs which takes room on the device, if there is one."""
+        tasks = (self.tasks[key] for keys in needs.values() for key in keys[:1])
+        return next((t for t in tasks if t.stage.on_device and not t.stage.keeps), None)
 
     def decide(
         self,

@@ -11,7 +11,7 @@ import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Executor, ThreadPoolExecutor
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -51,8 +51,8 @@ class Inputs:
     """
 
     def __init__(self, task: Task, runner: Runner) -> None:
-        self.record, self.row = task.record, task.stage.rows[task.record]
-        self.progress = lambda done, words: runner.observe(task, min(done, 0.99), words)
+        self.key, self.record, self.row = task.key, task.record, task.stage.rows[task.record]
+        self._task, self._runner = task, runner
         self._store = runner.store
         self._scratch: Path | None = None
         self._values: dict[str, list[Any]] = {}
@@ -62,6 +62,11 @@ class Inputs:
                 self._values[name] = [runner.value(key) for key in keys]
             else:
                 self._records[name] = [runner.record(key) for key in keys]
+
+    def progress(self, done: float, words: str) -> None:
+        """Say how far the stage is, from 0 to 1; ends it if the run is to end."""
+        self._runner.go_on()
+        self._runner.observe(self._task, min(done, 0.99), words)
 
     def __getitem__(self, name: str) -> Any:
         """The one value in memory of a stage. Raises KeyError for one that wasn't named."""
@@ -78,6 +83,7 @@ class Inputs:
 
     def read(self, stage: str, name: str) -> InputFile:
         """A file of a result, as it was when it was made. Raises InputError, KeyError."""
+        self._runner.go_on()
         return self._store.read(self._holding[stage, name], name)
 
     def open(self, stage: str, name: str) -> BinaryIO:
@@ -142,7 +148,8 @@ class Runner:
         self.graph, self.store, self.folders = graph, store, folders
         self.session, self.observe = session, observe
         self._schedule = Schedule(graph)
-        self._finished: SimpleQueue[tuple[Task, Exception | None, bool]] = SimpleQueue()
+        self._finished: SimpleQueue[tuple[Task, BaseException | None, bool]] = SimpleQueue()
+        self._ends = False
         self._writing = self._beside = 0
         self._early: dict[str, StageResult] = {}
         self._left = Counter(
@@ -189,13 +196,22 @@ class Runner:
             ThreadPoolExecutor(1, "gpusim.host") as host,
             ThreadPoolExecutor(AHEAD, "gpusim.write") as writers,
         ):
-            while schedule.left:
-                task = None if self._beside else schedule.take(on_device=False)
-                if task is None and self._writing <= AHEAD:
-                    task = schedule.take(on_device=True)
-                if task is not None:
-                    self._begin(task, writers if task.stage.on_device else host)
-                self._collect(whole, wait=task is None)
+            try:
+                while schedule.left:
+                    task = None if self._beside else schedule.take(on_device=False)
+                    if task is None and self._writing <= AHEAD:
+                        task = schedule.take(on_device=True)
+                    if task is not None:
+                        self._begin(task, writers if task.stage.on_device else host)
+                    self._collect(whole, wait=task is None)
+            except BaseException:
+                self._ends = True
+                raise
+
+    def go_on(self) -> None:
+        """Raises CancelledError if the run is to end: a thread that works on is waited for."""
+        if self._ends:
+            raise CancelledError
 
     def value(self, key: str) -> Any:
         """A value in memory, made now if it isn't there."""
@@ -260,7 +276,8 @@ class Runner:
         inputs: Inputs | None = None,
     ) -> None:
         """Keep a result (None: it is there), show it, and say so."""
-        failure, words = None, "made by another run"
+        failure: BaseException | None = None
+        words = "made by another run"
         try:
             if make is not None:
                 made = make()
@@ -270,7 +287,7 @@ class Runner:
                 words = made.words
             self.show(task)
             self.observe(task, 1.0, words)
-        except Exception as error:
+        except BaseException as error:
             failure = error
         finally:
             self.store.release(task.key)
@@ -294,7 +311,9 @@ class Runner:
             wait = False
             self._writing -= pooled and task.stage.on_device
             self._beside -= pooled and not task.stage.on_device
-            if isinstance(failure, StageFailed):
+            if failure is not None and (
+                isinstance(failure, StageFailed) or not isinstance(failure, Exception)
+            ):
                 raise failure
             if failure is not None:
                 raise StageFailed(task) from failure

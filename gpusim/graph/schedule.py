@@ -22,7 +22,7 @@ class Schedule:
         self._made_of: dict[str, frozenset[str]] = {}
         self._users: dict[str, list[Task]] = defaultdict(list)
         self._waiting: dict[str, int] = {}
-        self._ready: dict[bool, list[tuple[tuple[int, int, int, int], str, Task]]] = {
+        self._ready: dict[bool, list[tuple[tuple[int, int, int, int, int], str, Task]]] = {
             True: [], False: [],
         }  # fmt: skip
         self._deferred: list[Task] = []

@@ -93,7 +93,7 @@ class Store:
         self._log = Log(root / "log" / f"{self._name}.log")
         self._records: dict[str, Record] = {}
         self._read_to: dict[str, int] = {}
-        self._forgotten: set[str] = set()
+        self._aside: dict[str, Record] = {}
         self._doubted: set[str] = set()  # of writers that didn't close: hashed before they are used
         self._unflushed: set[str] = set()
         self._claims = -1
@@ -113,8 +113,8 @@ class Store:
             for line in lines:
                 with suppress(*DAMAGED):
                     record = Record.of(line)
-                    if record.key in self._forgotten and path.name.startswith(_TOGETHER):
-                        continue  # it was made before it was forgotten
+                    if record.key in self._aside and path.name.startswith(_TOGETHER):
+                        continue  # it was made before it was put aside
                     self._records[record.key] = record
                     if not closed:
                         self._doubted.add(record.key)
@@ -140,9 +140,10 @@ class Store:
         return None
 
     def forget(self, key: str) -> None:
-        """Don't find what was made for a key by now."""
-        self._forgotten.add(key)
-        self._records.pop(key, None)
+        """Put aside what was made for a key by now: it isn't found, but others may have it."""
+        record = self._records.pop(key, None)
+        if record is not None:
+            self._aside[key] = record
 
     def blob(self, sha256: str) -> Path:
         """Where a content lies, or would lie."""
@@ -166,6 +167,7 @@ class Store:
             place = Path(error.filename or self.root)
             raise explained(error, place, place) from error
         self._records[key] = record
+        self._aside.pop(key, None)
         self._doubted.discard(key)
         return record
 
@@ -213,7 +215,7 @@ class Store:
         try:
             return read_input(self.blob(facts.sha256), f"the result {name}", facts.sha256)
         except InputError as error:
-            self.forget(record.key)
+            self._records.pop(record.key, None)
             raise InputError(f"{name}: {error}; run again to make it anew") from None
 
     def open(self, record: Record, name: str) -> BinaryIO:
@@ -221,7 +223,7 @@ class Store:
         facts = record.files[name]
         path = self.blob(facts.sha256)
         if not is_unchanged(path, facts, hashed=True):
-            self.forget(record.key)
+            self._records.pop(record.key, None)
             raise InputError(f"{name}: {path} was changed; run again to make it anew")
         return open_input(path)
 
@@ -277,6 +279,7 @@ class Store:
         if [path.name[:2] for path in ended] in ([], [_TOGETHER]):
             return
         self.refresh()  # after that: what others put together meanwhile stays
+        self._records = self._aside | self._records
         for key in self._doubted & self._records.keys():
             record = self._records[key]
             if self.fault(key, record.stage) is None:
@@ -302,6 +305,7 @@ class Store:
 
         For a store that one folder has for itself, when nobody else is at work.
         """
+        self._records = self._aside | self._records
         kept = {key: self._records[key] for key in keys if key in self._records}
         if kept != self._records:
             self._append({"forgotten": len(self._records) - len(kept)})

@@ -27,7 +27,7 @@ PUBLIC = (
 )  # fmt: skip
 """Kinds of stages that plans and reports show, in their order; a report ends them."""
 _NONE = "not asked for"
-_SEEN = ("camera", "light", "prop", "body", "analysis", "measure", "calibration", "sensor")
+_SEEN = ("camera", "light", "prop", "body", "analysis", "measure", "calibration", "sensor.response")
 
 
 @dataclass(frozen=True)

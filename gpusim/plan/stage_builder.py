@@ -48,6 +48,8 @@ class StageBuilder:
         digests = dict(part.digests)
         if on_device:
             digests["backend"] = self.options.backend
+        if not self.options.skip:  # its results round otherwise
+            digests["shortcuts"] = "none"
         whole = work if "." in work else f"gpusim.pipeline.stages.{work}"
         return Stage(
             name, whole, part.scene, digests, needs or {}, rows,

@@ -85,7 +85,7 @@ class SceneParts:
         for path in sorted(named, key=len, reverse=True):
             text = text.replace(path, self._hashes[path])
         if named:  # it may name others
-            text += "".join(sorted(self._hashes.values()))
+            text += "".join(f"{Path(path).name}: {one};" for path, one in self._hashes.items())
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def _value(self, section: str, sections: tuple[str, ...]) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from gpusim.errors import InputError
 from gpusim.graph.graph import Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
@@ -28,6 +29,11 @@ def make_part(
     """
     decision = decide({"": scene}, out, RunOptions("gpu"), targets=shares)
     assert decision.store is not None
+    made = decision.graph.records[""]
+    if not any(stage in made for stage in shares):
+        reasons = decision.stages[""].skipped
+        why = next((reasons[stage] for stage in shares if stage in reasons), "nothing to do")
+        raise InputError(f"{', '.join(shares)}: {why}; expected something to be made")
 
     def observe(task: Task, done: float, words: str) -> None:
         if task.stage.name in shares:
@@ -42,4 +48,5 @@ def make_part(
     except StageFailed as failed:
         raise failed.__cause__ or failed from None
     finally:
+        decision.folders[""].close()
         decision.store.close()

@@ -184,7 +184,8 @@ class SceneReport:
             facts |= notes.facts
         device = vars(self.session).get("device")  # if it was opened
         spent = {} if device is None else _device_seconds(device, self.before)
-        solver: dict[str, str] = self.session.kept.get("solver seconds", {})
+        (key,) = self.decision.graph.records[self.place].get("solve", ("",))
+        solver: dict[str, str] = self.session.kept.get(f"seconds of {key}", {})
         return facts | solver | spent
 
     def _links(self) -> tuple[Link, ...]:

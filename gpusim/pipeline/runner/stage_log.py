@@ -77,5 +77,9 @@ class StageLog:
                 told.append(Stage(stage.name, "failed", why, seconds))
             elif not stage.runs or not self._left[place, stage.name]:
                 told.append(Stage(stage.name, stage.state, stage.reason, seconds))
+        if why and not any(stage.state == "failed" for stage in told):  # one that nobody sees
+            told.append(
+                Stage("report" if failed is None else failed.stage.name, "failed", why, 0.0)
+            )
         # as they are worked off: surfaces come before anything is solved
         return tuple(sorted(told, key=lambda stage: stage.name not in _BEFORE))

@@ -35,11 +35,12 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 
 def tracks(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
-    """What can be found for one while a calibration's pictures are taken."""
+    """What can be found for one while a calibration's pictures are taken; faults are met again."""
     (spec,) = scene.measures
     prepare = kind_of(spec).prepare
     if prepare is not None:
-        prepare(spec, scene, _objects(scene, inputs), _sources(scene, inputs))
+        with suppress(GpusimError):
+            prepare(spec, scene, _objects(scene, inputs), _sources(scene, inputs))
     return StageResult(inputs.new_files())
 
 

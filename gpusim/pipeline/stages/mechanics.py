@@ -60,7 +60,7 @@ def solve_scene(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     )
     solved = SceneSolution.of(found, [one.model for one in made], [one.support for one in made])
     notes = asdict(Notes(solved.warnings, solved.facts, session.adapter))
-    session.kept["solver seconds"] = solver_seconds(found)
+    session.kept[f"seconds of {inputs.key}"] = solver_seconds(found)
     return StageResult(
         {DISPLACEMENT: partial(_save, solved.arrays())},
         notes | {"solution": solved.said()},

@@ -172,6 +172,7 @@ class _Checks:
             if table is None:
                 continue
             for key, what in table.references.items():
+                named: Names | None
                 if what.startswith(_OF_TYPE):
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
                 else:
