@@ -55,6 +55,11 @@ class SceneParts:
         self._hashes = {
             json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}" for path, sha256 in scene.files
         }
+        # files that the files name, by these names; the scene's own are what they hold
+        self._included = "".join(
+            f"{Path(path).name}: {one};" for path, one in self._hashes.items()
+            if path not in scene.content
+        )  # fmt: skip
 
     def of(self, *sections: str) -> Part:
         """The part with these sections: "light", "camera.front", "body.bar.mesh", "body.*.paint".
@@ -85,7 +90,7 @@ class SceneParts:
         for path in sorted(named, key=len, reverse=True):
             text = text.replace(path, self._hashes[path])
         if named:  # it may name others
-            text += "".join(f"{Path(path).name}: {one};" for path, one in self._hashes.items())
+            text += self._included
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def _value(self, section: str, sections: tuple[str, ...]) -> Any:

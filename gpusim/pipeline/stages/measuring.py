@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import suppress
 from typing import Any
 
 import numpy.typing as npt
 
+from gpusim.errors import GpusimError
 from gpusim.export.images import keep, read_image, recall
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
