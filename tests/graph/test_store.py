@@ -372,3 +372,16 @@ def test_logs_that_cant_be_put_together_stay(
         Store(tmp_path).close()
     assert sorted(tmp_path.rglob("*")) == before
     assert Store(tmp_path).fault(KEY, "stage") is None
+
+
+def test_what_a_fresh_run_hasnt_made_anew_stays_for_others(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    put(store), put(store, OTHER, name="b.txt")
+    store.close()
+    fresh = Store(tmp_path)
+    for key in (KEY, OTHER):
+        fresh.forget(key)
+        assert fresh.find(key) is None
+    put(fresh)
+    fresh.close()
+    assert Store(tmp_path).fault(KEY, "stage") is None is Store(tmp_path).fault(OTHER, "stage")

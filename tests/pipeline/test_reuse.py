@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,29 @@ def test_frames_that_show_the_same_are_rendered_once(
     if lit:  # exposed again: noise of its own
         pair = [quick[f"images/left/{k:04d}.png"] for k in (0, 1)]
         assert (pair[0] != pair[1]).mean() > 0.1
+
+
+def test_frames_that_come_again_arent_all_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A block that goes there and back: pictures of one radiance are taken one after the other."""
+    places = [-250.0, -230.0, -210.0, -190.0, -170.0, -190.0, -210.0, -230.0, -250.0]
+    document = scene(camera=[camera("left", -240.0)]).document
+    document["analysis"] = {"load_factors": [0.0] * len(places)}
+    document["prop"][1]["poses"] = [{"position_mm": [x, 0.0, 0.0]} for x in places]
+    alive, most = weakref.WeakSet[Any](), []
+    original = images.Radiance
+
+    def radiance(*arguments: Any) -> Any:
+        made = original(*arguments)
+        alive.add(made)
+        most.append(len(alive))
+        return made
+
+    monkeypatch.setattr(images, "Radiance", radiance)
+    gs.run(Scene.from_document(document), tmp_path, backend="numpy")
+    assert len(most) == 5 and max(most) <= 3
+    assert len(pictures(tmp_path)) == len(places)
 
 
 def test_a_camera_that_is_gone_leaves_no_images(tmp_path: Path) -> None:

@@ -250,6 +250,23 @@ def test_a_mesh_and_the_files_that_it_includes(tmp_path: Path) -> None:
     assert "body.bar.mesh" not in changed(before, after)
 
 
+def test_files_that_a_file_names_are_told_apart(tmp_path: Path) -> None:
+    """Two of them that are exchanged are other ones."""
+    write_inputs(tmp_path)
+    (tmp_path / "bar.inp").write_text("*INCLUDE, INPUT=a.inp\n*INCLUDE, INPUT=b.inp\n")
+    texts = "** one\n", "** another\n"
+
+    def with_file(document: dict[str, Any]) -> None:
+        document["body"][1]["mesh"] = {"file": "bar.inp", "unit": "mm"}
+
+    scenes = []
+    for first, second in (texts, texts[::-1]):
+        (tmp_path / "a.inp").write_text(first)
+        (tmp_path / "b.inp").write_text(second)
+        scenes.append(scene_of(tmp_path, with_file))
+    assert "body.block.mesh" in changed(*scenes)
+
+
 def test_a_part_leaves_the_scene_as_it_is(folder: Path) -> None:
     scene = scene_of(folder)
     before = copy.deepcopy(scene.document), digests(scene), scene.to_toml()
