@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
+
+from gpusim.arrays.array_types import Float
 
 __all__ = ["Given", "Motion", "Superposed"]
 
-Float = npt.NDArray[np.float64]
 State = tuple[float, ...]
 
 

@@ -21,8 +21,8 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 
 __all__ = ["checked", "is_number", "nearest_name", "real_numbers", "unmasked"]
@@ -31,7 +31,7 @@ T = TypeVar("T", bound=Callable[..., Any])
 Test = tuple[str, Callable[[Any], bool]]
 
 
-def real_numbers(value: Any, what: str) -> npt.NDArray[np.float64]:
+def real_numbers(value: Any, what: str) -> Float:
     """``value`` as a float64 array. Raises InputError naming ``what`` if it isn't numbers."""
     array = _array(value)
     if array is None:
@@ -209,5 +209,5 @@ def _is_real(value: Any) -> bool:
         return False
 
 
-def _array(value: Any) -> npt.NDArray[np.float64] | None:
+def _array(value: Any) -> Float | None:
     return np.asarray(value, np.float64) if _is_real(value) else None

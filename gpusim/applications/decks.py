@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.arrays.array_types import Float
 from gpusim.deck import Deck, Step, load_deck
 from gpusim.errors import GpusimError
 from gpusim.export import atomic_stream, write_pvd, write_vtu
@@ -20,8 +21,6 @@ from gpusim.fem import Solution, von_mises
 from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, write_text
 from gpusim.files.output_folder import claim, delete, inside
-
-Float = npt.NDArray[np.float64]
 
 _SCHEMA = 1
 

@@ -6,11 +6,11 @@ Ogita, Rump & Oishi, Accurate sum and dot product, SIAM J. Sci. Comput. 26 (2005
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from gpusim.arrays.array_types import Float
 
 __all__ = ["high_half", "two_sum"]
 
-Float = npt.NDArray[np.float64]
 
 _SPLITTER = 2.0**27 + 1.0
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Int, Long
+
 __all__ = [
     "WORKGROUP",
     "along_paths",
@@ -17,17 +19,16 @@ __all__ = [
     "summed",
 ]
 
-Numbers = npt.NDArray[np.int64]
 WORKGROUP = 64
 
 
-def expand(count: Numbers) -> tuple[Numbers, Numbers]:
+def expand(count: Long) -> tuple[Long, Long]:
     """Owner and running number of ``count[i]`` items of each owner i."""
     owner = np.repeat(np.arange(len(count)), count)
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def batches(count: Numbers, most: int) -> Iterator[slice]:
+def batches(count: Long, most: int) -> Iterator[slice]:
     """Slices of owners with at most so many items together, or of one that has more."""
     stops = np.cumsum(count)
     start = done = 0
@@ -37,27 +38,23 @@ def batches(count: Numbers, most: int) -> Iterator[slice]:
         start, done = stop, int(stops[stop - 1])
 
 
-def summed(cells: npt.NDArray[np.integer] | npt.NDArray[np.bool_]) -> Numbers:
+def summed(cells: npt.NDArray[np.integer] | Bool) -> Long:
     """The summed-area table of cells (H, W): (H + 1, W + 1), sums of all before each corner."""
     total = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), np.int64)
     total[1:, 1:] = cells.cumsum(axis=0).cumsum(axis=1)
     return total
 
 
-def in_boxes(
-    total: Numbers, left: Numbers, top: Numbers, right: Numbers, bottom: Numbers
-) -> Numbers:
+def in_boxes(total: Long, left: Long, top: Long, right: Long, bottom: Long) -> Long:
     """Sums (n,) over boxes of cells, ``right`` and ``bottom`` beyond them, by a `summed` table."""
     flat, across = total.ravel(), total.shape[1]
     # one linear index: faster than two
     top, bottom = top * across, bottom * across
-    result: Numbers = (
-        flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
-    )
+    result: Long = flat[bottom + right] - flat[top + right] - flat[bottom + left] + flat[top + left]
     return result
 
 
-def along_paths(before: npt.NDArray[np.int32], steps: Numbers) -> Numbers:
+def along_paths(before: Int, steps: Long) -> Long:
     """(n,…) sums from the root of ``steps`` (n,…), each a node's from the one ``before`` it (n,),
     which is negative where there is none. In each turn twice as far back."""
     total = steps.copy()
@@ -70,7 +67,7 @@ def along_paths(before: npt.NDArray[np.int32], steps: Numbers) -> Numbers:
     return total
 
 
-def dealt(order: Numbers) -> Numbers:
+def dealt(order: Long) -> Long:
     """``order`` workgroup by workgroup, so that any run of them has those that it begins with and
     others.
 

@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
+
 __all__ = ["congruence_classes", "distinct", "mix", "noise", "unique_rows"]
 
 Number = TypeVar("Number", bound=np.generic)
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 Hash = npt.NDArray[np.uint64]
 
 # coordinates are compared on a grid of this fraction of the element's smallest extent
@@ -115,7 +115,7 @@ def unique_hashes(first_hash: Hash, second_hash: Hash) -> tuple[Long, Long]:
     return _by_first(first, inverse)
 
 
-def congruence_classes(nodes: Float, material: npt.NDArray[np.int32]) -> tuple[Long, Long]:
+def congruence_classes(nodes: Float, material: Int) -> tuple[Long, Long]:
     """Elements with the same shape (up to translation) and material.
 
     ``nodes`` (M,k,3). Returns (representatives (C,), class of element (M,)). Coordinates are

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh import boundary_faces, crane, select_faces
 from gpusim.optics import AreaLight, Camera
@@ -20,7 +20,6 @@ from gpusim.surface.surface import triangulate
 
 __all__ = ["IMAGE_CASES", "SIZES", "ImageCase", "Soup", "Texture", "find_image_cases"]
 
-Array = npt.NDArray[np.float64]
 Builder = Callable[[str], "ImageCase"]
 SIZES = ("small", "standard", "full")
 LIFT = 1e-6
@@ -31,17 +30,17 @@ LIFT = 1e-6
 class Soup:
     """Triangles (T, 3, 3) in world coordinates, front sides counter-clockwise, albedo (T,)."""
 
-    corners: Array
-    albedo: Array
+    corners: Float
+    albedo: Float
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
     """A plate painted by discs: corner ``origin``, unit ``s_axis``, ``t_axis``, ``size``."""
 
-    origin: Array
-    s_axis: Array
-    t_axis: Array
+    origin: Float
+    s_axis: Float
+    t_axis: Float
     size: tuple[float, float]
     paint: Speckle
 
@@ -63,18 +62,18 @@ class ImageCase:
         return self.camera.width * self.camera.height
 
 
-def _outline(origin: Array, a: Array, b: Array) -> Array:
+def _outline(origin: Float, a: Float, b: Float) -> Float:
     return np.stack([origin, origin + a, origin + a + b, origin + b])
 
 
-def _quad(origin: Array, a: Array, b: Array) -> Array:
+def _quad(origin: Float, a: Float, b: Float) -> Float:
     """Two triangles (2, 3, 3) of a parallelogram, counter-clockwise from a to b."""
     p = _outline(origin, a, b)
     return np.stack([p[[0, 1, 2]], p[[0, 2, 3]]])
 
 
 def square_windows(
-    camera: Camera, points: Array, side: int
+    camera: Camera, points: Float, side: int
 ) -> tuple[tuple[int, int, int, int], ...]:
     """Squares of ``side`` px around projected points, inside the image."""
     found = []
@@ -125,7 +124,7 @@ def _board(width: int, lit: bool) -> ImageCase:
     )  # fmt: skip
 
 
-def _markers(centres: Array, size: float, s: Array, t: Array, out: Array) -> tuple[Array, Array]:
+def _markers(centres: Float, size: float, s: Float, t: Float, out: Float) -> tuple[Float, Float]:
     """2 x 2 fields of markers as triangles, lifted off their face, and their albedo."""
     half, parts, albedo = 0.5 * size, [], []
     for centre in centres:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.bench.image_cases import IMAGE_CASES, ImageCase, Texture
 from gpusim.bench.solver import error_text, machine
 from gpusim.files.atomic_files import write_text
@@ -33,7 +33,6 @@ __all__ = [
     "write_images",
 ]
 
-Array = npt.NDArray[np.float64]
 Tell = Callable[[str], None]
 _WARM = 4
 
@@ -68,7 +67,7 @@ class ImageResult:
         return next((p for p in self.points if p.renderer == "gpusim"), None)
 
     def add(
-        self, renderer: str, seconds: float, windows: list[Array], wanted: list[Array], tell: Tell
+        self, renderer: str, seconds: float, windows: list[Float], wanted: list[Float], tell: Tell
     ) -> None:
         """Enter an image's windows, beside the reference's if there is one."""
         white = max(float(part.max()) for part in wanted) if wanted and self.lit else 1.0
@@ -98,7 +97,7 @@ def run_image_bench(
     return results
 
 
-def render_warm(case: ImageCase, device: Device) -> tuple[float, list[Array]]:
+def render_warm(case: ImageCase, device: Device) -> tuple[float, list[Float]]:
     """Seconds of a warm frame until it lies on the device, and the windows of its image."""
     lights = list(case.lights) or None
     seconds = []
@@ -116,7 +115,7 @@ def render_warm(case: ImageCase, device: Device) -> tuple[float, list[Array]]:
     ]
 
 
-def unlit_reference(case: ImageCase, path: Path, tell: Tell) -> list[Array]:
+def unlit_reference(case: ImageCase, path: Path, tell: Tell) -> list[Float]:
     """The windows' pixels from float64 samples of triangles and discs; ``path`` keeps them."""
     if not path.is_file():
         tell(f"{case.name}: reference")
@@ -124,7 +123,7 @@ def unlit_reference(case: ImageCase, path: Path, tell: Tell) -> list[Array]:
     return load_windows(path)
 
 
-def load_windows(path: Path) -> list[Array]:
+def load_windows(path: Path) -> list[Float]:
     """The arrays of an npz file, in order."""
     with np.load(path) as stored:
         return [stored[name] for name in stored.files]
@@ -144,7 +143,7 @@ SAMPLES = 48
 BLOCK = 32
 
 
-def _grid(window: tuple[int, int, int, int], n: int) -> tuple[Array, Array]:
+def _grid(window: tuple[int, int, int, int], n: int) -> tuple[Float, Float]:
     """Image positions x, y of the samples of a window, (rows n, columns n) each."""
     r0, r1, c0, c1 = window
     shift = ((np.arange(n) * 13) % n + 0.5) / n
@@ -152,7 +151,7 @@ def _grid(window: tuple[int, int, int, int], n: int) -> tuple[Array, Array]:
     return c0 + (i + shift[j % n]) / n - 0.5, r0 + (j + shift[i % n]) / n - 0.5
 
 
-def reference_windows(case: ImageCase, n: int = SAMPLES) -> list[Array]:
+def reference_windows(case: ImageCase, n: int = SAMPLES) -> list[Float]:
     """Mean albedo of every pixel of the case's windows, (rows, columns) float64 each."""
     camera = case.camera
     c = camera.to_camera(case.soup.corners)
@@ -168,13 +167,13 @@ def reference_windows(case: ImageCase, n: int = SAMPLES) -> list[Array]:
 
 def _window(
     case: ImageCase,
-    screen: Array,
-    z: Array,
-    albedo: Array,
+    screen: Float,
+    z: Float,
+    albedo: Float,
     window: tuple[int, int, int, int],
     *,
     n: int,
-) -> Array:
+) -> Float:
     r0, r1, c0, c1 = window
     x, y = _grid(window, n)
     value, nearest = np.zeros(x.shape), np.zeros(x.shape)
@@ -196,7 +195,7 @@ def _window(
     return np.asarray(value.reshape(r1 - r0, n, c1 - c0, n).mean(axis=(1, 3)))
 
 
-def _barycentric(p: Array, x: Array, y: Array) -> Array:
+def _barycentric(p: Float, x: Float, y: Float) -> Float:
     """(3, …) barycentric coordinates of points in the triangle p (3, 2)."""
     d = (p[1, 0] - p[0, 0]) * (p[2, 1] - p[0, 1]) - (p[1, 1] - p[0, 1]) * (p[2, 0] - p[0, 0])
     b1 = ((x - p[0, 0]) * (p[2, 1] - p[0, 1]) - (y - p[0, 1]) * (p[2, 0] - p[0, 0])) / d
@@ -204,7 +203,7 @@ def _barycentric(p: Array, x: Array, y: Array) -> Array:
     return np.stack([1.0 - b1 - b2, b1, b2])
 
 
-def _discs_at(case: ImageCase, plate: Texture, x: Array, y: Array) -> Array:
+def _discs_at(case: ImageCase, plate: Texture, x: Float, y: Float) -> Float:
     """Albedo of the speckled plate where rays through image points meet it."""
     camera = case.camera
     ray = np.stack([x, y, np.ones(x.shape)], axis=-1) @ np.linalg.inv(camera.K).T
@@ -240,7 +239,7 @@ class Difference:
     bias: float
 
 
-def compare(images: list[Array], wanted: list[Array], white: float = 1.0) -> Difference:
+def compare(images: list[Float], wanted: list[Float], white: float = 1.0) -> Difference:
     """Windows of an image against their references; ``white`` is the radiance of grey 1."""
     error = np.concatenate([(a - b).ravel() for a, b in zip(images, wanted, strict=True)]) / white
     shifts = []
@@ -260,7 +259,7 @@ def compare(images: list[Array], wanted: list[Array], white: float = 1.0) -> Dif
     )
 
 
-def _shift(first: Array, second: Array) -> Array | None:
+def _shift(first: Float, second: Float) -> Float | None:
     """Small translation (x, y) px between two blocks; None where only one direction shows."""
     gy, gx = np.gradient(0.5 * (first + second))
     matrix = np.stack([gx.ravel(), gy.ravel()], axis=1)

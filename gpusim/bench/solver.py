@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.arrays.array_types import Float
 from gpusim.bench.solver_cases import CASES, Case
 from gpusim.errors import GpusimError
 from gpusim.fem import Model, solve
@@ -42,7 +42,6 @@ __all__ = [
     "write_solver",
 ]
 
-Float = npt.NDArray[np.float64]
 Export = Callable[[Case, Model, Float, Path], None]
 
 

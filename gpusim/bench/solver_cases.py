@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, face_force
@@ -15,7 +14,6 @@ from gpusim.mesh import Mesh, box, plate_with_hole, select_faces
 
 __all__ = ["CASES", "SIZES", "Case", "find_cases"]
 
-Float = npt.NDArray[np.float64]
 
 STEEL = Isotropic(210e3, 0.3)
 SIZES = ("small", "standard", "full")

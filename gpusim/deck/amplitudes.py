@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 
 __all__ = ["Amplitudes", "Scale"]
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

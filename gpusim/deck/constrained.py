@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import qr, solve
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import SuperLU, splu
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError, NotConverged
 from gpusim.fem import Model, Solution
 from gpusim.fem.assembly.assembly import group_matrix
@@ -23,9 +23,6 @@ from gpusim.fem.model.supports import rigid_modes
 
 __all__ = ["Equations", "solve_constrained"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 _MOST_COUPLED = 3000
 # an unknown is given up for an equation that holds it with at least this share of its largest
@@ -104,7 +101,7 @@ def eliminate(held: csr_matrix, right: Float, where: str) -> Reduced:
     return Reduced(csr_matrix(matrix), shift)
 
 
-def _own_unknowns(held: csr_matrix) -> tuple[Bool, Int]:
+def _own_unknowns(held: csr_matrix) -> tuple[Bool, Long]:
     """Mask of equations with an unknown of their own, and its column (-1 where there is none)."""
     count = np.bincount(held.indices, minlength=held.shape[1])
     row = np.repeat(np.arange(held.shape[0]), np.diff(held.indptr))
@@ -119,7 +116,7 @@ def _own_unknowns(held: csr_matrix) -> tuple[Bool, Int]:
     return column >= 0, column
 
 
-def _pivots(held: csr_matrix, right: Float, where: str) -> tuple[Int, Bool]:
+def _pivots(held: csr_matrix, right: Float, where: str) -> tuple[Long, Bool]:
     """Columns to give up and the mask of equations that say something new."""
     keep = np.zeros(held.shape[0], dtype=bool)
     used = np.unique(held.indices)
@@ -153,13 +150,13 @@ class _ReducedSystem:
     """T'KT of the unknowns that ``reduced`` leaves of u's ``free`` (n,) ones, divided by ``scale``
     and factorised."""
 
-    free: Int
+    free: Long
     reduced: Reduced
     scale: float
     factor: SuperLU
 
     @classmethod
-    def of(cls, stiffness: csr_matrix, free: Int, reduced: Reduced, where: str) -> _ReducedSystem:
+    def of(cls, stiffness: csr_matrix, free: Long, reduced: Reduced, where: str) -> _ReducedSystem:
         matrix = csc_matrix(reduced.matrix.T @ stiffness[free][:, free] @ reduced.matrix)
         scale = float(np.abs(matrix.diagonal()).max())
         return cls(free, reduced, scale, _factorised(csc_matrix(matrix / scale), where))
@@ -250,7 +247,7 @@ def solve_constrained(
     )
 
 
-def _unknowns(model: Model, equations: Equations, where: str) -> npt.NDArray[np.int64]:
+def _unknowns(model: Model, equations: Equations, where: str) -> Long:
     """Numbers of the degrees of freedom that no support holds, and that something moves."""
     assert model.fixed is not None
     coupled = _touched(equations.matrix).reshape(model.fixed.shape)
@@ -277,7 +274,7 @@ def _factorised(matrix: csc_matrix, where: str) -> SuperLU:
         raise NotConverged(f"{where}: the factorisation failed ({error})") from None
 
 
-def _touched(matrix: csr_matrix) -> npt.NDArray[np.bool_]:
+def _touched(matrix: csr_matrix) -> Bool:
     """Mask of the columns that hold a number other than zero."""
     return np.bincount(matrix.indices[matrix.data != 0.0], minlength=matrix.shape[1]) > 0
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.deck.amplitudes import Scale
 from gpusim.deck.constrained import Equations
 from gpusim.errors import InputError
@@ -23,8 +23,6 @@ from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradi
 
 __all__ = ["Axes", "Constraints", "read_tie"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 # columns (3 node + axis), factors and right side of one equation
 TieRow = tuple[Sequence[int], Sequence[float], float]
 
@@ -84,19 +82,19 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
     return found
 
 
-def _kind(nodes: npt.NDArray[np.int32]) -> str:
+def _kind(nodes: Int) -> str:
     corners = "tri" if nodes[3] < 0 else "quad"
     count = int((nodes >= 0).sum())
     return f"{corners}{count}"
 
 
-def _own(faces: Faces, face: int) -> Int:
+def _own(faces: Faces, face: int) -> Long:
     """The nodes of one face, in the order of its shape functions."""
     nodes = faces.nodes[face]
     return np.asarray(nodes[list(FACE_TYPES[_kind(nodes)])], dtype=np.int64)
 
 
-def _nearest(faces: Faces, candidates: Int, point: Float) -> tuple[int, Float, float]:
+def _nearest(faces: Faces, candidates: Long, point: Float) -> tuple[int, Float, float]:
     """Face (-1: none), weights of its nodes, and distance of the nearest point inside of it."""
     best, best_weights, best_gap = -1, np.zeros(0), np.inf
     for face in candidates.tolist():
@@ -236,7 +234,7 @@ class Constraints:
                 terms.append((int(node), axis - 1, number(fields[k + 2], where)))
             self.equations.append(terms)
 
-    def assembled(self, factors: Float) -> tuple[npt.NDArray[np.bool_], Float, Equations | None]:
+    def assembled(self, factors: Float) -> tuple[Bool, Float, Equations | None]:
         """``fixed`` and ``prescribed`` in global axes, and equations for what these can't say.
 
         ``factors`` : value of each amplitude that supports follow; the first is 1.

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.deck.constrained import Equations, solve_constrained
 from gpusim.deck.initial_state import point_stresses
 from gpusim.errors import InputError
@@ -18,9 +19,6 @@ from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
 __all__ = ["Deck", "Step"]
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +41,7 @@ class Step:
     number: int
     name: str
     time: float
-    fixed: npt.NDArray[np.bool_]
+    fixed: Bool
     prescribed: Float
     forces: Float
     temperature: Float | None
@@ -78,10 +76,10 @@ class Deck:
 
     path: str
     mesh: Mesh
-    node_labels: Int
-    cell_labels: Int
+    node_labels: Long
+    cell_labels: Long
     materials: Sequence[Material]
-    material_of_cell: npt.NDArray[np.int32]
+    material_of_cell: Int
     formulation: Mapping[str, str]
     steps: Sequence[Step]
     node_axes: Mapping[int, Float]

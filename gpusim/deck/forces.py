@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.deck.amplitudes import Scale
 from gpusim.deck.constraints import Axes
 from gpusim.deck.materials import Body
@@ -20,8 +20,6 @@ from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
 __all__ = ["Forces"]
-
-Float = npt.NDArray[np.float64]
 
 
 def pressure_forces(
@@ -66,8 +64,6 @@ _QUADRATIC_POINTS = {
 """On faces with eight or nine nodes; CalculiX hasn't the last two."""
 
 
-Int = npt.NDArray[np.int64]
-
 _EXPECTED = "P1 … P6, BX, BY, BZ, GRAV or CENTRIF"
 _UNIT = np.eye(3)
 
@@ -80,7 +76,7 @@ class _BodyLoad:
     """
 
     kind: str
-    cells: Int
+    cells: Long
     value: float
     vectors: tuple[tuple[float, ...], ...]
     step: int
@@ -171,7 +167,7 @@ class Forces:
             pairs = self.content.surfaces.get(row[0], where)
             self._press(pairs, scale.factor * number(row[2], where), scale, step, where)
 
-    def refuse_loose(self, fixed: npt.NDArray[np.bool_]) -> None:
+    def refuse_loose(self, fixed: Bool) -> None:
         """Forces on nodes that no element has must be held. Raises InputError."""
         for node, where in self.loose.items():
             if (self.force[node] * ~fixed[node]).any():
@@ -219,12 +215,12 @@ class Forces:
                 total += body_force(mesh, share, acceleration, formulation=formulation)
         return total
 
-    def _cells(self, text: str, where: str) -> Int:
+    def _cells(self, text: str, where: str) -> Long:
         if not text:
             return np.arange(self.labelled.mesh.cell_count)
         return self.labelled.cell_index(self.content.cells_named(text, where))
 
-    def _press(self, labelled: Int, value: float, scale: Scale, step: int, where: str) -> None:
+    def _press(self, labelled: Long, value: float, scale: Scale, step: int, where: str) -> None:
         try:
             self.labelled.face_pairs(labelled)
         except InputError as error:
@@ -240,7 +236,7 @@ class Forces:
     def _add(
         self,
         kind: str,
-        cells: Int,
+        cells: Long,
         value: float,
         vectors: tuple[tuple[float, ...], ...],
         scale: Scale,
@@ -259,7 +255,7 @@ class Forces:
         self.bodies.append(_BodyLoad(kind, cells, value, vectors, step, scale.follows, where))
 
 
-def _refuse_mixed(mixed: npt.NDArray[np.bool_], where: str) -> None:
+def _refuse_mixed(mixed: Bool, where: str) -> None:
     if mixed.any():
         raise InputError(
             f"{where}: two amplitudes for one degree of freedom or face in one step; expected one"

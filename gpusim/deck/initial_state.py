@@ -7,8 +7,8 @@ from functools import cache
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.deck.materials import Body
 from gpusim.errors import InputError
 from gpusim.fem import Material
@@ -22,7 +22,6 @@ from gpusim.mesh.shape_functions import shape_functions
 
 __all__ = ["InitialStress", "point_stresses", "temperature_forces"]
 
-Float = npt.NDArray[np.float64]
 
 # CalculiX gives xx yy zz xy xz yz, we have xx yy zz xy yz zx.
 _ORDER = [0, 1, 2, 3, 5, 4]
@@ -51,9 +50,7 @@ class InitialStress:
             point = whole(row[1], where) if len(row) == 8 else None
             self._set(cells, point, stress, where)
 
-    def _set(
-        self, cells: npt.NDArray[np.int64], point: int | None, stress: Float, where: str
-    ) -> None:
+    def _set(self, cells: Long, point: int | None, stress: Float, where: str) -> None:
         for kind, first, block in self.body.mesh.blocks():
             mine = cells[(cells >= first) & (cells < first + len(block))] - first
             if not mine.size:
@@ -90,7 +87,7 @@ class Elastic(Protocol):
     @property
     def materials(self) -> Sequence[Material]: ...
     @property
-    def material_of_cell(self) -> npt.NDArray[np.int32]: ...
+    def material_of_cell(self) -> Int: ...
     @property
     def formulation(self) -> Mapping[str, str]: ...
 
@@ -113,9 +110,7 @@ def point_stresses(body: Elastic, u: Float, change: Float | None) -> dict[str, F
     return {kind: np.concatenate(parts) for kind, parts in found.items()}
 
 
-def _stresses(
-    body: Elastic, u: Float, change: Float | None
-) -> Iterator[tuple[str, npt.NDArray[np.int32], Float]]:
+def _stresses(body: Elastic, u: Float, change: Float | None) -> Iterator[tuple[str, Int, Float]]:
     """Cell type, some cells (C,k) of it, and their stress (C,Q,6), chunk by chunk."""
     moduli = np.stack([one.stiffness() for one in body.materials])
     expansion = np.stack([one.expansion_strain() for one in body.materials])

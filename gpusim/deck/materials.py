@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
 from gpusim.fem.model.material import strain_rotation
@@ -18,7 +18,6 @@ from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 
 __all__ = ["Anisotropic", "Body", "Sections"]
 
-Float = npt.NDArray[np.float64]
 
 # Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
 _FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
@@ -56,7 +55,7 @@ class Body:
     content: InpContent
     labelled: LabelledMesh
     materials: Sequence[Material]
-    material_of_cell: npt.NDArray[np.int32]
+    material_of_cell: Int
     formulation: Mapping[str, str]
 
     @property

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.deck.amplitudes import Amplitudes, Scale
 from gpusim.deck.constraints import Axes, Constraints, read_tie
 from gpusim.deck.deck import Step
@@ -18,8 +18,6 @@ from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, number
 
 __all__ = ["History"]
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -127,7 +125,7 @@ class History:
         self.temperature[:] = self.initial
         self.warmth_follows[:] = 0
 
-    def _node_values(self, card: Card) -> list[tuple[npt.NDArray[np.int64], float]]:
+    def _node_values(self, card: Card) -> list[tuple[Long, float]]:
         return [
             (self.body.content.node_rows(row[0], where), number(row[1], where))
             for where, row in card.records(2, 2, "node or node set, temperature")

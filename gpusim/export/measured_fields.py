@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
+
 Values = Callable[[Any], npt.NDArray[Any]]
 Fields = Mapping[str, "MeasuredField"]
 
@@ -45,7 +47,7 @@ class MeasuredField:
 class FieldMap:
     """One panel: a value per point, its name and how it is coloured."""
 
-    values: npt.NDArray[np.float64]
+    values: Float
     title: str
     centred: bool = False  # zero is special: colours diverge from it
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from meshio._mesh import topological_dimension
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe_name, write_text
@@ -31,11 +32,11 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 def write_stl(
     path: PathLike,
-    points: npt.NDArray[np.float64],
+    points: Float,
     faces: npt.NDArray[np.integer],
     *,
     title: str = "",
-    origin: Sequence[float] | npt.NDArray[np.float64] = (0.0, 0.0, 0.0),
+    origin: Sequence[float] | Float = (0.0, 0.0, 0.0),
 ) -> Path:
     """Write faces as a binary STL, atomically.
 
@@ -95,13 +96,13 @@ def write_stl(
 
 def write_region_stls(
     folder: PathLike,
-    points: npt.NDArray[np.float64],
+    points: Float,
     faces: npt.NDArray[np.integer],
     region_of_face: npt.NDArray[np.integer],
     region_names: Sequence[str],
     *,
     step: int,
-    origin: Sequence[float] | npt.NDArray[np.float64] = (0.0, 0.0, 0.0),
+    origin: Sequence[float] | Float = (0.0, 0.0, 0.0),
 ) -> tuple[Path, ...]:
     """Write ``folder/<region>/<step:04d>.stl`` for every region that has faces; return the paths.
 
@@ -143,7 +144,7 @@ def write_region_stls(
     return tuple(written)
 
 
-def _check_steps(points: npt.NDArray[np.float64], corners: npt.NDArray[np.float64]) -> None:
+def _check_steps(points: Float, corners: Float) -> None:
     """Refuse corners (mm) among which float32 leaves steps that can be seen."""
     known = points[np.isfinite(points).all(axis=1)]
     size = float(np.ptp(known, axis=0).max(initial=0.0)) if len(known) else 0.0
@@ -156,9 +157,7 @@ def _check_steps(points: npt.NDArray[np.float64], corners: npt.NDArray[np.float6
         )
 
 
-def _triangles(
-    points: npt.NDArray[np.float64], faces: npt.NDArray[np.integer]
-) -> npt.NDArray[np.int64]:
+def _triangles(points: Float, faces: npt.NDArray[np.integer]) -> Long:
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points: got shape {points.shape}; expected (N, 3)")
     if faces.ndim != 2 or faces.shape[1] not in (3, 4) or faces.dtype.kind not in "iu":
@@ -177,7 +176,7 @@ def _triangles(
         indices = np.where(indices < 0, indices[:, [2]], indices)
         indices = indices[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
     a, b, c = indices.T
-    proper: npt.NDArray[np.int64] = indices[(a != b) & (b != c) & (c != a)]
+    proper: Long = indices[(a != b) & (b != c) & (c != a)]
     return proper
 
 
@@ -194,7 +193,7 @@ for _name in ("wedge15", "pyramid13"):  # which meshio 5.3 knows, but has no dim
 
 def write_vtu(
     path: PathLike,
-    points: npt.NDArray[np.float64],
+    points: Float,
     cells: Mapping[str, npt.NDArray[np.integer]],
     *,
     point_data: Mapping[str, npt.NDArray[np.generic]] | None = None,
@@ -294,7 +293,7 @@ def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:
     return write_text(path, text)
 
 
-def _check_points(points: npt.NDArray[np.float64]) -> None:
+def _check_points(points: Float) -> None:
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InputError(f"points: got shape {points.shape}; expected (N, 3), N > 0")
     if not np.isfinite(points).all():

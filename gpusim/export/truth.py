@@ -24,6 +24,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.export.layers import LAYERS, ChunkedLayer
 from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
@@ -143,9 +144,7 @@ class TruthWriter:
         self._open_file = None
         self._stack.__exit__(kind, error, trace)
 
-    def write_mesh(
-        self, points: npt.NDArray[np.float64], cells: Mapping[str, npt.NDArray[np.integer]]
-    ) -> None:
+    def write_mesh(self, points: Float, cells: Mapping[str, npt.NDArray[np.integer]]) -> None:
         """Write nodes (N, 3) float64 m in the reference configuration and cells (M, nodes)."""
         _check("points", points, (None, 3))
         mesh = self._file.create_group("mesh")
@@ -157,7 +156,7 @@ class TruthWriter:
     def write_nodal_displacement(
         self,
         step: int,
-        displacement: npt.NDArray[np.float64],
+        displacement: Float,
         *,
         load_factor: float | None = None,
         time: float | None = None,
@@ -179,9 +178,9 @@ class TruthWriter:
         *,
         width: int,
         height: int,
-        K: npt.NDArray[np.float64],
-        camera_from_world: npt.NDArray[np.float64],
-        distortion: npt.NDArray[np.float64] | Sequence[float] = (),
+        K: Float,
+        camera_from_world: Float,
+        distortion: Float | Sequence[float] = (),
     ) -> None:
         """Write a camera: K (3, 3) px, camera_from_world (3, 4) or (4, 4) m, OpenCV distortion."""
         if width < 1 or height < 1:
@@ -255,7 +254,7 @@ def _check(name: str, values: npt.NDArray[np.generic], shape: Sequence[int | Non
 def _dataset(
     group: h5py.Group,
     name: str,
-    values: npt.NDArray[np.float64],
+    values: Float,
     unit: str,
     frame: str,
     convention: str,

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
+
 __all__ = ["RadianceHeader", "to_srgb"]
 
-Array = npt.NDArray[np.float64]
 
 _LINES = re.compile(
     rb"#\?[^\n]*\n(?P<lines>(?:[^\n]+\n)*)[ \t\r]*\n"
@@ -66,7 +67,7 @@ class RadianceHeader:
         size = f"-Y {self.scan_lines} +X {self.line_length}\n"
         return b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + size.encode() + self.pixels
 
-    def radiances(self, numbers: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def radiances(self, numbers: Single) -> Single:
         """Of the ``numbers`` (H, W, 3) in `plain`, red, green and blue as in the file.
 
         Raises ValueError for entries that are no such numbers, or another format.
@@ -88,7 +89,7 @@ class RadianceHeader:
         axes = self.first, self.second
         return picture[:: -1 if "+Y" in axes else 1, :: -1 if "-X" in axes else 1]
 
-    def _entries(self, key: str, count: int) -> list[Array]:
+    def _entries(self, key: str, count: int) -> list[Float]:
         entries = [np.array(value.split(), float) for name, value in self.values if name == key]
         for entry in entries:
             if len(entry) != count or not math.isfinite(float(np.abs(entry).sum())):
@@ -96,17 +97,17 @@ class RadianceHeader:
         return entries
 
 
-def to_srgb(primaries: npt.ArrayLike) -> Array:
+def to_srgb(primaries: npt.ArrayLike) -> Float:
     """(3, 3): to linear red, green and blue of sRGB from those of other ``primaries``, x and y of
     red, green, blue and white; white becomes white."""
-    matrix: Array = np.linalg.inv(_over_white(_SRGB)) @ _over_white(primaries)
+    matrix: Float = np.linalg.inv(_over_white(_SRGB)) @ _over_white(primaries)
     return matrix
 
 
-def _over_white(primaries: npt.ArrayLike) -> Array:
+def _over_white(primaries: npt.ArrayLike) -> Float:
     """(3, 3) from red, green and blue to X, Y and Z, each in parts of white's."""
     x, y = np.asarray(primaries, float).reshape(4, 2).T
     columns = np.stack([x, y, 1.0 - x - y])
-    over_white: Array = columns[:, :3] / columns[:, 3:]
-    result: Array = over_white * np.linalg.solve(over_white, np.ones(3))
+    over_white: Float = columns[:, :3] / columns[:, 3:]
+    result: Float = over_white * np.linalg.solve(over_white, np.ones(3))
     return result

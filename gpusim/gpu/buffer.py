@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.texture_array import TEXEL_WIDTH, Texels
@@ -49,7 +50,7 @@ def to_real(values: npt.ArrayLike, real: str, where: str) -> npt.NDArray[Any]:
     return np.stack([high, (array - high).astype(np.float32)], axis=-1)
 
 
-def from_real(data: npt.NDArray[Any], real: str) -> npt.NDArray[np.float64]:
+def from_real(data: npt.NDArray[Any], real: str) -> Float:
     """The inverse of `to_real`."""
     if real == "f64":
         return data.astype(np.float64, copy=False)
@@ -150,7 +151,7 @@ class RealBuffer(Buffer):
         dtype: npt.DTypeLike = np.float64,
         shape: tuple[int, ...] | None = None,
         offset: int = 0,
-    ) -> npt.NDArray[np.float64]:
+    ) -> Float:
         """The values as float64, in the buffer's own shape; ``offset`` counts values."""
         if np.dtype(dtype) != np.float64:
             raise DeviceError(f"{self.label} holds real values; got {dtype}; expected float64")

@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.validation import unmasked
 
 Image = npt.NDArray[Any]
-FloatArray = npt.NDArray[np.float64]
 MARGIN = 32  # pixels around a crop, so that its border isn't felt
 BLUR_REACH = 5.0  # standard deviations
 BORDER = 16  # pixels by which the image is continued beyond its border
@@ -79,7 +79,7 @@ def check_image(image: object, name: str) -> Image:
     return array
 
 
-def check_points(points: object, name: str) -> FloatArray:
+def check_points(points: object, name: str) -> Float:
     """Return ``points`` as (M, 2) float64 pixel positions (x = column, y = row), all finite."""
     array = np.asarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] == 0:
@@ -91,7 +91,7 @@ def check_points(points: object, name: str) -> FloatArray:
     return array.copy()
 
 
-def point_spacing(points: FloatArray) -> float:
+def point_spacing(points: Float) -> float:
     """Median distance of points (M, 2), at least two, from the nearest other one."""
     apart = np.asarray(scipy.spatial.cKDTree(points).query(points, k=2)[0], dtype=np.float64)
     return float(np.median(apart[:, 1]))
@@ -99,7 +99,7 @@ def point_spacing(points: FloatArray) -> float:
 
 def crop_float(
     image: Image, box: tuple[float, float, float, float], margin: int
-) -> tuple[FloatArray, tuple[int, int]]:
+) -> tuple[Float, tuple[int, int]]:
     """Cut ``box`` = (x0, y0, x1, y1) plus ``margin`` out of ``image`` as float64.
 
     Returns the crop and the integer position (x, y) of its first pixel. The box is clipped to the
@@ -129,17 +129,17 @@ def eight_bit(array: Image) -> npt.NDArray[np.uint8]:
     return np.asarray(np.clip(scaled, 0, 255), dtype=np.uint8)
 
 
-def quintic_weights(t: FloatArray) -> FloatArray:
+def quintic_weights(t: Float) -> Float:
     """The six tap weights (6, ...) at the fractions ``t`` in [0, 1); they sum to 1."""
     return _polynomials(WEIGHTS, t)
 
 
-def quintic_slopes(t: FloatArray) -> FloatArray:
+def quintic_slopes(t: Float) -> Float:
     """Derivatives (6, ...) of the tap weights by the position, in 1/px; they sum to 0."""
     return _polynomials(WEIGHTS[:, 1:] * np.arange(1.0, 6.0), t)
 
 
-def _polynomials(table: FloatArray, t: FloatArray) -> FloatArray:
+def _polynomials(table: Float, t: Float) -> Float:
     """Horner's rule for every row of ``table``, lowest power first."""
     result = np.empty((len(table), *t.shape))
     for row, coefficients in zip(result, table, strict=True):
@@ -172,8 +172,8 @@ class SplineImage:
     array([7.25])
     """
 
-    pixels: FloatArray
-    coefficients: FloatArray
+    pixels: Float
+    coefficients: Float
     origin: tuple[int, int]
     valid: tuple[float, float, float, float]
     __repr__ = field_summary
@@ -217,7 +217,7 @@ class SplineImage:
         )
         return cls(pixels, np.ascontiguousarray(filtered[cut, cut]), (x, y), valid)
 
-    def inside(self, x: FloatArray, y: FloatArray) -> npt.NDArray[np.bool_]:
+    def inside(self, x: Float, y: Float) -> Bool:
         """Whether each position lies in the valid box or within ``SLACK`` of it (NaN doesn't).
 
         A subset at the border of the image may so waver by what its last digits, or noise, make.
@@ -225,20 +225,16 @@ class SplineImage:
         x0, y0, x1, y1 = self.valid
         return (x >= x0 - SLACK) & (x <= x1 + SLACK) & (y >= y0 - SLACK) & (y <= y1 + SLACK)
 
-    def values(self, x: FloatArray, y: FloatArray) -> FloatArray:
+    def values(self, x: Float, y: Float) -> Float:
         """Grey values at the positions ``x``, ``y`` (any equal shape), all inside the crop."""
         return self._sample(x, y, slopes=False)[0]
 
-    def values_and_gradients(
-        self, x: FloatArray, y: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def values_and_gradients(self, x: Float, y: Float) -> tuple[Float, Float, Float]:
         """Grey values and their derivatives by x and by y (grey levels per pixel)."""
         value, by_x, by_y = self._sample(x, y, slopes=True)
         return value, by_x, by_y
 
-    def pixel_gradients(
-        self, box: tuple[int, int, int, int] | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def pixel_gradients(self, box: tuple[int, int, int, int] | None = None) -> tuple[Float, Float]:
         """Derivatives by x and by y of the spline at the crop's own pixels, each (h, w).
 
         ``box`` = (x0, y0, x1, y1), counted from the crop's first pixel, ends excluded: only there.
@@ -253,7 +249,7 @@ class SplineImage:
         by_y = _along(_along(inner, value, 1), slope, 0)
         return by_x, by_y
 
-    def _sample(self, x: FloatArray, y: FloatArray, *, slopes: bool) -> tuple[FloatArray, ...]:
+    def _sample(self, x: Float, y: Float, *, slopes: bool) -> tuple[Float, ...]:
         shape = x.shape
         flat_x = x.ravel() - self.origin[0]
         flat_y = y.ravel() - self.origin[1]
@@ -285,7 +281,7 @@ class SplineImage:
         return tuple(result.reshape(shape) for result in results)
 
 
-def _along(array: FloatArray, taps: FloatArray, axis: int) -> FloatArray:
+def _along(array: Float, taps: Float, axis: int) -> Float:
     """Correlate with five taps along ``axis``, keeping only fully covered positions."""
-    result: FloatArray = scipy.ndimage.correlate1d(array, taps, axis=axis, mode="nearest")
+    result: Float = scipy.ndimage.correlate1d(array, taps, axis=axis, mode="nearest")
     return result[2:-2] if axis == 0 else result[:, 2:-2]

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -19,9 +20,6 @@ from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
 from gpusim.validation import unmasked
 
 __all__ = ["Cells", "Faces", "boundary_faces", "set_faces"]
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 
 class Cells(Protocol):
@@ -68,17 +66,17 @@ class Faces:
         return Faces(self.nodes[index], self.cell[index], self.local[index], self.points)
 
     @cached_property
-    def is_triangle(self) -> npt.NDArray[np.bool_]:
+    def is_triangle(self) -> Bool:
         return np.asarray(self.nodes[:, 3] < 0)
 
     @cached_property
-    def is_quadratic(self) -> npt.NDArray[np.bool_]:
+    def is_quadratic(self) -> Bool:
         """(F,) whether the face has midside nodes."""
         if self.nodes.shape[1] == 4:
             return np.zeros(len(self), dtype=bool)
         return np.asarray(self.nodes[:, 4] >= 0)
 
-    def kinds(self) -> Iterator[tuple[str, npt.NDArray[np.int64]]]:
+    def kinds(self) -> Iterator[tuple[str, Long]]:
         """Yield (face type, rows) for each of tri3, tri6, quad4, quad8, quad9 that occurs."""
         centred = self.nodes[:, 8] >= 0 if self.nodes.shape[1] > 8 else np.zeros(len(self), bool)
         for name, chosen in (
@@ -135,7 +133,7 @@ class Faces:
         total = np.einsum("fki,fk->fi", p, weight)
         return np.asarray(total / weight.sum(axis=1)[:, None])
 
-    def _curved(self) -> Iterator[tuple[npt.NDArray[np.int64], Float]]:
+    def _curved(self) -> Iterator[tuple[Long, Float]]:
         """Per quadratic face type: rows (K,), and normals times area (K,Q,3) at its points."""
         for name, rows in self.kinds():
             if name in ("tri3", "quad4"):
@@ -201,7 +199,7 @@ def _boundary(mesh: Cells) -> Faces:
     return set_faces(mesh, pairs(np.sort(order[start[count == 1]])))
 
 
-def _matched(corners: Int, node_count: int) -> tuple[npt.NDArray[np.int64], ...]:
+def _matched(corners: Int, node_count: int) -> tuple[Long, ...]:
     """Order of the faces in which equal ones are neighbours; where each group starts; its size."""
     ordered = np.sort(corners, axis=1)
     triangle = ordered[:, 3] == _NO_NODE
@@ -269,7 +267,7 @@ _NO_NODE = np.int32(2**31 - 1)
 
 def _all_faces(
     mesh: Cells,
-) -> tuple[Int, Callable[[npt.NDArray[np.int64]], npt.NDArray[np.int64]]]:
+) -> tuple[Int, Callable[[Long], Long]]:
     """Corners (A,4) of every face of every cell, and what gives (cell, local face) of some."""
     corners: list[Int] = []
     border, first_cell, sides = [0], [0], [1]
@@ -283,7 +281,7 @@ def _all_faces(
         first_cell.append(first)
         sides.append(len(template))
 
-    def pairs(numbers: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def pairs(numbers: Long) -> Long:
         part = np.searchsorted(border, numbers, side="right")
         # an empty block ends where it starts: the search steps over it
         inside = numbers - np.array(border)[part - 1]

@@ -9,13 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Int
 from gpusim.field_summary import field_summary
 
 __all__ = ["CELL_TYPES", "CellType"]
 
-Int = npt.NDArray[np.int32]
 Parents = tuple[tuple[int, ...], ...]
 
 

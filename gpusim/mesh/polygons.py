@@ -5,19 +5,18 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 
 __all__ = ["check_corners", "cut_at_dents", "cut_polygons"]
 
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 _FARTHEST = 1e15
 _FLAT = 1e-12
 """Of a face's area: a dent that is less is a straight corner."""
 
 
-def check_corners(where: str, points: Array, corners: npt.NDArray[np.integer]) -> None:
+def check_corners(where: str, points: Float, corners: npt.NDArray[np.integer]) -> None:
     """Refuse points (P, 3) that aren't finite, and corners of faces at points that aren't there."""
     if not (np.abs(points) < _FARTHEST).all():
         raise InputError(
@@ -28,7 +27,7 @@ def check_corners(where: str, points: Array, corners: npt.NDArray[np.integer]) -
         raise InputError(f"{where}: a face names point {wrong}; got {len(points)} points, from 0")
 
 
-def cut_at_dents(points: Array, faces: npt.NDArray[np.integer]) -> tuple[Long, Long]:
+def cut_at_dents(points: Float, faces: npt.NDArray[np.integer]) -> tuple[Long, Long]:
     """Faces (F, 4), -1 as a triangle's last corner, of which no quadrilateral has a dent, and the
     face (F,) that each is of.
 
@@ -58,7 +57,7 @@ def cut_at_dents(points: Array, faces: npt.NDArray[np.integer]) -> tuple[Long, L
     return rows[order].astype(np.int64), source[order]
 
 
-def cut_polygons(where: str, points: Array, corners: Long, sizes: Long) -> tuple[Long, Long]:
+def cut_polygons(where: str, points: Float, corners: Long, sizes: Long) -> tuple[Long, Long]:
     """Polygons one after another as triangles and quadrilaterals without dents.
 
     Parameters
@@ -95,7 +94,7 @@ def cut_polygons(where: str, points: Array, corners: Long, sizes: Long) -> tuple
     return np.concatenate(rows)[order], of_row[order]
 
 
-def _ears(points: Array) -> Long:
+def _ears(points: Float) -> Long:
     """Triangles (n - 2, 3) of a polygon (n, 3), by cutting off ears (Meisters, "Polygons have
     ears", 1975): seen along the axis that is nearest to its normal, which bends no corner over."""
     relative = points - points[0]
@@ -116,14 +115,14 @@ def _ears(points: Array) -> Long:
     return np.array([*triangles, left])
 
 
-def _turn(a: Array, b: Array, c: Array) -> Array:
+def _turn(a: Float, b: Float, c: Float) -> Float:
     """Twice the area (…) of triangles, above 0 for those counter-clockwise."""
     u, v = b - a, c - a
-    turn: Array = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
+    turn: Float = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     return turn
 
 
-def _holds(triangle: Array, points: Array) -> bool:
+def _holds(triangle: Float, points: Float) -> bool:
     """Whether some of the points (n, 2) lie in it or on its sides, but not at its corners."""
     others = points[~(points[:, None] == triangle).all(axis=2).any(axis=1)]
     inside = np.ones(len(others), bool)

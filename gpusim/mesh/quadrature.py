@@ -10,13 +10,12 @@ from functools import cache
 from itertools import permutations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["FULL_POINTS", "cell_rule", "face_rule"]
 
-Float = npt.NDArray[np.float64]
 
 FULL_POINTS: dict[str, int] = {
     "hex8": 8, "hex20": 27, "hex27": 27, "tet4": 1, "tet10": 4, "wedge6": 2, "wedge15": 9,

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.field_summary import field_summary
 from gpusim.mesh.boundary import Cells, boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -19,8 +19,6 @@ from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 
 __all__ = ["Quality", "least_jacobian", "mesh_quality"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 # Cells looked at together: their temporaries stay in the cache.
 CELLS_IN_CACHE = 8192
@@ -118,20 +116,18 @@ class Quality:
     scaled_jacobian: Float
     aspect: Float
     distortion: Float
-    bricks: npt.NDArray[np.bool_]
-    gaps: npt.NDArray[np.int64]
+    bricks: Bool
+    gaps: Long
     __repr__ = field_summary
 
-    def bad_cells(
-        self, least_jacobian: float = 0.1, most_aspect: float = 1000.0
-    ) -> npt.NDArray[np.int64]:
+    def bad_cells(self, least_jacobian: float = 0.1, most_aspect: float = 1000.0) -> Long:
         """Numbers of the cells outside these limits, worst Jacobian first."""
         wrong = np.flatnonzero(
             ~((self.scaled_jacobian >= least_jacobian) & (self.aspect <= most_aspect))
         )
         return wrong[np.argsort(self.scaled_jacobian[wrong], kind="stable")]
 
-    def distorted_bricks(self, most: float = _DISTORTED) -> npt.NDArray[np.int64]:
+    def distorted_bricks(self, most: float = _DISTORTED) -> Long:
         """Numbers of the hex8 cells that are far from a parallelepiped."""
         return np.flatnonzero(self.bricks & ~(self.distortion <= most))
 
@@ -186,7 +182,7 @@ def mesh_quality(mesh: Cells) -> Quality:
     return Quality(jacobian, aspect, distortion, bricks, _gaps(mesh))
 
 
-def _gaps(mesh: Cells) -> npt.NDArray[np.int64]:
+def _gaps(mesh: Cells) -> Long:
     """Cells with a boundary quadrilateral that has three corners with a boundary triangle."""
     if len({CELL_TYPES[kind].linear for kind, _, _ in mesh.blocks()}) == 1:
         return np.zeros(0, dtype=np.int64)

@@ -11,6 +11,7 @@ from difflib import get_close_matches
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
@@ -18,7 +19,6 @@ from gpusim.validation import unmasked
 
 __all__ = ["select_faces", "select_nodes"]
 
-Float = npt.NDArray[np.float64]
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
 
@@ -38,7 +38,7 @@ def select_nodes(
     normal: str | npt.ArrayLike | None = None,
     name: str | None = None,
     tolerance: float | None = None,
-) -> npt.NDArray[np.int32]:
+) -> Int:
     """Numbers of the nodes that meet every given condition, sorted, (K,) int32.
 
     bounds : any of ``x_min … z_max`` -> coordinate, inclusive within ``tolerance``.
@@ -128,7 +128,7 @@ def _tolerance(mesh: Mesh, tolerance: float | None) -> float:
     return float(tolerance)
 
 
-def _named_nodes(mesh: Mesh, name: str) -> npt.NDArray[np.int32]:
+def _named_nodes(mesh: Mesh, name: str) -> Int:
     if name in mesh.node_sets:
         return mesh.node_sets[name]
     if name in mesh.face_sets:
@@ -157,7 +157,7 @@ def _named_faces(mesh: Mesh, name: str, faces: Faces | None) -> Faces:
     return faces[np.flatnonzero(whole)]
 
 
-def _chosen_cells(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
+def _chosen_cells(mesh: Mesh, name: str) -> Bool:
     chosen = np.zeros(mesh.cell_count, dtype=bool)
     chosen[mesh.cell_sets[name]] = True
     return chosen
@@ -178,7 +178,7 @@ def _one_of(name: str, known: Iterable[str]) -> str:
     return f"one of {shown}" + (f" (did you mean {near[0]!r}?)" if near else "")
 
 
-def _inside(points: Float, bounds: Bounds, tolerance: float) -> npt.NDArray[np.bool_]:
+def _inside(points: Float, bounds: Bounds, tolerance: float) -> Bool:
     keep = np.ones(len(points), dtype=bool)
     for key, value in bounds.items():
         if key not in _BOUND_KEYS:
@@ -195,7 +195,7 @@ def _inside(points: Float, bounds: Bounds, tolerance: float) -> npt.NDArray[np.b
     return keep
 
 
-def _on_plane(points: Float, plane: Plane, tolerance: float) -> npt.NDArray[np.bool_]:
+def _on_plane(points: Float, plane: Plane, tolerance: float) -> Bool:
     origin = np.asarray(plane[0], dtype=np.float64)
     if origin.shape != (3,) or not np.isfinite(origin).all():
         raise InputError(f"selection: plane point; got {plane[0]}; expected 3 finite numbers")
@@ -218,9 +218,7 @@ def _direction(value: str | npt.ArrayLike) -> Float:
     return vector / length
 
 
-def _found(
-    mesh: Mesh, found: npt.NDArray[np.int32], what: str, *conditions: object
-) -> npt.NDArray[np.int32]:
+def _found(mesh: Mesh, found: Int, what: str, *conditions: object) -> Int:
     if found.size:
         return found
     low, high = mesh.bounds

@@ -12,13 +12,12 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.mesh.cell_types import CELL_TYPES
 
 __all__ = ["FACE_TYPES", "reference_nodes", "shape_functions", "shape_gradients"]
 
-Float = npt.NDArray[np.float64]
 Powers = tuple[tuple[int, int, int, int], ...]
 
 FACE_TYPES: dict[str, tuple[int, ...]] = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.surface.frames import face_normals
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 __all__ = ["METAL", "draw_faces", "flat_axes", "space_axes"]
 
-Array = npt.NDArray[np.float64]
 METAL = (0.42, 0.52, 0.62)
 """Linear; of what has no paint."""
 _LAMP = np.array([-0.3, -0.6, 0.74])
@@ -52,9 +51,7 @@ def space_axes(ax: Axes | None, unit: str) -> Any:
     return space
 
 
-def draw_faces(
-    space: Any, points: Array, faces: npt.NDArray[np.int32], colours: Any = _METAL, **style: Any
-) -> None:
+def draw_faces(space: Any, points: Float, faces: Int, colours: Any = _METAL, **style: Any) -> None:
     """Add faces (F, 4), triangles of which end with -1, in one colour or (F, 4) of them."""
     from matplotlib.colors import to_rgba_array
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -72,7 +69,7 @@ def draw_faces(
     _frame(space, points)
 
 
-def _frame(space: Any, points: Array) -> None:
+def _frame(space: Any, points: Float) -> None:
     """Limits around all that there is, lengths alike along all axes, and ticks that fit."""
     from matplotlib.ticker import MaxNLocator
 

@@ -6,8 +6,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_camera", "html", "plane_axes", "plot"]
 
-Array = npt.NDArray[np.float64]
 _PLANES = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 """What is drawn to the right and up: from above, from the front, from the right."""
 _SKETCH = 300  # px
@@ -105,12 +104,12 @@ def draw_camera(
     ax.annotate(named(camera.name), place, xytext=(6, 6), textcoords="offset points", color=colour)
 
 
-def _forward(camera: Camera) -> Array:
-    forward: Array = camera.camera_from_world[2, :3]
+def _forward(camera: Camera) -> Float:
+    forward: Float = camera.camera_from_world[2, :3]
     return forward
 
 
-def _hull(points: Array) -> Array:
+def _hull(points: Float) -> Float:
     """The corners (n, 2) of the convex hull."""
     import cv2
 
@@ -118,7 +117,7 @@ def _hull(points: Array) -> Array:
     return np.asarray(hull, np.float64).reshape(-1, 2)
 
 
-def _grid(camera: Camera) -> Array:
+def _grid(camera: Camera) -> Float:
     """(lines, lines, 2): where the lens puts a regular grid over the image, px."""
     ideal = np.stack(
         np.meshgrid(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.export.measured_fields import (
     MAPPED,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["components", "html", "plot"]
 
-Array = npt.NDArray[np.float64]
 Result = DicResult | StereoResult | MappedResult | StrainResult
 _DPI = 110
 _INCHES = 5.4
@@ -99,7 +99,7 @@ def plot(
     return ax
 
 
-def _check_picture(what: str, image: npt.NDArray[Any], points: Array, mapped: bool) -> None:
+def _check_picture(what: str, image: npt.NDArray[Any], points: Float, mapped: bool) -> None:
     """Refuse a picture that the points can't have been measured in."""
     if mapped:
         raise InputError(f"{what}; got one beside points in the mapping's unit; expected None")

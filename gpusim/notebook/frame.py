@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, fitting, page, png_bytes, span
 from gpusim.notebook.shading import encoded
@@ -71,7 +72,7 @@ def _picture(frame: Frame) -> Picture:
     return Picture(f"what camera {frame.view.camera.name} sees", pixels, caption)
 
 
-def _small(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _small(radiance: Single) -> Single:
     """By area average."""
     size = fitting(radiance.shape, _WIDTH, _HEIGHT)
     if size == radiance.shape[1::-1]:
@@ -79,7 +80,7 @@ def _small(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return np.asarray(cv2.resize(radiance, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def toned(radiance: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+def toned(radiance: Single) -> npt.NDArray[np.uint8]:
     """sRGB; white is what all but a few pixels stay below."""
     known = radiance[np.isfinite(radiance)]
     white = float(np.quantile(known, _WHITE)) if known.size else 0.0

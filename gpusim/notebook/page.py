@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Real
 from gpusim.printable import printable
 from gpusim.report.text import number
 
@@ -133,7 +134,7 @@ def _text(value: float, digits: int) -> str:
     return text.rstrip("0").rstrip(".")
 
 
-def span(values: npt.NDArray[np.floating], unit: str = "", digits: int = DIGITS) -> str:
+def span(values: Real, unit: str = "", digits: int = DIGITS) -> str:
     """The least and the greatest of the finite values; a dash where there are none."""
     known = values[np.isfinite(values)]
     if not known.size:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.camera import draw_camera, plane_axes
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["SceneSurfaces", "html", "plot", "scene_surfaces"]
 
-Array = npt.NDArray[np.float64]
 _MOST = 6
 _CAMERA_WIDTH, _CAMERA_HEIGHT = 480, 320  # px
 _SHOWN = 350  # px on the page
@@ -48,7 +48,7 @@ class SceneSurfaces:
         return [*self.bodies, *self.props]
 
     @property
-    def points(self) -> Array:
+    def points(self) -> Float:
         """(P, 3) of the bodies, m; of the props where there are no bodies."""
         return np.concatenate([one.points for one in self.bodies or self.props])
 

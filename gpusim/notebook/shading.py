@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays import srgb
+from gpusim.arrays.array_types import Bool, Float, Real, Single
 from gpusim.gpu.device import device_if_open
 from gpusim.notebook.page import fitting
 from gpusim.optics.camera.pinhole import Camera
@@ -27,9 +28,8 @@ from gpusim.surface.surface import Surface
 
 __all__ = ["Colouring", "encoded", "fitted_camera", "painted", "resized_camera", "shaded"]
 
-Array = npt.NDArray[np.float64]
 Pixels = npt.NDArray[np.uint8]
-Colouring = Callable[[Truth], Array]
+Colouring = Callable[[Truth], Float]
 """Linear colours (n, 3), 0 to 1, of the n pixels of a truth."""
 
 WIDTH, MOST_HEIGHT, LEAST_HEIGHT = 520, 380, 100
@@ -51,7 +51,7 @@ _LEAST_FACE = 5.0
 """px along a face's side, below which edges would hide what they are of."""
 
 
-def fitted_camera(points: Array, direction: Sequence[float] = DIRECTION) -> Camera:
+def fitted_camera(points: Float, direction: Sequence[float] = DIRECTION) -> Camera:
     """A camera that looks along ``direction`` and whose picture ``points`` (P, 3) just fill, z up.
 
     Its height follows what it shows, within limits.
@@ -74,7 +74,7 @@ def fitted_camera(points: Array, direction: Sequence[float] = DIRECTION) -> Came
     return Camera(WIDTH, height, K, camera_from_world=pose, name="fitted")
 
 
-def _axes(direction: Array) -> Array:
+def _axes(direction: Float) -> Float:
     """(3, 3): x right, y down, z along ``direction``, of a camera held upright."""
     z = direction / np.linalg.norm(direction)
     up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.85 else np.array([0.0, 1.0, 0.0])
@@ -116,13 +116,13 @@ def shaded(
     picture = np.zeros((fine.height, fine.width, 4))
     picture[truth.row, truth.column] = np.column_stack([values, np.ones(len(values))])
     shape = camera.height, _FINER, camera.width, _FINER, 4
-    mean: Array = picture.reshape(shape).mean(axis=(1, 3))
+    mean: Float = picture.reshape(shape).mean(axis=(1, 3))
     seen = np.maximum(mean[..., 3:], 1e-9)
     colours = encoded(mean[..., :3] / seen)
     return np.concatenate([colours, np.rint(255.0 * mean[..., 3:]).astype(np.uint8)], axis=2)
 
 
-def _edges(truth: Truth, element_of_face: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+def _edges(truth: Truth, element_of_face: npt.NDArray[np.integer]) -> Bool:
     """(n,) bool: pixels whose neighbour on the right or below sees another element."""
     element = np.full((truth.shape[0] + 1, truth.shape[1] + 1), -1, np.int64)
     element[truth.row, truth.column] = element_of_face[truth.face]
@@ -131,7 +131,7 @@ def _edges(truth: Truth, element_of_face: npt.NDArray[np.integer]) -> npt.NDArra
     if shown and len(truth.row) / shown < (_FINER * _LEAST_FACE) ** 2:
         return np.zeros(len(truth.row), bool)
     other = (own != element[:-1, 1:]) | (own != element[1:, :-1])
-    result: npt.NDArray[np.bool_] = other[truth.row, truth.column]
+    result: Bool = other[truth.row, truth.column]
     return result
 
 
@@ -144,14 +144,14 @@ def painted(surfaces: Sequence[Surface], camera: Camera) -> Colouring:
     albedo = _patterns(surfaces, camera)
     picture = albedo if albedo.ndim == 3 else np.repeat(albedo[..., None], 3, axis=2)
 
-    def colours(truth: Truth) -> Array:
-        found: Array = picture[truth.row // _FINER, truth.column // _FINER].astype(np.float64)
+    def colours(truth: Truth) -> Float:
+        found: Float = picture[truth.row // _FINER, truth.column // _FINER].astype(np.float64)
         return found
 
     return colours
 
 
-def _patterns(surfaces: Sequence[Surface], camera: Camera) -> npt.NDArray[np.float32]:
+def _patterns(surfaces: Sequence[Surface], camera: Camera) -> Single:
     """(H, W) or (H, W, 3) albedo: by the device if one is open, else as fine as time allows, as
     the twin is slow where there are many dots."""
     device = device_if_open()
@@ -169,6 +169,6 @@ def _patterns(surfaces: Sequence[Surface], camera: Camera) -> npt.NDArray[np.flo
     return np.asarray(cv2.resize(albedo, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def encoded(linear: npt.NDArray[np.floating]) -> Pixels:
+def encoded(linear: Real) -> Pixels:
     """Linear values, 0 to 1, by the curve of sRGB (IEC 61966-2-1) as 8 bit."""
     return np.asarray(np.rint(255.0 * srgb.encoded(np.clip(linear, 0.0, 1.0))), np.uint8)

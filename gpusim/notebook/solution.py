@@ -7,9 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.fem import Model, Solution
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["FIELDS", "html", "plot"]
 
-Array = npt.NDArray[np.float64]
 FIELDS = ("von_mises", "displacement", "x", "y", "z")
 """What a body may be coloured by: stress, length of the displacement, its components."""
 
@@ -46,9 +45,9 @@ class _Shown:
     """A load case on its skin: displaced ``scale`` times, ``values`` (P,) at the vertices."""
 
     skin: Skin
-    points: Array
-    rest: Array
-    values: Array
+    points: Float
+    rest: Float
+    values: Float
     scale: float
 
 
@@ -122,7 +121,7 @@ def _label(field: str, unit: str) -> str:
     return f"{name} ({unit})"
 
 
-def _cases(values: Array) -> Array:
+def _cases(values: Float) -> Float:
     """(L, N, 3), also for one load case."""
     return values if values.ndim == 3 else values[None]
 
@@ -148,14 +147,14 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
     return _Shown(skin, rest + scale * moved, rest, values, scale)
 
 
-def _field(model: Model, u: Array, field: str) -> Array:
+def _field(model: Model, u: Float, field: str) -> Float:
     """(N,) at the nodes."""
     if field == "von_mises":
         return fem.stress(model, u).von_mises
     return np.linalg.norm(u, axis=1) if field == "displacement" else u[:, "xyz".index(field)]
 
 
-def _range(values: Array) -> tuple[float, float]:
+def _range(values: Float) -> tuple[float, float]:
     low, high = float(values.min()), float(values.max())
     return low, high if high > low else low + (abs(low) or 1.0)
 
@@ -193,13 +192,13 @@ def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]
     )  # fmt: skip
     table = _linear(colormaps[_COLOURS](np.linspace(0.0, 1.0, 256))[:, :3])
 
-    def colours(truth: Truth) -> Array:
+    def colours(truth: Truth) -> Float:
         at = np.clip(truth.displacement[:, 0] / length, 0.0, 1.0)
         return table[np.rint(255.0 * at).astype(np.int64)]
 
     return surface, colours
 
 
-def _linear(colours: Array) -> Array:
+def _linear(colours: Float) -> Float:
     """Linear values of sRGB's, a little brighter: shading darkens them."""
     return np.minimum(1.25 * decoded(colours), 1.0)

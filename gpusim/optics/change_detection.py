@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.surface.surface import Surface
-
-Array = npt.NDArray[np.float64]
 
 MARGIN = 2.0
 """px around the image in which a change still counts as seen."""
@@ -70,7 +68,7 @@ def _moves_outside(a: Surface, b: Surface, camera: Camera) -> bool:
     return bool(outside.any(axis=1).all())
 
 
-def _bounds(camera: Camera) -> tuple[Array, Array]:
+def _bounds(camera: Camera) -> tuple[Float, Float]:
     """Least and greatest x / z and y / z that the image shows, with a margin."""
     u = np.linspace(-0.5, camera.width - 0.5, _BORDER)
     v = np.linspace(-0.5, camera.height - 0.5, _BORDER)

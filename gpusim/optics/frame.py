@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Long, Single
 from gpusim.display import notebook_html, notebook_png, plotted
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device
@@ -43,7 +44,7 @@ class Band:
         (result,) = self.planes
         return result
 
-    def seen(self) -> AbstractContextManager[npt.NDArray[np.float32]]:
+    def seen(self) -> AbstractContextManager[Single]:
         """(rows, stride) float32, to be used only inside a ``with`` block."""
         return self.buffer.seen(np.float32, (self.rows, self.stride))
 
@@ -71,7 +72,7 @@ class Frame:
         view: View,
         device: Device | None,
         bands: tuple[Band, ...] = (),
-        radiance: npt.NDArray[np.float32] | None = None,
+        radiance: Single | None = None,
     ) -> None:
         self.view, self.device, self.bands = view, device, bands
         self._planes: tuple[Frame, ...] = ()
@@ -145,7 +146,7 @@ class Frame:
         return self.view.camera.height
 
     @property
-    def radiance(self) -> npt.NDArray[np.float32]:
+    def radiance(self) -> Single:
         """(H, W) or (H, W, 3) float32 radiance; read back from the device at the first call."""
         if self._radiance is None and self.coloured:
             self._radiance = np.stack([plane.radiance for plane in self.planes], axis=2)
@@ -205,8 +206,8 @@ class Frame:
 
 def scatter(
     device: Device,
-    places: npt.NDArray[np.int64],
-    values: npt.NDArray[np.float32],
+    places: Long,
+    values: Single,
     target: Buffer,
 ) -> None:
     """Write ``values`` (n,) to the words ``places`` (n,) of ``target``, all different."""
@@ -227,8 +228,8 @@ def write_pixels(
     device: Device,
     bands: Sequence[Band],
     width: int,
-    pixel: npt.NDArray[np.int64],
-    value: npt.NDArray[np.float32],
+    pixel: Long,
+    value: Single,
 ) -> None:
     """Write ``value`` (planes, n) to the pixels of linear indices ``pixel`` (n,) in an image's
     bands."""
@@ -241,10 +242,10 @@ def write_pixels(
 
 
 def scatter_twin(
-    there: npt.NDArray[np.float32],
-    places: npt.NDArray[np.int64],
-    values: npt.NDArray[np.float32],
-) -> npt.NDArray[np.float32]:
+    there: Single,
+    places: Long,
+    values: Single,
+) -> Single:
     """A copy of ``there`` with the values in it."""
     result = there.copy()
     result.reshape(-1)[places] = values

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
 from gpusim.optics.geometry.view import View
-
-Array = npt.NDArray[np.float64]
 
 DEPTH_TOLERANCE = 1e-3
 """Relative depth by which a point may lie behind what its pixel sees and still count as seen."""
@@ -45,20 +44,20 @@ class Truth:
     """
 
     shape: tuple[int, int]
-    row: npt.NDArray[np.int64]
-    column: npt.NDArray[np.int64]
-    depth: npt.NDArray[np.float64]
-    reference: npt.NDArray[np.float64]
-    displacement: npt.NDArray[np.float64]
-    flow: npt.NDArray[np.float64]
-    normal: npt.NDArray[np.float64]
-    face: npt.NDArray[np.int32]
-    region: npt.NDArray[np.int32]
+    row: Long
+    column: Long
+    depth: Float
+    reference: Float
+    displacement: Float
+    flow: Float
+    normal: Float
+    face: Int
+    region: Int
     __repr__ = field_summary
 
     LAYERS = ("depth", "reference", "displacement", "flow", "normal", "face", "region")
 
-    def image(self, layer: str) -> npt.NDArray[np.float64]:
+    def image(self, layer: str) -> Float:
         """A layer as an (H, W) or (H, W, k) image; pixels that see nothing hold NaN."""
         if layer not in self.LAYERS:
             raise InputError(f"truth layer; got {layer!r}; expected one of {list(self.LAYERS)}")
@@ -129,9 +128,9 @@ class TruthMap:
             region=view.paint[triangle],
         )
 
-    def _evaluate(self, place: npt.NDArray[np.int64], pixels: Array) -> Array:
+    def _evaluate(self, place: Long, pixels: Float) -> Float:
         """Depth and attributes (n, 10) at ideal pixels (n, 2) of the triangles at ``place``."""
-        result: Array = self._planes[0].take(place, axis=0)
+        result: Float = self._planes[0].take(place, axis=0)
         result *= pixels[:, :1]
         other = self._planes[1].take(place, axis=0)
         other *= pixels[:, 1:]
@@ -152,7 +151,7 @@ def truth_of(
     return TruthMap(view, ids, faces).rows(0, len(ids))
 
 
-def _attribute_planes(view: View, triangles: npt.NDArray[np.int64]) -> Array:
+def _attribute_planes(view: View, triangles: Long) -> Float:
     """(3, T, 10): coefficients of x, y and 1 for 1 / z, and for every attribute times 1 / z."""
     corners = view.corners[triangles]
     T = view.camera.camera_from_world
@@ -168,13 +167,11 @@ def _attribute_planes(view: View, triangles: npt.NDArray[np.int64]) -> Array:
         [np.ones((*corners.shape[:2], 1)), reference, world - reference, normal], axis=2
     )
     basis = view.planes_of(triangles)
-    planes: Array = np.ascontiguousarray(np.einsum("tia,tik->kta", values, basis))
+    planes: Float = np.ascontiguousarray(np.einsum("tia,tik->kta", values, basis))
     return planes
 
 
-def seen_in(
-    view: View, ids: npt.NDArray[np.uint32], points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.bool_]:
+def seen_in(view: View, ids: npt.NDArray[np.uint32], points: Float) -> Bool:
     """Whether world points (n, 3) on the surfaces of ``view`` are seen there, not hidden."""
     camera, points = view.camera, points - view.origin
     at = camera.project(points)

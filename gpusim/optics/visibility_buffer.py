@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.ragged import batches, expand
 from gpusim.gpu import Buffer, Device, Recording
 from gpusim.optics.geometry.view import View
@@ -161,9 +162,7 @@ def visibility_twin(view: View) -> npt.NDArray[np.uint32]:
     return ids.reshape(shape)
 
 
-def _row_interval(
-    corners: npt.NDArray[np.float64], row: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _row_interval(corners: Float, row: Float) -> tuple[Float, Float]:
     """Where the line y = row enters and leaves each triangle (n, 3, 2)."""
     left = np.full(len(row), np.inf)
     right = np.full(len(row), -np.inf)
@@ -179,9 +178,7 @@ def _row_interval(
     return np.where(empty, 0.0, left), np.where(empty, 0.0, right)
 
 
-def _depth_planes(
-    screen: npt.NDArray[np.float64], inverse: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def _depth_planes(screen: Float, inverse: Float) -> Float:
     """(T, 3) coefficients of 1 / z = a x + b y + c."""
     d1, d2 = screen[:, 1] - screen[:, 0], screen[:, 2] - screen[:, 0]
     determinant = d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0]

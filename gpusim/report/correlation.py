@@ -16,6 +16,7 @@ from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import ScalarFormatter
 
 from gpusim._version import __version__
+from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, FieldMap, field_maps
@@ -40,7 +41,7 @@ __all__ = [
 
 Frame = tuple[float, float, float, float]
 """Left, right, lower and upper border, px."""
-Backdrop = tuple[npt.NDArray[np.float32], Frame]
+Backdrop = tuple[Single, Frame]
 """A grey picture from 0 to 1, and where it lies."""
 
 _COLUMNS = {
@@ -252,7 +253,7 @@ def grey_picture(image: npt.NDArray[Any]) -> Backdrop:
 def draw_map(
     axes: Axes,
     backdrop: Backdrop | None,
-    points: npt.NDArray[np.float64],
+    points: Float,
     one: FieldMap,
     **style: Any,
 ) -> None:
@@ -306,7 +307,7 @@ def _limits(style: dict[str, Any], low: float, high: float) -> Normalize:
     return Normalize(low, high)
 
 
-def _frame_of(points: npt.NDArray[np.float64]) -> Frame:
+def _frame_of(points: Float) -> Frame:
     """Around all points, with a margin; y down."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max()) or 1.0
@@ -354,9 +355,7 @@ def _draw_backdrop(axes: Axes, backdrop: Backdrop) -> None:
     axes.imshow(picture, cmap="gray", vmin=-0.15, vmax=1.1, extent=frame, aspect="equal")
 
 
-def _lattice(
-    points: npt.NDArray[np.float64], values: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], Frame] | None:
+def _lattice(points: Float, values: Float) -> tuple[Float, Frame] | None:
     """Values on a regular grid with its frame; None if the points don't lie on one."""
     x, column = np.unique(points[:, 0], return_inverse=True)
     y, row = np.unique(points[:, 1], return_inverse=True)

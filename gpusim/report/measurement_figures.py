@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure
 from gpusim.report.style import MEASURED, MUTED, PAGE, TRUTH, Margins, axis_title, draw_png, named
@@ -28,7 +28,6 @@ __all__ = [
     "draw_rig",
 ]
 
-Floats = npt.NDArray[np.float64]
 _LABELS = ("x (mm)", "y (mm)", "z (mm)")
 _MOST_CORNERS = 4000  # drawn
 
@@ -39,15 +38,15 @@ class RigCamera:
     their reprojection errors; ``resolution`` (width, height) px."""
 
     name: str
-    eye: Floats
-    axis: Floats
-    corners: Floats
-    errors: Floats
+    eye: Float
+    axis: Float
+    corners: Float
+    errors: Float
     resolution: tuple[int, int]
 
 
 def draw_reconstruction(
-    rest: Floats, measured: Floats, true: Floats, factor: float, path: PathLike
+    rest: Float, measured: Float, true: Float, factor: float, path: PathLike
 ) -> Figure:
     """Points (M, 3) unloaded, and displaced as measured and as true, ``factor`` times: in space
     and in two projections."""
@@ -83,9 +82,7 @@ def draw_reconstruction(
     )
 
 
-def draw_rig(
-    cameras: Sequence[RigCamera], points: Floats, boards: Floats, path: PathLike
-) -> Figure:
+def draw_rig(cameras: Sequence[RigCamera], points: Float, boards: Float, path: PathLike) -> Figure:
     """Where the cameras stand, the markers (M, 3), and every calibration board (V, 4, 3)."""
 
     def draw(canvas: Canvas) -> None:
@@ -109,7 +106,7 @@ def draw_rig(
     return Figure(Path(path), "The rig", caption)
 
 
-def draw_calibration(cameras: Sequence[RigCamera], view_rms: Floats, path: PathLike) -> Figure:
+def draw_calibration(cameras: Sequence[RigCamera], view_rms: Float, path: PathLike) -> Figure:
     """Where corners were seen with their errors as arrows, and each view's RMS (C, V)."""
     lengths = np.concatenate([np.linalg.norm(c.errors, axis=1) for c in cameras])
     typical = float(np.sqrt(np.mean(lengths**2))) if lengths.size else 0.0
@@ -160,14 +157,14 @@ class StateCurve:
     """
 
     name: str
-    x: Floats
-    measured: Floats
-    true: Floats
-    breaks: Floats
-    sigma: Floats
-    damage: Floats
-    fitted_x: Floats
-    fitted_y: Floats
+    x: Float
+    measured: Float
+    true: Float
+    breaks: Float
+    sigma: Float
+    damage: Float
+    fitted_x: Float
+    fitted_y: Float
 
 
 def draw_deflections(curves: Sequence[StateCurve], axes: tuple[str, str], path: PathLike) -> Figure:
@@ -198,7 +195,7 @@ def draw_differences(
         for k, curve in enumerate(curves):
             _points(upper, k, curve, line=False)
             upper.plot(curve.fitted_x, curve.fitted_y, color=_COLOURS[k % 6], linewidth=1.6)
-            at: Floats = curve.breaks
+            at: Float = curve.breaks
             if len(at):
                 at = np.interp(at, curve.fitted_x, curve.fitted_y)
             upper.plot(curve.breaks, at, "|", color=_COLOURS[k % 6], markersize=22, mew=1.6)

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.arrays.array_types import Float
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -40,7 +40,6 @@ __all__ = [
 SCHEMA = 1
 StageState = Literal["run", "skipped", "reused", "failed"]
 Status = Literal["done", "failed"]
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -136,15 +135,15 @@ class Series:
     """
 
     name: str
-    x: Floats
-    y_measured: Floats
-    y_truth: Floats
+    x: Float
+    y_measured: Float
+    y_truth: Float
     x_label: str
     y_label: str
     y_unit: str
     units_per_px: float | None = None
-    truth_x: Floats = field(default_factory=lambda: np.empty(0))
-    truth_y: Floats = field(default_factory=lambda: np.empty(0))
+    truth_x: Float = field(default_factory=lambda: np.empty(0))
+    truth_y: Float = field(default_factory=lambda: np.empty(0))
     figure: str = ""
 
     def __post_init__(self) -> None:
@@ -195,8 +194,8 @@ class Overlay:
 
     title: str
     image: Path
-    points: Floats
-    displacement: Floats
+    points: Float
+    displacement: Float
     units_per_px: float | None = None
     unit: str = "mm"
 

@@ -18,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -29,7 +30,6 @@ from gpusim.validation import checked
 
 __all__ = ["MARGIN", "Image", "Level", "pyramid"]
 
-Array = npt.NDArray[np.float64]
 
 MARGIN = 8
 """Coefficients that every level has beyond each of its four sides."""
@@ -50,10 +50,10 @@ class Level:
 
     rows: int
     columns: int
-    coefficients: Array
+    coefficients: Float
 
 
-def pyramid(values: Array) -> tuple[Level, ...]:
+def pyramid(values: Float) -> tuple[Level, ...]:
     """Levels of a bitmap (H, W), down to a single cell."""
     rows, columns = values.shape
     coefficients = _solve(values, AT_CENTRES)
@@ -67,13 +67,13 @@ def pyramid(values: Array) -> tuple[Level, ...]:
     return tuple(levels)
 
 
-def _level(coefficients: Array) -> Level:
+def _level(coefficients: Float) -> Level:
     rows, columns = coefficients.shape
     # "symmetric" goes on mirroring where the bitmap is smaller than the margin
     return Level(rows, columns, np.pad(coefficients, MARGIN, mode="symmetric"))
 
 
-def _solve(values: Array, taps: tuple[float, ...]) -> Array:
+def _solve(values: Float, taps: tuple[float, ...]) -> Float:
     """Coefficients whose symmetric filter with ``taps`` along both axes gives ``values``."""
     from scipy import fft  # not without a bitmap
 
@@ -82,11 +82,11 @@ def _solve(values: Array, taps: tuple[float, ...]) -> Array:
         angle = np.pi * np.arange(n) / n
         response = taps[0] + 2.0 * sum(w * np.cos(k * angle) for k, w in enumerate(taps) if k)
         spectrum /= response[:, None] if axis == 0 else response
-    result: Array = fft.idctn(spectrum, type=2)
+    result: Float = fft.idctn(spectrum, type=2)
     return result
 
 
-def _means_over_pairs(coefficients: Array) -> Array:
+def _means_over_pairs(coefficients: Float) -> Float:
     """Means of the level-0 surface over 2 x 2 pixels; the last cell of an odd side is mirrored."""
     for axis in (0, 1):
         n = coefficients.shape[axis]
@@ -219,7 +219,7 @@ class Image(Colored):
         result = super()._of_band(band)
         return result if self.pixels.ndim == 2 else replace(result, pixels=self.pixels[..., band])
 
-    def albedo(self) -> Array:
+    def albedo(self) -> Float:
         """Albedo at the texels' centres, (H, W), or (H, W, 3) where it isn't grey."""
         if self.colored:
             return np.stack([self.in_band(band).albedo() for band in BANDS], axis=2)
@@ -227,7 +227,7 @@ class Image(Colored):
         if self.gamma == "srgb":
             share = decoded(share)
         dark = grey(self.dark)
-        result: Array = dark + (grey(self.light) - dark) * share
+        result: Float = dark + (grey(self.light) - dark) * share
         return result
 
     @cached_property
@@ -235,12 +235,12 @@ class Image(Colored):
         """The spline surface and its coarser levels, of a grey bitmap; computed once."""
         return pyramid(self.albedo())
 
-    def texel_position(self, st: Array) -> Array:
+    def texel_position(self, st: Float) -> Float:
         """Paint coordinates (…, 2) as columns and rows counted from the upper left corner."""
         place = (st - np.array(self.origin)) / self.texel
         return np.stack([place[..., 0], len(self.pixels) - place[..., 1]], axis=-1)
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """A pattern, but none of shapes."""
         empty = np.zeros((0, 2))
         return Features(np.zeros(0, np.int32), empty, np.zeros(0), empty, empty, empty)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.color import Color, grey
@@ -37,7 +38,6 @@ __all__ = [
     "check_paint",
 ]
 
-Array = npt.NDArray[np.float64]
 
 PATCH, DISC, SECTOR = range(3)  # kinds of features
 WAVES = 32
@@ -71,14 +71,14 @@ class Features:
     (array([1, 1, 1, 1, 1, 1], dtype=int32), (6, 2))
     """
 
-    kind: npt.NDArray[np.int32]
-    position: Array
-    angle: Array
-    size: Array
-    squares: Array
-    albedo: Array
-    layer: npt.NDArray[np.int32] | None = None
-    covers: Array | None = None
+    kind: Int
+    position: Float
+    angle: Float
+    size: Float
+    squares: Float
+    albedo: Float
+    layer: Int | None = None
+    covers: Float | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class Features:
     def __len__(self) -> int:
         return len(self.kind)
 
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[Float, Float]:
         """Lower and upper corners (F, 2) of the axis-parallel boxes around the features."""
         extent = self.size * self.squares
         cos, sin = np.cos(self.angle), np.sin(self.angle)
@@ -103,7 +103,7 @@ class Features:
         return self.position + low, self.position + high
 
     @property
-    def extent(self) -> Array:
+    def extent(self) -> Float:
         """Sides (F, 2) of patches, radii of round features."""
         return np.where(self.kind[:, None] == 0, self.size * self.squares, self.size)
 
@@ -113,12 +113,12 @@ class Stack:
 
     def __init__(self, ground: Color) -> None:
         self.ground = grey(ground)
-        self._rows: list[Array] = []
+        self._rows: list[Float] = []
 
     def add(
         self,
         kind: int,
-        position: Array,
+        position: Float,
         size: npt.ArrayLike,
         albedo: Color,
         under: Color,
@@ -174,7 +174,7 @@ class Paint(Protocol):
         """Albedo where no feature lies."""
         ...
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """The features for a region with paint coordinates from ``low`` to ``high`` (2,)."""
         ...
 
@@ -274,7 +274,7 @@ class Bump:
         """RMS slope in any one direction on the surface, across ``along``."""
         return float(np.sqrt(2.0) * self.height / self.length)
 
-    def unit(self) -> Array:
+    def unit(self) -> Float:
         """(3, 3): from undeformed coordinates to those in which the relief is isotropic and
         correlated over 1."""
         result = np.eye(3) / self.length
@@ -284,12 +284,12 @@ class Bump:
             result -= (1.0 - 1.0 / self.stretch) / self.length * np.outer(axis, axis)
         return result
 
-    def shift(self) -> Array:
+    def shift(self) -> Float:
         """(3,) in the unit coordinates: where in the one relief of all seeds this one lies."""
         place = np.random.Generator(np.random.Philox(self.seed)).uniform(0.0, PERIOD, 3)
         return np.asarray(place, np.float64)
 
-    def heights(self, points: npt.ArrayLike) -> Array:
+    def heights(self, points: npt.ArrayLike) -> Float:
         """Height of the relief (n,) at undeformed points (n, 3)."""
         at = np.asarray(points, np.float64) @ self.unit().T + self.shift()
         waves = bump_waves()
@@ -298,7 +298,7 @@ class Bump:
 
 
 @cache
-def bump_waves() -> Array:
+def bump_waves() -> Float:
     """(`WAVES`, 4): wave vectors and phases of the relief of unit correlation length.
 
     Gaussian wave vectors of variance 2 along each axis, as the correlation exp(-r^2) has them,

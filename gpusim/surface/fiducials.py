@@ -7,8 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.color import Albedo, Color, Colored
@@ -16,8 +16,6 @@ from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Stack, 
 from gpusim.validation import checked
 
 __all__ = ["Aruco", "Charuco", "RingCodes", "ring_codes"]
-
-Array = npt.NDArray[np.float64]
 
 
 def _dictionary(what: str, name: str) -> Any:
@@ -27,7 +25,7 @@ def _dictionary(what: str, name: str) -> Any:
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 
-def _white_runs(dictionary: Any, number: int) -> tuple[Array, int]:
+def _white_runs(dictionary: Any, number: int) -> tuple[Float, int]:
     """Runs of white cells (n, 4): column, row from below, length, 1; and the cells a side."""
     cells = int(dictionary.markerSize) + 2
     bits = cv2.aruco.generateImageMarker(dictionary, number, cells)[::-1] > 127
@@ -39,7 +37,7 @@ def _white_runs(dictionary: Any, number: int) -> tuple[Array, int]:
 
 
 def _marker(
-    stack: Stack, dictionary: Any, number: int, corner: Array, size: float, angle: float,
+    stack: Stack, dictionary: Any, number: int, corner: Float, size: float, angle: float,
     albedo: tuple[Color, Color], under: Color, layer: int,
 ) -> None:  # fmt: skip
     """A marker with its lower left corner at ``corner``: a dark square and white runs on it."""
@@ -68,7 +66,7 @@ class Aruco(Colored):
     '4X4_50'
     """
 
-    centres: Array
+    centres: Float
     ids: tuple[int, ...]
     size: float
     dictionary: str = "4X4_50"
@@ -92,7 +90,7 @@ class Aruco(Colored):
                 f"many numbers from 0 to {count - 1}"
             )
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """A dark square per marker, and its white cells."""
         stack, dictionary = Stack(self.ground), _dictionary("Aruco", self.dictionary)
         cos, sin = np.cos(self.angle), np.sin(self.angle)
@@ -150,14 +148,14 @@ class Charuco(Colored):
             (self.columns, self.rows), self.square, self.marker, dictionary
         )
 
-    def corners(self) -> Array:
+    def corners(self) -> Float:
         """Paint coordinates (M, 2) of the inner corners, in the order of OpenCV's numbers."""
         i, j = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
         place = np.stack([i.ravel(), self.rows - j.ravel()], axis=1)
-        result: Array = np.array(self.origin) + self.square * place
+        result: Float = np.array(self.origin) + self.square * place
         return result
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """Squares, and a marker in every light one."""
         stack, dictionary = Stack(self.ground), _dictionary("Charuco", self.dictionary)
         origin = np.array(self.origin)
@@ -203,7 +201,7 @@ class RingCodes(Colored):
     12
     """
 
-    centres: Array
+    centres: Float
     codes: tuple[int, ...]
     diameter: float
     bits: int = 12
@@ -227,7 +225,7 @@ class RingCodes(Colored):
                 f"expected as many numbers of {self.bits} bits"
             )
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """The discs, and per run of set bits a sector less the same of the ring's inner radius.
 
         Below all of it is a disc that changes nothing, so that targets that overlap are refused.

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -31,7 +32,6 @@ __all__ = [
 ]
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
-Array = npt.NDArray[np.float64]
 
 ROUND = 0.02
 """Share of the radius by which the points of a cylinder may miss it."""
@@ -51,15 +51,15 @@ class PaintFrame:
     array([[0.2, 0.3]])
     """
 
-    origin: Array
-    s_axis: Array
-    t_axis: Array
+    origin: Float
+    s_axis: Float
+    t_axis: Float
     __repr__ = field_summary
 
     @staticmethod
     def facing(
-        normal: Array,
-        points: Array,
+        normal: Float,
+        points: Float,
         up: npt.ArrayLike | None = None,
     ) -> PaintFrame:
         """The upright frame of a plane seen from outside, with its corner at the lowest s and t.
@@ -80,7 +80,7 @@ class PaintFrame:
         origin = s.min() * s_axis + t.min() * t_axis + (points @ normal).mean() * normal
         return PaintFrame(origin, s_axis, t_axis)
 
-    def coordinates(self, points: Array) -> Array:
+    def coordinates(self, points: Float) -> Float:
         """(…, 3) points to (…, 2) paint coordinates."""
         # no matrix product, whose rounding depends on where in the array a point is
         x, y, z = (points[..., k] - self.origin[k] for k in range(3))
@@ -88,14 +88,14 @@ class PaintFrame:
         columns = np.stack([x * axis[0] + y * axis[1] + z * axis[2] for axis in axes])
         return np.moveaxis(columns, 0, -1)
 
-    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+    def of_triangles(self, corners: Float, number: Long) -> Float:
         """Corners (n, 3, 3) of triangles to (n, 3, 2)."""
         return self.coordinates(corners)
 
 
 def plane_frame(
-    points: Array,
-    faces: npt.NDArray[np.int32],
+    points: Float,
+    faces: Int,
     where: str,
     up: npt.ArrayLike | None = None,
 ) -> PaintFrame:
@@ -120,14 +120,14 @@ def plane_frame(
     return PaintFrame.facing(unit, points[used_vertices(faces, len(points))], up)
 
 
-def used_vertices(faces: npt.NDArray[np.integer], count: int) -> npt.NDArray[np.int64]:
+def used_vertices(faces: npt.NDArray[np.integer], count: int) -> Long:
     """The numbers of those of ``count`` vertices that faces (F, 3) or (F, 4) have, in order."""
     used = np.zeros(count + 1, bool)  # -1 is the last one
     used[faces] = True
     return np.flatnonzero(used[:count])
 
 
-def face_normals(points: Array, faces: npt.NDArray[np.integer]) -> Array:
+def face_normals(points: Float, faces: npt.NDArray[np.integer]) -> Float:
     """Outward normals (F, 3) of (F, 4) faces, as long as the face's area."""
     a, b, c, d = (np.ascontiguousarray(faces[:, k]) for k in range(4))
     triangle = d < 0
@@ -147,7 +147,7 @@ def face_normals(points: Array, faces: npt.NDArray[np.integer]) -> Array:
 class Frame(Protocol):
     """Where the corners of a surface's triangles lie on the pattern."""
 
-    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+    def of_triangles(self, corners: Float, number: Long) -> Float:
         """Undeformed corners (n, 3, 3) of the surface's triangles ``number`` (n,), in the order of
         `triangulate`, to paint coordinates (n, 3, 2)."""
         ...
@@ -170,9 +170,9 @@ class CylinderFrame:
     array([[0.157, 0.5  ]])
     """
 
-    origin: Array
-    axis: Array
-    start: Array
+    origin: Float
+    axis: Float
+    start: Float
     radius: float
     inside: bool = False
     __repr__ = field_summary
@@ -195,7 +195,7 @@ class CylinderFrame:
 
     @staticmethod
     def fit(
-        points: Array, faces: npt.NDArray[np.int32], origin: npt.ArrayLike, axis: npt.ArrayLike,
+        points: Float, faces: Int, origin: npt.ArrayLike, axis: npt.ArrayLike,
         where: str,
     ) -> CylinderFrame:  # fmt: skip
         """The frame of a region's ``faces`` (F, 4) around a given axis; ``where`` names it.
@@ -229,14 +229,14 @@ class CylinderFrame:
         lowest = float((used @ unit).min())
         return CylinderFrame(base + lowest * unit, unit, start, radius, inside)
 
-    def coordinates(self, points: Array) -> Array:
+    def coordinates(self, points: Float) -> Float:
         """(…, 3) points to (…, 2) paint coordinates; s from -pi to pi times the radius."""
         relative = points - self.origin
         right = np.cross(self.axis, self.start) * (-1.0 if self.inside else 1.0)
         angle = np.arctan2(relative @ right, relative @ self.start)
         return np.stack([self.radius * angle, relative @ self.axis], axis=-1)
 
-    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+    def of_triangles(self, corners: Float, number: Long) -> Float:
         """Each triangle lies on the side of the seam that its first corner is on."""
         st = self.coordinates(corners)
         turn = 2.0 * np.pi * self.radius
@@ -256,14 +256,14 @@ class Atlas:
     (2, 3, 2)
     """
 
-    st: Array
+    st: Float
     __repr__ = field_summary
 
     @staticmethod
     def unfold(
-        points: Array,
-        faces: npt.NDArray[np.int32],
-        wanted: npt.NDArray[np.bool_] | None = None,
+        points: Float,
+        faces: Int,
+        wanted: Bool | None = None,
         up: npt.ArrayLike | None = None,
     ) -> Atlas:
         """Lay the ``wanted`` (F,) faces (F, 4) of a surface out flat.
@@ -291,11 +291,11 @@ class Atlas:
                 continue
             frame = PaintFrame.facing(unit[first], points[triangles[chosen]].reshape(-1, 3), up)
             st[first] = frame.coordinates(corners[first])
-            places: dict[int, list[Array]] = {}
+            places: dict[int, list[Float]] = {}
             _grow(first, triangles, corners, unit, centre, neighbours, st, done, places)
         return Atlas(st)
 
-    def of_triangles(self, corners: Array, number: npt.NDArray[np.int64]) -> Array:
+    def of_triangles(self, corners: Float, number: Long) -> Float:
         """The coordinates kept; the surface's triangles must be those that were unfolded."""
         if number.size and not number.max() < len(self.st):
             raise InputError(
@@ -307,9 +307,7 @@ class Atlas:
         return st
 
 
-def _neighbours(
-    triangles: npt.NDArray[np.int32], chosen: npt.NDArray[np.int64]
-) -> dict[tuple[int, int], list[tuple[int, int]]]:
+def _neighbours(triangles: Int, chosen: Long) -> dict[tuple[int, int], list[tuple[int, int]]]:
     """Triangles and the number of their side, by edge (lower vertex, higher vertex)."""
     edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for number in chosen.tolist():
@@ -322,14 +320,14 @@ def _neighbours(
 
 def _grow(
     first: int,
-    triangles: npt.NDArray[np.int32],
-    corners: Array,
-    unit: Array,
-    centre: Array,
+    triangles: Int,
+    corners: Float,
+    unit: Float,
+    centre: Float,
     neighbours: dict[tuple[int, int], list[tuple[int, int]]],
-    st: Array,
-    done: npt.NDArray[np.bool_],
-    places: dict[int, list[Array]],
+    st: Float,
+    done: Bool,
+    places: dict[int, list[Float]],
 ) -> None:
     """Lay out all that hangs together with triangle ``first``, which has its place."""
     heap: list[tuple[bool, float, int, int, int]] = []

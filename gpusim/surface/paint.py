@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
@@ -41,7 +41,6 @@ __all__ = [
     "Star",
 ]
 
-Array = npt.NDArray[np.float64]
 
 MOST_DOTS = 1 << 22
 MOST_LINES = 1 << 20
@@ -79,7 +78,7 @@ class Plain(Colored):
         """The albedo."""
         return self.albedo
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """No features."""
         return None
 
@@ -112,7 +111,7 @@ class Checker(Colored):
     def __post_init__(self) -> None:
         check_paint(self)
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """One patch; an unlimited one is cut to the region, on a whole number of square pairs."""
         origin = np.array(self.origin)
         first = 2.0 * np.floor((low - origin) / (2.0 * self.size)) - 2.0
@@ -157,7 +156,7 @@ class Dots(Colored):
         if not self.diameter <= self.pitch:
             raise InputError(f"Dots diameter; got {self.diameter}; expected at most the pitch")
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """One disc per grid point; an unlimited grid covers the region."""
         origin = np.array(self.origin)
         first = np.floor((low - origin) / self.pitch)
@@ -197,7 +196,7 @@ class Markers(Colored):
     0.0
     """
 
-    centres: Array
+    centres: Float
     size: float
     dark: Albedo = Albedo(0.04)
     light: Albedo = Albedo(0.9)
@@ -211,7 +210,7 @@ class Markers(Colored):
     def __post_init__(self) -> None:
         check_paint(self)
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """One 2 x 2 patch per centre."""
         count = len(self.centres)
         half = 0.5 * self.size
@@ -240,7 +239,7 @@ class Circles(Colored):
     0.05
     """
 
-    centres: Array
+    centres: Float
     diameters: tuple[float, ...]
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
@@ -259,7 +258,7 @@ class Circles(Colored):
                 f"Circles diameters; got {self.diameters}; expected lengths above 0 that fall"
             )
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """Discs upon discs."""
         stack, under = Stack(self.ground), self.ground
         for layer, diameter in enumerate(self.diameters):
@@ -302,7 +301,7 @@ class Lines(Colored):
         if self.along not in ("s", "t", "both"):
             raise InputError(f"Lines along; got {self.along!r}; expected 's', 't' or 'both'")
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """Strips along s; along t too, less the crossings."""
         origin = np.array(self.origin)
         given = [self.columns, self.rows]
@@ -352,7 +351,7 @@ class Star(Colored):
     0.9
     """
 
-    centres: Array
+    centres: Float
     diameter: float
     spokes: int = 36
     angle: float = 0.0
@@ -369,7 +368,7 @@ class Star(Colored):
         if not (2 <= self.spokes <= 1000 and self.spokes == int(self.spokes)):
             raise InputError(f"Star spokes; got {self.spokes}; expected a whole number, 2 to 1000")
 
-    def features(self, low: Array, high: Array) -> Features | None:
+    def features(self, low: Float, high: Float) -> Features | None:
         """Light discs and the spokes on them."""
         stack = Stack(self.ground)
         stack.add(DISC, self.centres, 0.5 * self.diameter, self.light, self.ground, 0)

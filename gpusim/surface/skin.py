@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
@@ -23,9 +23,6 @@ from gpusim.validation import unmasked
 
 __all__ = ["Skin", "Vertices", "cut"]
 
-Array = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 _WIDTH = 9
 # Pieces along a quadratic face's side, and up to how many such faces: at most 130,000 pieces.
@@ -42,9 +39,9 @@ class Vertices:
 
     nodes: Long
     between: Long
-    weights: Array
+    weights: Float
 
-    def values(self, field: Array) -> Array:
+    def values(self, field: Float) -> Float:
         """A nodal field (N,…) at the vertices (A+B,…)."""
         own = field[self.nodes]
         if not len(self.between):
@@ -66,7 +63,7 @@ def cut(faces: Faces, subdivisions: int) -> tuple[Int, Long, Vertices]:
         return pieces, everyone, Vertices(nodes, np.zeros((0, _WIDTH), np.int64), np.zeros((0, 9)))
     rows: list[Long] = []
     corners: list[Long] = []  # entries of the (node, weight) table below
-    tables: list[tuple[Long, Array]] = []
+    tables: list[tuple[Long, Float]] = []
     offset = 0
     for name, own in faces.kinds():
         linear = name in ("tri3", "quad4")
@@ -100,7 +97,7 @@ def _numbered(nodes: Int) -> tuple[Long, Int]:
     return used, np.where(nodes < 0, -1, position).astype(np.int32)
 
 
-def _lattice(triangle: bool, n: int) -> tuple[Array, Long]:
+def _lattice(triangle: bool, n: int) -> tuple[Float, Long]:
     """Reference coordinates (L,2) of a face's lattice, and its pieces (n*n,4)."""
     if not triangle:
         step = np.arange(n + 1) * (2.0 / n) - 1.0
@@ -120,7 +117,7 @@ def _lattice(triangle: bool, n: int) -> tuple[Array, Long]:
     return np.array(places, dtype=np.float64) / n, np.array(rows)
 
 
-def _merged(nodes: Long, weights: Array) -> tuple[Vertices, Long]:
+def _merged(nodes: Long, weights: Float) -> tuple[Vertices, Long]:
     """Distinct vertices of (E,9) nodes and weights, and which of them each row is.
 
     A row with a single weight of one is a node. Others are equal if they have the same nodes with
@@ -193,7 +190,7 @@ class Skin:
             raise InputError("skin: got a selection with inner faces; expected boundary faces only")
         return at
 
-    def at_vertices(self, values: Array) -> Array:
+    def at_vertices(self, values: Float) -> Float:
         """A nodal field (N,…) at the surface's vertices (P,…), by the faces' shape functions."""
         return self._vertices.values(values)
 
@@ -209,11 +206,11 @@ class Skin:
         own = np.asarray(region)[self.face_of_piece]
         return Surface(points, self.pieces, paint, own, points, frames, name=name)
 
-    def moved(self, surface: Surface, u: Array) -> Surface:
+    def moved(self, surface: Surface, u: Float) -> Surface:
         """``surface`` with its points displaced by the nodal displacements u (N, 3)."""
         return surface.moved(surface.rest + self.at_vertices(u))
 
-    def locate(self, points: Array) -> tuple[Int, Array]:
+    def locate(self, points: Float) -> tuple[Int, Float]:
         """Where undeformed ``points`` (M, 3) lie on the skin: nodes (M, w) and weights (M, w).
 
         A field's value there is ``sum(weights * field[nodes])`` with the face's own shape
@@ -277,7 +274,7 @@ class Skin:
         return nodes, share[best]
 
 
-def _nearest(name: str, nodes: Array, point: Array) -> tuple[Array, Array, Array]:
+def _nearest(name: str, nodes: Float, point: Float) -> tuple[Float, Float, Float]:
     """How far outside their faces (reference coordinates) the nearest places of the extended faces
     (n, k, 3) to points (n, 3) are, their distances, and the shape functions (n, k) there.
     Gauss-Newton iteration, all at once."""

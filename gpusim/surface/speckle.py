@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.surface.color import Albedo, Colored, grey
 from gpusim.surface.features import Bump, Features, check_paint
@@ -24,7 +25,6 @@ from gpusim.validation import checked
 
 __all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
 
-Array = npt.NDArray[np.float64]
 Seeds = npt.NDArray[np.uint64]
 
 EDGE = 3.0
@@ -153,7 +153,7 @@ class Speckle(Colored):
         """The smallest radius."""
         return float(self.radii(np.zeros(1))[0])
 
-    def radii(self, quantile: Array) -> Array:
+    def radii(self, quantile: Float) -> Float:
         """Radii at quantiles 0 … 1 of the size law."""
         if self.spread == 0.0:
             share = np.ones_like(quantile)
@@ -164,10 +164,10 @@ class Speckle(Colored):
             tail = 0.5 * (1.0 + _normal_share(LONGEST_TAIL))
             z = scipy.special.ndtri(1.0 - tail + quantile * (2.0 * tail - 1.0))
             share = np.exp(deviation * z - 0.5 * deviation**2)
-        result: Array = 0.5 * self.diameter * share
+        result: Float = 0.5 * self.diameter * share
         return result
 
-    def discs(self, low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Array, Array]:
+    def discs(self, low: npt.ArrayLike, high: npt.ArrayLike) -> tuple[Float, Float]:
         """Centres (M, 2) and radii (M,) of all discs that reach into the box ``low`` to ``high``.
 
         Some that only come near it are among them. A larger box has the same ones and more.
@@ -181,7 +181,7 @@ class Speckle(Colored):
         reach = outer_radius(self.largest, self.softness)
         return _discs(self, tuple(corners[0] - reach), tuple(corners[1] + reach))
 
-    def features(self, low: Array, high: Array) -> Features:
+    def features(self, low: Float, high: Float) -> Features:
         """The discs, as features of kind 2: they may overlap."""
         centres, radius = self.discs(low, high)
         count = len(centres)
@@ -195,18 +195,18 @@ class Speckle(Colored):
         )
 
 
-def edge_opacity(u: Array) -> Array:
+def edge_opacity(u: Float) -> Float:
     """S: from 0 at u <= -1 to 1 at u >= 1, three times differentiable (Beta(4, 4)).
 
     Its derivative has a standard deviation of 1 / `EDGE`.
     """
     u = np.clip(u, -1.0, 1.0)
     v = u * u
-    result: Array = 0.5 + u * (35.0 + v * (-35.0 + v * (21.0 - 5.0 * v))) / 32.0
+    result: Float = 0.5 + u * (35.0 + v * (-35.0 + v * (21.0 - 5.0 * v))) / 32.0
     return result
 
 
-def opaque_area(radius: Array, softness: float) -> Array:
+def opaque_area(radius: Float, softness: float) -> Float:
     """Integral of one disc's opacity over the plane; pi r^2 unless r < 6 ``softness``."""
     if softness == 0.0:
         return np.pi * radius**2
@@ -233,7 +233,7 @@ def _normal_share(z: float) -> float:
 @lru_cache(maxsize=8)
 def _discs(
     speckle: Speckle, low: tuple[float, float], high: tuple[float, float]
-) -> tuple[Array, Array]:
+) -> tuple[Float, Float]:
     if speckle.arrangement == "grid":
         size = np.array([speckle.pitch, speckle.pitch * np.sqrt(0.75)])
         margin = 1.0
@@ -268,7 +268,7 @@ def _discs(
     return (cells[owner] + inside) * size, speckle.radii(_uniform(own, 3))
 
 
-def _poisson(uniform: Array) -> npt.NDArray[np.int64]:
+def _poisson(uniform: Float) -> Long:
     """Poisson counts of mean `PER_CELL` by inversion."""
     k = np.arange(1, 40)
     terms = np.exp(-PER_CELL) * np.concatenate([[1.0], np.cumprod(PER_CELL / k)])
@@ -283,7 +283,7 @@ def _mix(state: Seeds) -> Seeds:
     return state ^ (state >> np.uint64(31))
 
 
-def _key(seed: int, cells: npt.NDArray[np.int64]) -> Seeds:
+def _key(seed: int, cells: Long) -> Seeds:
     """One key per germ cell (n, 2)."""
     key = _mix(np.full(len(cells), seed, np.uint64) + GOLDEN)
     for axis in (0, 1):
@@ -291,8 +291,8 @@ def _key(seed: int, cells: npt.NDArray[np.int64]) -> Seeds:
     return key
 
 
-def _uniform(key: Seeds, channel: int) -> Array:
+def _uniform(key: Seeds, channel: int) -> Float:
     """Numbers in [0, 1) from keys."""
     drawn = _mix(key + np.full(1, channel + 1, np.uint64) * GOLDEN)
-    result: Array = (drawn >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    result: Float = (drawn >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return result

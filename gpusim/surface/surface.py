@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.mesh.polygons import cut_at_dents
@@ -55,11 +56,11 @@ class Surface:
     0.0
     """
 
-    points: npt.NDArray[np.float64]
-    faces: npt.NDArray[np.int32]
+    points: Float
+    faces: Int
     paint: Paint | Mapping[str, Paint] = field(default_factory=Plain)
-    region: npt.NDArray[np.int32] | None = None
-    reference: npt.NDArray[np.float64] | None = None
+    region: Int | None = None
+    reference: Float | None = None
     frames: Mapping[str, Frame] = field(default_factory=dict)
     smooth_angle: float = np.pi / 6
     name: str = "surface"
@@ -134,13 +135,13 @@ class Surface:
         return self.paint
 
     @property
-    def regions(self) -> npt.NDArray[np.int32]:
+    def regions(self) -> Int:
         """Region index of every face."""
         assert self.region is not None
         return self.region
 
     @property
-    def rest(self) -> npt.NDArray[np.float64]:
+    def rest(self) -> Float:
         """Undeformed positions of the vertices."""
         assert self.reference is not None
         return self.reference
@@ -160,7 +161,7 @@ class Surface:
         return bool(np.einsum("ij,ij->", a, np.cross(b, c)) < 0.0)
 
     @cached_property
-    def extents(self) -> dict[int, tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]]:
+    def extents(self) -> dict[int, tuple[Float, Float]]:
         """Lowest and highest paint coordinates (2,) of the regions that carry a pattern."""
         result = {}
         for region, paint in enumerate(self.paints.values()):
@@ -177,7 +178,7 @@ class Surface:
                 result[region] = st.min(axis=0), st.max(axis=0)
         return result
 
-    def moved(self, points: npt.NDArray[np.float64]) -> Surface:
+    def moved(self, points: Float) -> Surface:
         """The same surface with its vertices at ``points``; the paint stays on the material."""
         now = _points(points, f"Surface {self.name!r} points")
         if now.shape != self.rest.shape:
@@ -192,7 +193,7 @@ class Surface:
         object.__setattr__(result, "frames", frames)
         return result
 
-    def relative_to(self, origin: npt.NDArray[np.float64]) -> Surface:
+    def relative_to(self, origin: Float) -> Surface:
         """The same surface seen from ``origin`` (3,); its undeformed shape and paint stay."""
         _ = self.topology, self.extents, self.inside_out, self._found_frames
         result = copy.copy(self)
@@ -235,9 +236,7 @@ def _has_pattern(paint: Paint) -> bool:
     return in_band(paint, 0).features(np.zeros(2), np.zeros(2)) is not None
 
 
-def _faces(
-    values: npt.ArrayLike, points: npt.NDArray[np.float64], where: str
-) -> npt.NDArray[np.int64]:
+def _faces(values: npt.ArrayLike, points: Float, where: str) -> Long:
     """(F, 4) numbers of the vertices at ``points``, -1 for the fourth of a triangle."""
     faces = np.asarray(values)
     if faces.ndim != 2 or faces.shape[1] not in (3, 4) or not len(faces):
@@ -265,7 +264,7 @@ def _faces(
     return faces
 
 
-def _points(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
+def _points(values: npt.ArrayLike, what: str) -> Float:
     points = np.asarray(values, np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{what}; got shape {points.shape}; expected (P, 3)")

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.surface.bitmap import WIDEST, Image
 
 __all__ = ["textured"]
 
-Array = npt.NDArray[np.float64]
 
 ROUND = 1e-4
 """Of a picture's side, by which coordinates may miss its border."""
@@ -32,7 +32,7 @@ PERIODS = {"repeat": 1, "mirror": 2, "clamp": 0}
 
 def textured(
     picture: Image, uv: npt.ArrayLike, wrap: tuple[str, str] = ("repeat", "repeat")
-) -> tuple[Image, Array]:
+) -> tuple[Image, Float]:
     """A picture and where on it the corners of triangles lie, from texture coordinates.
 
     ``picture`` has texels of side 1; ``uv`` (T, 3, 2) counts its widths and heights from its lower
@@ -89,7 +89,7 @@ def textured(
     return picture, st
 
 
-def _continued(count: int, size: int, period: int, first: int) -> npt.NDArray[np.int64]:
+def _continued(count: int, size: int, period: int, first: int) -> Long:
     """Which of ``size`` texels is seen at each of ``count`` places, of which the leftmost lies in
     the picture of number ``first``."""
     place = np.arange(count) + first * size

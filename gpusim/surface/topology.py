@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
+
+from gpusim.arrays.array_types import Bool, Int, Long
 
 __all__ = ["Topology", "sorted_keys", "triangulate"]
 
@@ -22,16 +23,16 @@ class Topology:
     what NumPy makes of others at every use.
     """
 
-    triangles: npt.NDArray[np.int64]
-    source: npt.NDArray[np.int32]
-    edge: npt.NDArray[np.int64]
-    first: npt.NDArray[np.int64]
-    second: npt.NDArray[np.int64]
-    manifold: npt.NDArray[np.bool_]
+    triangles: Long
+    source: Int
+    edge: Long
+    first: Long
+    second: Long
+    manifold: Bool
     closed: bool
 
     @staticmethod
-    def of(faces: npt.NDArray[np.int32]) -> Topology:
+    def of(faces: Int) -> Topology:
         """The topology of faces (F, 4), -1 in the last column for triangles."""
         triangles, source = triangulate(faces)
         ends = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
@@ -60,17 +61,15 @@ class Topology:
         most = np.bincount(edge, minlength=count).max(initial=0)
         return bool(most <= 2 and (ways[self.manifold] == 0.0).all())
 
-    def sides(
-        self, flags: npt.NDArray[np.bool_], kept: npt.NDArray[np.int64]
-    ) -> npt.NDArray[np.bool_]:
+    def sides(self, flags: Bool, kept: Long) -> Bool:
         """(n, 3): of every side of triangles ``kept`` (n,), ascending, whether its edge has a flag
         (E,)."""
         return np.asarray(flags[self.edge if len(kept) == len(self.edge) else self.edge[kept]])
 
 
 def sorted_keys(
-    key: npt.NDArray[np.int64],
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    key: Long,
+) -> tuple[Int, Long]:
     """The stable order of keys from 0 up, and the keys in it."""
     bits = len(key).bit_length()
     if int(key.max(initial=0)).bit_length() + bits > 63:
@@ -82,8 +81,8 @@ def sorted_keys(
 
 
 def triangulate(
-    faces: npt.NDArray[np.int32],
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    faces: Int,
+) -> tuple[Int, Int]:
     """(F, 4) faces to (T, 3) triangles, and the face (T,) that each comes from."""
     quads = np.flatnonzero(faces[:, 3] >= 0)
     triangles = np.concatenate([faces[:, :3], faces[quads][:, [0, 2, 3]]])

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Single
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_check
 from gpusim.measure.correlation.icgn import correlate, correlate_numpy
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Settings, Status
 from gpusim.measure.correlation.warp import SHAPES
-from gpusim.measure.images import FloatArray, SplineImage
+from gpusim.measure.images import SplineImage
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
@@ -33,7 +34,7 @@ from gpusim.optics.sensor.digital_numbers import scaled_on_device, scaled_twin
 from gpusim.optics.sensor.emva1288 import Signal, emva_twin, expose_noisy
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.optics.shading.relighting import RelightingPass
-from gpusim.optics.shading.scene_buffers import Array, SceneBuffers, TriangleRecords
+from gpusim.optics.shading.scene_buffers import SceneBuffers, TriangleRecords
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
 from gpusim.optics.shading.tile_light import LightTiles, TileLightPass, light_tiles_twin
@@ -45,7 +46,7 @@ from gpusim.surface.surface import Surface
 from gpusim.twin_checks.scenes import fields_setup, probe_setup, shadow_scene
 
 
-def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Array]:
+def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Float, Float]:
     """What records say, whatever their anchors and cells: of each triangle (T, 6), and at its
     corners (T, 3, 13) 1 / depth, paint coordinates, normal and how these change."""
     records = np.ascontiguousarray(words).view(np.uint32).reshape(-1).view(TRIANGLE)
@@ -54,7 +55,7 @@ def evaluated(setup: Setup, words: npt.NDArray[np.generic]) -> tuple[Array, Arra
     d = setup.view.ideal - r["anchor"][:, None]
     size = setup.table.paints["cell"].astype(np.float64)[setup.view.paint][:, None, None]
 
-    def plane(at: Array, across: Array, down: Array) -> tuple[Array, Array]:
+    def plane(at: Float, across: Float, down: Float) -> tuple[Float, Float]:
         slope = np.stack([across, down], axis=1)
         same = np.broadcast_to(slope[:, None], (*d.shape[:2], *slope.shape[1:]))
         return at[:, None] + d @ slope, same
@@ -93,7 +94,7 @@ def _tile_probe(coloured: bool) -> Setup:
     return Setup.build(look(surfaces, camera, lit=True), lights, 0.05)
 
 
-def _drawn(shading: ShadingPass | RelightingPass, setup: Setup) -> npt.NDArray[np.float32]:
+def _drawn(shading: ShadingPass | RelightingPass, setup: Setup) -> Single:
     """Radiance (planes, H, W) of a view in one band."""
     camera = setup.view.camera
     band = Band.of(shading.buffers.device, 0, camera.height, shading.stride, len(setup.bands))
@@ -123,7 +124,7 @@ def _compare_relit(device: Device, setup: Setup) -> None:
     )
 
 
-def near_an_edge(view: View, distance: float) -> npt.NDArray[np.bool_]:
+def near_an_edge(view: View, distance: float) -> Bool:
     """(H, W): pixel centres closer than ``distance`` px to any edge of any triangle."""
     camera = view.camera
     y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
@@ -320,8 +321,8 @@ def _icgn(device: Device) -> None:
     """Subsets of a smooth pattern that is stretched, turned and shifted; every shape."""
     row, column = np.indices((57, 83), dtype=np.float64)
 
-    def pattern(x: FloatArray, y: FloatArray) -> FloatArray:
-        result: FloatArray = (
+    def pattern(x: Float, y: Float) -> Float:
+        result: Float = (
             np.sin(0.61 * x + 0.2 * y) + np.sin(0.17 * x - 0.73 * y) + np.sin(0.4 * x + 0.5 * y)
         )
         return result

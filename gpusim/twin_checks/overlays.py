@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.gpu import Device, Texture, compare, twin_check
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.view import look
@@ -113,7 +114,7 @@ def check_enlarge(device: Device) -> None:
         compare("enlarged", got, wanted, atol=2.1 * STEP, rtol=0.0)
 
 
-def _grey_and_coloured(device: Device) -> list[tuple[Frame, npt.NDArray[np.float64]]]:
+def _grey_and_coloured(device: Device) -> list[tuple[Frame, Float]]:
     """Pictures of noise in two bands, on the device and here."""
     random = np.random.default_rng(3)
     surfaces, camera, _ = shadow_scene()
@@ -123,9 +124,7 @@ def _grey_and_coloured(device: Device) -> list[tuple[Frame, npt.NDArray[np.float
     return [(frames[0], planes[0]), (Frame.of_planes(frames), np.dstack(planes))]
 
 
-def _bands(
-    device: Device, radiance: npt.NDArray[np.float64], parts: Sequence[int]
-) -> tuple[Band, ...]:
+def _bands(device: Device, radiance: Float, parts: Sequence[int]) -> tuple[Band, ...]:
     """A picture (H, W) in bands of so many rows."""
     bands, row0 = [], 0
     for rows in parts:

@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import (
@@ -74,9 +74,6 @@ def shadow_scene() -> tuple[list[Surface], Camera, list[Light]]:
     return surfaces, camera, lights
 
 
-Array = npt.NDArray[np.float64]
-
-
 @cache
 def _scene() -> tuple[list[Surface], Camera, list[Light]]:
     surfaces, _, lights = shadow_scene()
@@ -92,7 +89,7 @@ def _scene() -> tuple[list[Surface], Camera, list[Light]]:
 
 
 @cache
-def probe_points() -> npt.NDArray[np.float32]:
+def probe_points() -> Single:
     """(V, 3): the vertices relative to the eye."""
     surfaces, camera, _ = _scene()
     return relative_points(surfaces, camera.eye)
@@ -110,7 +107,7 @@ def _occluders() -> Occluders:
     return Occluders.of(_scene()[0])
 
 
-def probe_spaces() -> list[tuple[Occluders, npt.NDArray[np.float32], LightSpace]]:
+def probe_spaces() -> list[tuple[Occluders, Single, LightSpace]]:
     """The occluders, their vertices, and each light space; one of them in the midst of these."""
     middle = light_spaces(
         [v.lamp for v in _spaces()][2:3], probe_points(), np.array([0.8, -0.5, 0.4])
@@ -165,7 +162,7 @@ def probe_setup(fine: bool = True, coloured: bool = False) -> Setup:
     ``fine``: with bitmaps and reliefs; ``coloured``: in colour, the lamps as well.
     """
 
-    def quad(x: float, y: float, z: float, tilt: float) -> Array:
+    def quad(x: float, y: float, z: float, tilt: float) -> Float:
         c, s = np.cos(tilt), np.sin(tilt)
         corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
         return np.stack([x + c * corners[:, 0], y + corners[:, 1], z + s * corners[:, 0]], axis=1)
@@ -237,8 +234,8 @@ def fields_setup(lit: bool) -> Setup:
     return Setup.build(look(surfaces, camera, lit), lights if lit else None, 0.25)
 
 
-def _ripples(rows: int, columns: int) -> Array:
+def _ripples(rows: int, columns: int) -> Float:
     """A bitmap with structure in both directions, without symmetry."""
     y, x = np.mgrid[:rows, :columns].astype(np.float64)
-    result: Array = 0.5 + 0.25 * np.sin(0.9 * x + 0.01 * x * y) + 0.2 * np.cos(1.3 * y - 0.4 * x)
+    result: Float = 0.5 + 0.25 * np.sin(0.9 * x + 0.01 * x * y) + 0.2 * np.cos(1.3 * y - 0.4 * x)
     return result

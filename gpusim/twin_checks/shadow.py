@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Long
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.ambient import hemisphere_mask
 from gpusim.optics.ambient.hemisphere_mask import hemisphere_masks, hemisphere_masks_twin
@@ -52,9 +53,6 @@ from gpusim.twin_checks.scenes import (
     probe_setup,
     probe_spaces,
 )
-
-Flags = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.int64]
 
 LENGTH = CHUNK // 4 - 1
 """Words of a chunk but for the number of the next."""
@@ -132,7 +130,7 @@ def _receiver_groups(device: Device) -> None:
             )
 
 
-def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> npt.NDArray[np.int64]:
+def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> Long:
     """(E,): what ``states`` of entries should be by the ``shares`` (n,) that the receivers in each
     ``entry`` (n,) see. Those may be looked at closely that needn't be, and nothing is said where
     nobody asks."""
@@ -159,7 +157,7 @@ def _occluder_search(device: Device) -> None:
             compare("optics/shadow/occluder_search", got, states_twin(got, flat, entry), "exact")
 
 
-def listed_alone(search: OccluderSearch) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def listed_alone(search: OccluderSearch) -> tuple[Long, Long]:
     """Entry (n,) and occluder (n,) of what is listed alone; waits for the device."""
     heads = search.heads.read(np.uint32).reshape(-1, 4).astype(np.int64)
     pool = search.pool.read(np.uint32).reshape(-1, LENGTH + 1)
@@ -219,7 +217,7 @@ def _occluder_refinement(device: Device) -> None:
         )
 
 
-def _any_of(count: int, pair: Numbers, lamp: Lamp, seen: EdgeFunctions) -> Flags:
+def _any_of(count: int, pair: Long, lamp: Lamp, seen: EdgeFunctions) -> Bool:
     """(2, n): whether of each of so many pairs of entries and occluders some receiver may be
     hidden, and whether some sample is."""
     result = np.zeros((2, count), bool)

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import bsr_matrix, csr_matrix, random_array
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.device.block_texels import BlockTexels
@@ -66,7 +65,7 @@ def _compare_relaxed(
     texels: BlockTexels | TetTexels,
     apply: Callable[[Float], Float],
     inverse: Float,
-    free: npt.NDArray[np.bool_],
+    free: Bool,
 ) -> None:
     x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
     step = Relaxation(0.3, 0.7, 1.0)

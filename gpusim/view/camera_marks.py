@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View
 from gpusim.view.content.depth_of_field import DepthOfField
@@ -13,7 +13,6 @@ from gpusim.view.picture.placement import Placement
 
 __all__ = ["defocus_tint", "draw_distortion", "draw_image_frame", "draw_principal_point"]
 
-Array = npt.NDArray[np.float64]
 
 NEARER, FARTHER = "#ff8c1a", "#3d7dff"
 """What is too near to be sharp, and too far."""
@@ -23,7 +22,7 @@ LINES = 12
 """Of the distortion grid across the longer side."""
 
 
-def defocus_tint(sharp: DepthOfField, view: View) -> tuple[Array, tuple[float, float], Array]:
+def defocus_tint(sharp: DepthOfField, view: View) -> tuple[Float, tuple[float, float], Float]:
     """Depths (T, 3), limits and colours for `gpusim.view.field_colors.FieldColors.draw`: what is
     nearer than a depth of field and what is beyond it in a colour each."""
     depth = view.vertices[view.corner, 2].astype(np.float64)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded, encoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
@@ -28,7 +29,6 @@ __all__ = [
     "finer", "interpolated",
 ]  # fmt: skip
 
-Array = npt.NDArray[np.float64]
 
 NONE = -1e30
 """The value of corners that have none."""
@@ -40,13 +40,13 @@ SHADE = 0.35
 class SurfaceField:
     """Values on a surface: of its vertices (P,), or ``by_face`` of its faces (F,)."""
 
-    values: Array
+    values: Float
     by_face: bool = False
 
 
 def corner_values(
     view: View, surfaces: Sequence[Surface], fields: Sequence[SurfaceField | None]
-) -> Array:
+) -> Float:
     """(T, 3) values at the corners of a view's triangles, NaN on surfaces that have no field.
 
     ``surfaces``: those that the view was made of, in order; ``fields``: of the first ones.
@@ -76,7 +76,7 @@ def corner_values(
     return result
 
 
-def _shares(points: Array, corners: Array) -> Array:
+def _shares(points: Float, corners: Float) -> Float:
     """(n, c, 3) of points (n, c, 3) in the planes of triangles (n, 3, 3): their weights."""
     e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     d = points - corners[:, :1]
@@ -123,7 +123,7 @@ class FieldColors:
         self,
         target: Any,
         frame: Frame,
-        values: Array,
+        values: Float,
         limits: tuple[float, float],
         colors: npt.NDArray[Any],
         *,
@@ -189,7 +189,7 @@ class FieldColors:
     def _layer(
         self,
         view: View,
-        values: npt.NDArray[np.float32],
+        values: Single,
         colors: npt.NDArray[Any],
         recording: Recording,
     ) -> Texture:
@@ -211,7 +211,7 @@ class FieldColors:
         return layer
 
 
-def _box_of(view: View, values: Array) -> Array | None:
+def _box_of(view: View, values: Float) -> Float | None:
     """(2, 2): first and last place, px, of the triangles that have values; None if none has."""
     own = np.isfinite(values).all(axis=1)
     if not own.any():
@@ -228,7 +228,7 @@ def _radiance(device: Device, frame: Frame) -> tuple[Buffer, int]:
     return device.buffer(plane.radiance, "view.radiance"), plane.width
 
 
-def _relative(values: Array, limits: tuple[float, float]) -> npt.NDArray[np.float32]:
+def _relative(values: Float, limits: tuple[float, float]) -> Single:
     low, high = limits
     if not high > low:
         raise InputError(f"field limits; got {low:g} to {high:g}; expected growing numbers")
@@ -237,7 +237,7 @@ def _relative(values: Array, limits: tuple[float, float]) -> npt.NDArray[np.floa
     return result if len(result) else np.full(3, NONE, np.float32)
 
 
-def _table(colors: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def _table(colors: npt.NDArray[Any]) -> Single:
     """(C, 4) linear colours, and their opacity."""
     colors = np.asarray(colors, np.float64)
     table = np.ones((len(colors), 4), np.float32)
@@ -246,7 +246,7 @@ def _table(colors: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     return table
 
 
-def interpolated(view: View, ids: npt.NDArray[np.uint32], values: Array) -> Array:
+def interpolated(view: View, ids: npt.NDArray[np.uint32], values: Float) -> Float:
     """(H, W) values at the pixels' centres from those at corners (T, 3); NaN where there are none.
 
     Places are rounded as for the device; the arithmetic is float64.
@@ -265,10 +265,10 @@ def interpolated(view: View, ids: npt.NDArray[np.uint32], values: Array) -> Arra
 
 
 def field_colors_twin(
-    picture: npt.NDArray[np.float32], frame: Frame, ids: npt.NDArray[np.uint32], values: Array,
+    picture: Single, frame: Frame, ids: npt.NDArray[np.uint32], values: Float,
     limits: tuple[float, float], colors: npt.NDArray[Any], *, white: float, samples: int,
     shade: float = SHADE,
-) -> npt.NDArray[np.float32]:  # fmt: skip
+) -> Single:  # fmt: skip
     """What `FieldColors.draw` makes of a picture (H, W, 4) without sRGB's curve, pixel for pixel.
 
     ``ids`` (H s, W s): of the `finer` view.
@@ -291,5 +291,5 @@ def field_colors_twin(
     shown = encoded(color)
     share = (count / samples**2)[..., None]
     result = share * np.concatenate([shown, np.ones_like(share)], axis=2) + (1.0 - share) * picture
-    shown32: npt.NDArray[np.float32] = result.astype(np.float32)
+    shown32: Single = result.astype(np.float32)
     return shown32

@@ -8,8 +8,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.surface import Skin
 from gpusim.view.content.body_state import BodyState
@@ -21,7 +21,6 @@ __all__ = [
     "format_value", "legend_width", "scale_of", "surface_field",
 ]  # fmt: skip
 
-Array = npt.NDArray[np.float64]
 
 SEQUENTIAL, DIVERGING = "viridis", "coolwarm"
 """Colour maps of matplotlib: for fields of one sign and of both."""
@@ -49,15 +48,15 @@ class FieldKind:
     unit: str
     factor: float
     signed: bool
-    of: Callable[[BodyState], Array]
+    of: Callable[[BodyState], Float]
     by_cell: bool = False
 
-    def values(self, state: BodyState) -> Array:
+    def values(self, state: BodyState) -> Float:
         """(N,) or (M,) in ``unit``. Raises InputError where the body hasn't this field."""
         return self.factor * self.of(state)
 
 
-Of = Callable[[BodyState], Array]
+Of = Callable[[BodyState], Float]
 
 
 def _part(of: Of, k: int) -> Of:
@@ -68,13 +67,13 @@ def _part(of: Of, k: int) -> Of:
 def _fields() -> dict[str, FieldKind]:
     mm, MPa, small = ("mm", 1e3), ("MPa", 1e-6), ("10⁻³", 1e3)
 
-    def u(state: BodyState) -> Array:
+    def u(state: BodyState) -> Float:
         return state.u
 
-    def stress(state: BodyState) -> Array:
+    def stress(state: BodyState) -> Float:
         return state.stress
 
-    def strain(state: BodyState) -> Array:
+    def strain(state: BodyState) -> Float:
         return state.strain
 
     def principal(of: Of) -> Of:
@@ -132,7 +131,7 @@ def field_kind(name: str) -> FieldKind:
     return FIELDS[name]
 
 
-def surface_field(skin: Skin, kind: FieldKind, values: Array) -> SurfaceField:
+def surface_field(skin: Skin, kind: FieldKind, values: Float) -> SurfaceField:
     """A field's ``values`` of nodes or elements, on the body's surface."""
     if kind.by_cell:
         return SurfaceField(values[skin.cell_of_piece], by_face=True)
@@ -159,20 +158,20 @@ class ColorScale:
         return self.low, self.high
 
     @property
-    def colors(self) -> Array:
+    def colors(self) -> Float:
         """(256, 3), as sRGB has them."""
         return color_map(self.colormap)
 
 
 @cache
-def color_map(name: str) -> Array:
+def color_map(name: str) -> Float:
     """(256, 3) colours of one of matplotlib's maps, 0 to 1 as sRGB has them."""
     from matplotlib import colormaps  # a second's work, which a window without fields needs not
 
     return np.asarray(colormaps[name](np.linspace(0.0, 1.0, 256)), np.float64)[:, :3]
 
 
-def scale_of(values: Sequence[Array], signed: bool = False) -> ColorScale:
+def scale_of(values: Sequence[Float], signed: bool = False) -> ColorScale:
     """Round limits and ticks for the values of several bodies.
 
     All but a few values lie between the limits, which are rounded outwards, from 0 if that is not

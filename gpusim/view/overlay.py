@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import ImageColor
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording
@@ -20,7 +21,6 @@ from gpusim.view.glyphs import GlyphAtlas
 
 __all__ = ["QUAD", "Overlay", "Target", "display_color", "overlay_twin"]
 
-Array = npt.NDArray[np.float64]
 Shade = str | Sequence[float]
 """``"#rrggbb"``, ``"#rrggbbaa"``, a name of CSS, or three or four numbers from 0 to 1, as sRGB has
 them."""
@@ -112,7 +112,7 @@ class Overlay:
         """A filled triangle or convex quadrilateral, corners (3 or 4, 2) in order."""
         self.polygons(np.asarray(points, np.float64)[None], color)
 
-    def polygons(self, corners: Array, color: Shade | Array, hard: int = 0) -> None:
+    def polygons(self, corners: Float, color: Shade | Float, hard: int = 0) -> None:
         """Many of them, (n, 3 or 4, 2), of one colour or one each (n, 4).
 
         ``hard``: bit k for the edge from corner k to the next, if it isn't to be softened.
@@ -142,7 +142,7 @@ class Overlay:
         at = np.asarray(points, np.float64)
         self.segments(np.stack([at[:-1], at[1:]], axis=1), color, width)
 
-    def segments(self, ends: Array, color: Shade | Array, width: float = 1.5) -> None:
+    def segments(self, ends: Float, color: Shade | Float, width: float = 1.5) -> None:
         """Many straight lines, (n, 2, 2), of one colour or one each (n, 4)."""
         along = ends[:, 1] - ends[:, 0]
         size = np.hypot(along[:, 0], along[:, 1])
@@ -244,10 +244,10 @@ class Overlay:
 
 
 def overlay_twin(
-    picture: npt.NDArray[np.float32],
+    picture: Single,
     quads: npt.NDArray[np.void],
     coverage: npt.NDArray[np.uint8],
-) -> npt.NDArray[np.float32]:
+) -> Single:
     """``quads`` over a picture (H, W, 4), as the device draws them without sRGB's curve."""
     result = picture.copy()
     height, width = picture.shape[:2]
@@ -288,7 +288,7 @@ def _share(
     return np.maximum(1.0 - outside, 0.0)
 
 
-def _outward(corner: npt.NDArray[np.float32], turn: np.float32) -> npt.NDArray[np.float32]:
+def _outward(corner: Single, turn: np.float32) -> Single:
     """Corners moved so that all edges are a pixel farther out."""
     wide = np.empty_like(corner)
     for k, own in enumerate(corner):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import textwrap
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.view.camera_marks import (
     draw_distortion,
@@ -22,7 +22,6 @@ from gpusim.view.view_state import ViewState
 
 __all__ = ["draw_panels", "panels_taken", "slider_frame"]
 
-Array = npt.NDArray[np.float64]
 
 SIZE = 14
 """px of letters."""
@@ -256,7 +255,7 @@ def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
     _panel(overlay, round(viewer.size[0] - wide - EDGE), round(top), text)
 
 
-def _selection_lines(viewer: ViewState, at: Array, moved: Array, pixel: Array) -> list[str]:
+def _selection_lines(viewer: ViewState, at: Float, moved: Float, pixel: Float) -> list[str]:
     found, content = viewer.selected, viewer.content
     assert found is not None and content is not None
     lines = [found.name if content.parts else f"{found.name}, paint {found.paint}"]
@@ -273,7 +272,7 @@ def _selection_lines(viewer: ViewState, at: Array, moved: Array, pixel: Array) -
             depth = float(whole.to_camera(at)[2])
             lines.append(f"depth {1e3 * depth:.4g} mm: blur {viewer.sharp.blur_at(depth):.2g} px")
 
-    def mm(values: Array) -> str:
+    def mm(values: Float) -> str:
         return ", ".join(format_value(round(1e3 * float(v), 3) + 0.0, 1e-2) for v in values) + " mm"
 
     lines.append(f"at rest {mm(found.reference)}")

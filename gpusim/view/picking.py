@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import View
@@ -15,8 +16,6 @@ from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
 __all__ = ["Pick", "pick"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +34,8 @@ class Pick:
     paint: str
     face: int
     vertices: npt.NDArray[np.integer]
-    weights: Array
-    reference: Array
+    weights: Float
+    reference: Float
     element: int | None = None
     node: int | None = None
     sets: tuple[str, ...] = ()
@@ -101,7 +100,7 @@ def pick(
     )
 
 
-def _shares(view: View, triangle: int, column: float, row: float) -> Array:
+def _shares(view: View, triangle: int, column: float, row: float) -> Float:
     """Weights (3,) of a triangle's corners at a pixel position."""
     x, y = view.camera.undistort([column, row])
     over_depth = view.planes_of(np.array([triangle]))[0] @ [x, y, 1.0]
@@ -116,7 +115,7 @@ def _face_sets(skin: Skin, face: int) -> tuple[str, ...]:
                  if (pairs == own).all(axis=1).any())  # fmt: skip
 
 
-def _element(skin: Skin, face: int, reference: Array) -> tuple[int, int]:
+def _element(skin: Skin, face: int, reference: Float) -> tuple[int, int]:
     """The cell that a surface's face is of, and the nearest node of its boundary face."""
     nodes = skin.faces.nodes[skin.face_of_piece[face]]
     nodes = nodes[nodes >= 0]

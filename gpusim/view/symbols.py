@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
@@ -20,7 +21,6 @@ from gpusim.view.picture.placement import Placement
 
 __all__ = ["Symbols", "clusters", "frustum"]
 
-Array = npt.NDArray[np.float64]
 
 SUPPORT, LOAD, CAMERA = "#2b6cb0", "#d1242f", "#b7791f"
 AXES = ("#d62728", "#2a9134", "#1f5fc4")
@@ -36,8 +36,8 @@ PALE = 0.22
 
 
 def clusters(
-    points: Array, vectors: Array, most: int, side: float = 0.0
-) -> tuple[Array, Array, npt.NDArray[np.int64]]:
+    points: Float, vectors: Float, most: int, side: float = 0.0
+) -> tuple[Float, Float, Long]:
     """Vectors (n, 3) at points (n, 3) added up over cubes, so that at most so many are left.
 
     The cubes' sides are no shorter than ``side``. The sum of all stays the same; each lies at the
@@ -70,7 +70,7 @@ def clusters(
     return np.stack(at, axis=1), np.stack(total, axis=1), np.bincount(number)
 
 
-def frustum(camera: Camera, depth: float, steps: int = 8) -> Array:
+def frustum(camera: Camera, depth: float, steps: int = 8) -> Float:
     """(4 steps + 1, 3) m, world: the border of a camera's image at a depth, closed, from its top
     left corner clockwise; bent where the lens distorts."""
     share = np.linspace(0.0, 1.0, steps, endpoint=False)
@@ -80,7 +80,7 @@ def frustum(camera: Camera, depth: float, steps: int = 8) -> Array:
     ideal = camera.undistort(np.stack([x, y], axis=1) - 0.5)
     rays = np.column_stack([ideal, np.ones(len(ideal))]) @ camera.ray_matrix().T
     T = camera.camera_from_world
-    world: Array = (depth * rays - T[:3, 3]) @ T[:3, :3]
+    world: Float = (depth * rays - T[:3, 3]) @ T[:3, :3]
     return world
 
 
@@ -115,11 +115,11 @@ class Symbols:
 
     # -- in space --------------------------------------------------------------------------
 
-    def window(self, points: npt.ArrayLike) -> Array:
+    def window(self, points: npt.ArrayLike) -> Float:
         """World points (…, 3) as places in the window (…, 2) px; NaN where not in front."""
         return self.place.window(self.camera.project(points))
 
-    def seen(self, points: Array, around: bool = False) -> npt.NDArray[np.bool_]:
+    def seen(self, points: Float, around: bool = False) -> Bool:
         """(n,): whether no body hides points (n, 3); what is out of the image isn't hidden.
 
         ``around``: one of the four pixels round a point is enough, not its own alone, which sees
@@ -139,7 +139,7 @@ class Symbols:
             seen[asked] = seen_in(view, shifted, points[asked])
         return np.asarray(seen)
 
-    def size_at(self, points: Array, pixels: float) -> Array:
+    def size_at(self, points: Float, pixels: float) -> Float:
         """(n,) m: what is ``pixels`` px long in the window, across the view, at points (n, 3)."""
         depth = np.maximum(self.camera.to_camera(points)[:, 2], 0.0)
         return np.asarray(pixels / (self.camera.K[0, 0] * self.place.scale) * depth)
@@ -158,7 +158,7 @@ class Symbols:
         own = shades[:, 3] > 0.0
         self.overlay.segments(self.window(pieces[own]), shades[own], width)
 
-    def elements(self, ends: Array, color: Shade = "#00000060", width: float = 0.8) -> None:
+    def elements(self, ends: Float, color: Shade = "#00000060", width: float = 0.8) -> None:
         """Borders of elements (n, 2, 3): as `lines`, and the paler the closer they are together."""
         at = self.window(ends)
         length = np.hypot(*(at[:, 1] - at[:, 0]).T)
@@ -168,7 +168,7 @@ class Symbols:
         if share > 0.0:
             self.lines(ends, (red, green, blue, alpha * min(share, 1.0)), width)
 
-    def _pieces(self, ends: Array) -> Array:
+    def _pieces(self, ends: Float) -> Float:
         """(m, 2, 3): the lines in front of the camera, cut where they bend or may be hidden."""
         depth = self.camera.to_camera(ends)[..., 2]
         least = 1e-3 * max(float(depth.max(initial=0.0)), 1e-12)
@@ -228,7 +228,7 @@ class Symbols:
         ends = np.stack([self.window(tail[order]), self.window(tip[order])], axis=1)
         self._flat_arrows(ends[np.isfinite(ends).all(axis=(1, 2))], color, width)
 
-    def _flat_arrows(self, ends: Array, color: Shade, width: float) -> None:
+    def _flat_arrows(self, ends: Float, color: Shade, width: float) -> None:
         along = ends[:, 1] - ends[:, 0]
         length = np.hypot(*along.T)[:, None]
         along = np.where(length > 0.5, along / np.maximum(length, 0.5), [0.0, 1.0])
@@ -244,7 +244,7 @@ class Symbols:
 
     # -- what a scene has ------------------------------------------------------------------
 
-    def supports(self, points: Array, fixed: npt.NDArray[np.bool_], most: int = 60) -> None:
+    def supports(self, points: Float, fixed: Bool, most: int = 60) -> None:
         """Pyramids at supported nodes, points (n, 3), ``fixed`` (n, 3) in some directions.
 
         One that is held in all has one pyramid, others one for every direction; their bases lie
@@ -255,7 +255,7 @@ class Symbols:
         if not held.any():
             return
         apart = float(np.median(self.size_at(points[held], 18.0)))
-        clamped: npt.NDArray[np.bool_] = np.asarray(fixed.all(axis=1))
+        clamped: Bool = np.asarray(fixed.all(axis=1))
         away = points - points.mean(axis=0)
         if clamped.any():
             main = int(np.argmax(np.abs(away[clamped].mean(axis=0))))
@@ -271,7 +271,7 @@ class Symbols:
             self.pyramids(points[own][nearest], sign[:, None] * np.eye(3)[k], SUPPORT)
 
     def loads(
-        self, points: Array, forces: Array, most: int = 40, pixels: float = 70.0,
+        self, points: Float, forces: Float, most: int = 40, pixels: float = 70.0,
         unit: str = "N",
     ) -> None:  # fmt: skip
         """Arrows for nodal forces (n, 3) at points (n, 3), which they end at.

@@ -13,11 +13,11 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 
 __all__ = ["SIDES", "Turntable", "camera_lines"]
 
-Array = npt.NDArray[np.float64]
 
 SIDES = {"front": (0.0, 0.0), "right": (0.5 * np.pi, 0.0), "top": (0.0, 0.5 * np.pi)}
 """Azimuth and elevation (rad) of views along an axis."""
@@ -53,13 +53,13 @@ class Turntable:
     field_of_view: float = 0.5
 
     @property
-    def axes(self) -> Array:
+    def axes(self) -> Float:
         """(3, 3): the image's right, down and forward in the world, one a row."""
         (sa, ca), (se, ce) = ((np.sin(a), np.cos(a)) for a in (self.azimuth, self.elevation))
         return np.array([[ca, sa, 0.0], [sa * se, -ca * se, -ce], [-sa * ce, ca * ce, -se]])
 
     @property
-    def eye(self) -> Array:
+    def eye(self) -> Float:
         """World position of the projection centre, (3,)."""
         return np.asarray(self.pivot - self.distance * self.axes[2])
 
@@ -137,7 +137,7 @@ class Turntable:
         )  # fmt: skip
         return moved._at(camera.eye + depth * moved.axes[2])
 
-    def _at(self, pivot: Array) -> Turntable:
+    def _at(self, pivot: Float) -> Turntable:
         x, y, z = (float(v) for v in pivot)
         return replace(self, pivot=(x, y, z))
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError, InputError
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
@@ -33,7 +33,6 @@ from gpusim.view.turntable import Turntable
 
 __all__ = ["ViewState"]
 
-Array = npt.NDArray[np.float64]
 
 MESSAGE_SECONDS = 4.0
 """How long a message stands in the window."""
@@ -80,7 +79,7 @@ class ViewState:
         self.save: Callable[[Path], None] | None = None
         self.copy: Callable[[str], None] | None = None
         self._white: float | None = None
-        self.field_values: list[Array] = []
+        self.field_values: list[Float] = []
         self.color_scale = ColorScale(0.0, 1.0, ())
         self._framed: Turntable | None = None
         self._layout: tuple[Any, ...] = ()

@@ -9,8 +9,8 @@ from itertools import chain, count
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.view.fields import FIELDS
 from gpusim.view.keys import KEYS
 from gpusim.view.overlay import Overlay
@@ -22,7 +22,6 @@ from gpusim.view.view_state import ViewState
 
 __all__ = ["Viewer"]
 
-Array = npt.NDArray[np.float64]
 
 CLICK = 4.0
 """px that the mouse may move in a click."""
@@ -101,7 +100,7 @@ class Viewer(ViewState):
         most = max(self.view.fit(outline, *self.size).distance, near.distance)
         self.look(replace(near, distance=min(AROUND * near.distance, most)))
 
-    def _selected_points(self) -> Array:
+    def _selected_points(self) -> Float:
         """Corners of the selected element, or of the face of a prop."""
         assert self.content is not None and self.selected is not None
         surface = self.surfaces()[self.selected.surface]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.gpu.device import Device
 from gpusim.gpu.twin import compare, twin_check
 
@@ -13,9 +14,7 @@ __all__ = ["finite_probe", "finite_probe_twin"]
 _SCALE = 4.0
 
 
-def finite_probe(
-    device: Device, single: npt.NDArray[np.float32], wide: npt.NDArray[np.float64]
-) -> npt.NDArray[np.uint32]:
+def finite_probe(device: Device, single: Single, wide: Float) -> npt.NDArray[np.uint32]:
     """Flags (n,) for two (n,) arrays: 1 if ``4 single`` is finite, 2 if ``wide`` is, 4 if
     ``4 wide`` is. Unlike `Device.real_buffer`, it takes NaN and infinity."""
     if device.real == "f64":
@@ -38,9 +37,7 @@ def finite_probe(
     return flags.read(np.uint32)
 
 
-def finite_probe_twin(
-    single: npt.NDArray[np.float32], wide: npt.NDArray[np.float64], real: str
-) -> npt.NDArray[np.uint32]:
+def finite_probe_twin(single: Single, wide: Float, real: str) -> npt.NDArray[np.uint32]:
     """The same in NumPy; ``real`` decides the range of ``wide``."""
     kind = np.dtype(np.float64 if real == "f64" else np.float32)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.gpu.device import Device
 from gpusim.gpu.twin import compare, twin_check
 
@@ -13,9 +13,7 @@ __all__ = ["real_probe", "real_probe_twin"]
 _OPERATIONS = 6
 
 
-def real_probe(
-    device: Device, a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def real_probe(device: Device, a: Float, b: Float) -> Float:
     """a+b, a-b, a*b, a/b, a*b+a, sqrt|a| on the device; (6, n) float64 from two (n,) arrays."""
     kernel = device.kernel("gpu/probes/real_arithmetic")
     out = device.real_buffer(label="real.out", shape=(_OPERATIONS, len(a)))
@@ -30,9 +28,7 @@ def real_probe(
     return out.read()
 
 
-def real_probe_twin(
-    a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def real_probe_twin(a: Float, b: Float) -> Float:
     """The same in NumPy float64."""
     return np.stack([a + b, a - b, a * b, a / b, a * b + a, np.sqrt(np.abs(a))])
 

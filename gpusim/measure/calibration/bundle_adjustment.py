@@ -19,10 +19,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import GpusimError
-from gpusim.measure.images import FloatArray
 
 LENSES: dict[str, tuple[int, ...]] = {
     "pinhole": (),
@@ -48,8 +47,8 @@ class Rows:
 
     camera: int
     view: int
-    board: FloatArray
-    image: FloatArray
+    board: Float
+    image: Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +60,18 @@ class Rig:
     ``view_pose`` (V, 6) take board coordinates to camera 0's.
     """
 
-    focal: FloatArray
-    centre: FloatArray
-    distortion: FloatArray
-    camera_pose: FloatArray
-    view_pose: FloatArray
+    focal: Float
+    centre: Float
+    distortion: Float
+    camera_pose: Float
+    view_pose: Float
 
-    def matrix(self, camera: int) -> FloatArray:
+    def matrix(self, camera: int) -> Float:
         """K (3, 3) of a camera."""
         (fx, fy), (cx, cy) = self.focal[camera], self.centre[camera]
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
-    def pose(self, camera: int, view: int) -> FloatArray:
+    def pose(self, camera: int, view: int) -> Float:
         """(6,) from board coordinates to those of a camera."""
         return compose(self.view_pose[view], self.camera_pose[camera])
 
@@ -84,25 +83,25 @@ class Adjusted:
     that of independent errors where whole views differ by more (`_view_scatter`)."""
 
     rig: Rig
-    residuals: tuple[FloatArray, ...]
-    covariance: FloatArray
+    residuals: tuple[Float, ...]
+    covariance: Float
     names: tuple[tuple[str, int, str], ...]
     steps: int
 
 
-def compose(first: FloatArray, second: FloatArray) -> FloatArray:
+def compose(first: Float, second: Float) -> Float:
     """The pose (6,) that does ``first``, then ``second``."""
     result = cv2.composeRT(first[:3], first[3:], second[:3], second[3:])
     return np.concatenate([np.ravel(result[0]), np.ravel(result[1])])
 
 
-def inverse(pose: FloatArray) -> FloatArray:
+def inverse(pose: Float) -> Float:
     """The pose (6,) that undoes ``pose``."""
     turn = rotation(pose)
     return np.concatenate([-pose[:3], -turn.T @ pose[3:]])
 
 
-def rotation(pose: FloatArray) -> FloatArray:
+def rotation(pose: Float) -> Float:
     """Rotation matrix (3, 3) of a pose."""
     return np.asarray(cv2.Rodrigues(pose[:3])[0], dtype=np.float64)
 
@@ -128,7 +127,7 @@ class _Layout:
         self.first_rig = self.inner * len(rig.focal)
         self.first_view = self.first_rig + 6 * (len(rig.focal) - 1)
 
-    def unpack(self, p: FloatArray) -> Rig:
+    def unpack(self, p: Float) -> Rig:
         cameras = len(self.rig.focal)
         own = p[: self.first_rig].reshape(cameras, self.inner)
         lens = self.inner - len(self.free)
@@ -144,12 +143,12 @@ class _Layout:
             p[self.first_view :].reshape(-1, 6).copy(),
         )
 
-    def pack(self, rig: Rig) -> FloatArray:
+    def pack(self, rig: Rig) -> Float:
         focal = rig.focal.mean(axis=1, keepdims=True) if self.square else rig.focal
         own = np.concatenate([focal, rig.centre, rig.distortion[:, self.free]], axis=1)
         return np.concatenate([own.ravel(), rig.camera_pose[1:].ravel(), rig.view_pose.ravel()])
 
-    def places(self, camera: int, view: int) -> npt.NDArray[np.int64]:
+    def places(self, camera: int, view: int) -> Long:
         """Positions in the vector of what a sighting depends on."""
         parts = [np.arange(camera * self.inner, (camera + 1) * self.inner)]
         if camera:
@@ -212,7 +211,7 @@ def adjust(
     return Adjusted(rig, residuals, covariance, layout.names, steps)
 
 
-def _weakest(names: Sequence[tuple[str, int, str]], normal: FloatArray) -> str:
+def _weakest(names: Sequence[tuple[str, int, str]], normal: Float) -> str:
     """The camera parameters that change the residuals least when they change together."""
     own = [i for i, (kind, _, _) in enumerate(names) if kind != "view"]
     inner, outer = np.ix_(own, own), [i for i in range(len(names)) if i not in set(own)]
@@ -229,7 +228,7 @@ def _weakest(names: Sequence[tuple[str, int, str]], normal: FloatArray) -> str:
     return ", ".join(parts)
 
 
-def _view_scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance: float) -> float:
+def _view_scatter(layout: _Layout, p: Float, rows: Sequence[Rows], variance: float) -> float:
     """Mean squared pull of the views on the parameters they share, at the minimum ``p``, over that
     of independent errors whose residuals have the ``variance`` (px^2)."""
     shared, rest = [], slice(None, layout.first_view)
@@ -250,9 +249,7 @@ def _view_scatter(layout: _Layout, p: FloatArray, rows: Sequence[Rows], variance
     return pull / expected if expected > 0 else 1.0
 
 
-def _normal(
-    layout: _Layout, p: FloatArray, rows: Sequence[Rows]
-) -> tuple[FloatArray, FloatArray, float]:
+def _normal(layout: _Layout, p: Float, rows: Sequence[Rows]) -> tuple[Float, Float, float]:
     """Normal matrix, gradient and sum of squares at ``p``."""
     rig = layout.unpack(p)
     normal, gradient, square = np.zeros((len(p), len(p))), np.zeros(len(p)), 0.0
@@ -268,7 +265,7 @@ def _normal(
     return normal, gradient, square if np.isfinite(square) else float("inf")
 
 
-def _project(layout: _Layout, rig: Rig, r: Rows) -> tuple[FloatArray, FloatArray]:
+def _project(layout: _Layout, rig: Rig, r: Rows) -> tuple[Float, Float]:
     """Image points (N, 2) and their derivatives (2N, …) by the parameters at `places`."""
     if not len(r.board):
         return np.zeros((0, 2)), np.zeros((0, len(layout.places(r.camera, r.view))))
@@ -294,13 +291,13 @@ def _project(layout: _Layout, rig: Rig, r: Rows) -> tuple[FloatArray, FloatArray
     return np.array(image, dtype=np.float64).reshape(-1, 2), jacobian
 
 
-def residuals(rig: Rig, rows: Sequence[Rows]) -> list[FloatArray]:
+def residuals(rig: Rig, rows: Sequence[Rows]) -> list[Float]:
     """Projected minus seen positions (N, 2) px of every entry."""
     layout = _Layout(rig, "pinhole", square_pixels=False)
     return [_project(layout, rig, r)[0] - r.image for r in rows]
 
 
-def without(rows: Sequence[Rows], kept: Sequence[npt.NDArray[np.bool_]]) -> list[Rows]:
+def without(rows: Sequence[Rows], kept: Sequence[Bool]) -> list[Rows]:
     """The rows with only the points that are kept; empty ones stay, so that indices do too."""
     return [
         replace(r, board=r.board[keep], image=r.image[keep])

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.bundle_adjustment import (
@@ -25,7 +26,6 @@ from gpusim.measure.calibration.bundle_adjustment import (
     without,
 )
 from gpusim.measure.calibration.first_estimate import MIN_POINTS, calibrated_single, first_rig
-from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.boards import Sighting
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
@@ -59,9 +59,9 @@ class CalibratedCamera:
 
     name: str
     resolution: tuple[int, int]
-    K: FloatArray
-    distortion: FloatArray
-    camera_from_rig: FloatArray
+    K: Float
+    distortion: Float
+    camera_from_rig: Float
     sigma: dict[str, float]
     rms: float
     __repr__ = field_summary
@@ -131,14 +131,14 @@ class Calibration:
     cameras: tuple[CalibratedCamera, ...]
     lens: str
     rms: float
-    view_poses: FloatArray
-    view_rms: FloatArray
-    points: tuple[FloatArray, ...]
-    residuals: tuple[FloatArray, ...]
+    view_poses: Float
+    view_rms: Float
+    points: tuple[Float, ...]
+    residuals: tuple[Float, ...]
     used: int
     outliers: int
     names: tuple[tuple[str, int, str], ...]
-    covariance: FloatArray
+    covariance: Float
     __repr__ = field_summary
 
     def baseline(self, camera: int = 1) -> tuple[float, float]:
@@ -271,7 +271,7 @@ def _robust(
     return adjusted, used
 
 
-def _plausible(start: Rig, rows: list[Rows]) -> list[npt.NDArray[np.bool_]]:
+def _plausible(start: Rig, rows: list[Rows]) -> list[Bool]:
     """Points to begin with: none of a camera's view that lies wholly elsewhere.
 
     A board that one camera took for a line of fields further on fits by itself, but no pose of it
@@ -324,11 +324,11 @@ def _result(
     )  # fmt: skip
 
 
-def _rms(residuals: FloatArray) -> float:
+def _rms(residuals: Float) -> float:
     return float(np.sqrt(np.mean(np.sum(residuals**2, axis=1)))) if len(residuals) else np.nan
 
 
-def _matrix(pose: FloatArray) -> FloatArray:
+def _matrix(pose: Float) -> Float:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation(pose), pose[3:]
     return matrix

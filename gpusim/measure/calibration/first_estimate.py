@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError, InputError
 from gpusim.measure.calibration.bundle_adjustment import DISTORTION, Rig, compose, inverse, rotation
-from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.boards import Sighting
 
 MIN_POINTS = 6  # per view
@@ -30,9 +30,9 @@ MIN_DISTANCE = 1e-9
 class SingleCamera:
     """First estimate of one camera: K (3, 3), distortion (14,), pose (6,) by view."""
 
-    K: FloatArray
-    distortion: FloatArray
-    poses: dict[int, FloatArray]
+    K: Float
+    distortion: Float
+    poses: dict[int, Float]
 
 
 def calibrated_single(name: str, views: Sequence[Sighting], lens: str) -> SingleCamera:
@@ -115,13 +115,13 @@ def first_rig(
     )
 
 
-def _middle(poses: Sequence[FloatArray]) -> FloatArray:
+def _middle(poses: Sequence[Float]) -> Float:
     """The pose with the least sum of distances to the others: no mean, so outliers don't count."""
     stack = np.stack(poses)
     size = np.maximum(np.median(np.linalg.norm(stack[:, 3:], axis=1)), 1e-30)
     scaled = np.concatenate([stack[:, :3], stack[:, 3:] / size], axis=1)
     apart = np.linalg.norm(scaled[:, None] - scaled[None], axis=2).sum(axis=1)
-    result: FloatArray = stack[int(np.argmin(apart))]
+    result: Float = stack[int(np.argmin(apart))]
     return result
 
 
@@ -133,14 +133,14 @@ def turned(sighting: Sighting, quarter: int) -> Sighting:
     return replace(sighting, board=sighting.board @ rotation(pose).T + pose[3:])
 
 
-def turned_pose(pose: FloatArray, sighting: Sighting, quarter: int) -> FloatArray:
+def turned_pose(pose: Float, sighting: Sighting, quarter: int) -> Float:
     """The pose (6,) that goes with `turned`."""
     assert sighting.turns is not None
     return compose(_turn(sighting.turns.middle, quarter), pose)
 
 
 def best_turns(
-    first: Sequence[FloatArray], second: Sequence[FloatArray], sightings: Sequence[Sighting]
+    first: Sequence[Float], second: Sequence[Float], sightings: Sequence[Sighting]
 ) -> list[int]:
     """By how many quarters each of the ``sightings`` of a second camera is to be turned.
 
@@ -175,7 +175,7 @@ def best_turns(
     return [list(quarters)[k] for k in choice[best]]
 
 
-def _turn(middle: tuple[float, float], quarter: int) -> FloatArray:
+def _turn(middle: tuple[float, float], quarter: int) -> Float:
     """The pose (6,) that turns a board about its middle."""
     pose = np.zeros(6)
     pose[2] = 0.5 * np.pi * quarter
@@ -184,5 +184,5 @@ def _turn(middle: tuple[float, float], quarter: int) -> FloatArray:
     return pose
 
 
-def _flat(pose: FloatArray) -> FloatArray:
+def _flat(pose: Float) -> Float:
     return np.concatenate([rotation(pose).ravel(), pose[3:]])

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.measure.correlation.matching import (
@@ -28,7 +29,7 @@ from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name
 from gpusim.measure.correlation.propagation import Front, seeds
 from gpusim.measure.correlation.start_values import feature_motions, global_shift
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -51,7 +52,7 @@ def dic(
     search_px: int = 20,
     shape: Shape = "affine",
     window: Window | npt.ArrayLike = "square",
-    mask: npt.NDArray[np.bool_] | None = None,
+    mask: Bool | None = None,
     saturation: float | None = None,
     blur_px: float = 0.0,
     tolerance: float = 1e-4,
@@ -128,7 +129,7 @@ def _check_start(start: Start, search_px: int) -> None:
 
 
 def _measure_all(
-    front: Front, begin: FloatArray | None, earlier: bool, start: Start, search_px: int
+    front: Front, begin: Float | None, earlier: bool, start: Start, search_px: int
 ) -> Correlation:
     """Measure every point: from guesses ``begin`` (M, 2, 3), those of an ``earlier`` image or of
     the caller, or from seeds; then from neighbours, as far as that leads."""
@@ -171,15 +172,13 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
         front.start_from_features(chosen[~front.ok[chosen]], feature_motions(*front.images))
 
 
-def _found(front: Front, chosen: npt.NDArray[np.int64]) -> float:
+def _found(front: Front, chosen: Long) -> float:
     """Share of the points that have a texture which have been measured; 0 if there are none."""
     open_ = chosen[front.matches.status[chosen] != Status.NO_TEXTURE]
     return float(front.ok[open_].mean()) if open_.size else 0.0
 
 
-def _check_guess(
-    guess: npt.ArrayLike | DicResult, points: FloatArray, settings: Settings
-) -> FloatArray:
+def _check_guess(guess: npt.ArrayLike | DicResult, points: Float, settings: Settings) -> Float:
     """Coefficients (M, 2, 3) to start from, NaN where there are none."""
     begin = np.zeros((len(points), 2, 3))
     if isinstance(guess, DicResult):
@@ -198,7 +197,7 @@ def _check_guess(
     return begin
 
 
-def _reach(begin: FloatArray | None, search_px: int) -> float:
+def _reach(begin: Float | None, search_px: int) -> float:
     """How far a match may be at the start, px: as far as is searched, or as the largest guess."""
     motion = 0.0 if begin is None else np.nan_to_num(np.abs(begin[:, :, 0])).max(initial=0.0)
     return max(float(search_px), float(motion))
@@ -211,7 +210,7 @@ def given_or_grid(
     subset: int,
     step: int,
     roi: tuple[int, int, int, int] | None,
-) -> FloatArray:
+) -> Float:
     """The caller's positions (M, 2), checked, or those of a grid."""
     if points is not None:
         return check_points(points, "points")
@@ -224,7 +223,7 @@ def grid_points(
     subset: int,
     step: int,
     roi: tuple[int, int, int, int] | None = None,
-) -> FloatArray:
+) -> Float:
     """Grid positions (M, 2), row by row, whose subsets lie in the region of interest.
 
     Examples

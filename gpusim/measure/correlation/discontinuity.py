@@ -24,7 +24,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gpusim.measure.images import FloatArray
+from gpusim.arrays.array_types import Float
 
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
@@ -60,25 +60,25 @@ class Discontinuities:
         do of noise.
     """
 
-    length: FloatArray
-    sure: FloatArray
-    smooth: FloatArray
+    length: Float
+    sure: Float
+    smooth: Float
 
 
 @dataclass(frozen=True)
 class _Fields:
     """Motions of a subset's cells, (., cells^2): what is fitted, what is asked for beside it."""
 
-    known: FloatArray
-    smooth: FloatArray
-    sides: FloatArray
+    known: Float
+    smooth: Float
+    sides: Float
 
 
 def fit_discontinuities(
-    weight: FloatArray,
-    slopes: tuple[FloatArray, FloatArray],
-    grey: FloatArray,
-    rest: FloatArray,
+    weight: Float,
+    slopes: tuple[Float, Float],
+    grey: Float,
+    rest: Float,
     search: Search = COARSE,
 ) -> Discontinuities:
     """Look for a jump in each of B subsets of n = size^2 pixels, row by row.
@@ -141,21 +141,21 @@ def fit_discontinuities(
     return Discontinuities(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
 
 
-def _cell_sums(weight: FloatArray, number: int) -> Callable[[FloatArray], FloatArray]:
+def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
     """Weighted sums (B, number^2), over the cells of subsets, of values (B, n)."""
     size = round(np.sqrt(weight.shape[1]))
     first = np.unique(np.arange(number) * size // number)
     member = np.zeros((size, number))
     member[np.arange(size), np.searchsorted(first, np.arange(size), side="right") - 1] = 1.0
 
-    def sums(values: FloatArray) -> FloatArray:
+    def sums(values: Float) -> Float:
         lines = ((weight * values).reshape(-1, size) @ member).reshape(-1, size, number)
         return np.asarray(np.add.reduceat(lines, first, axis=1).reshape(len(weight), -1))
 
     return sums
 
 
-def _whitening(normal: FloatArray) -> FloatArray:
+def _whitening(normal: Float) -> Float:
     """L^-1 (B, Q, Q), where N = L L': sums of squares that the known part explains are those of
     L^-1 c."""
     diagonal = np.einsum("bii->bi", normal)
@@ -165,9 +165,7 @@ def _whitening(normal: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :])
 
 
-def _best_side(
-    tests: list[FloatArray], cross: FloatArray, by_rest: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float, Float]:
     """Length of the jump that explains most, and how much, each (B,); ``cross`` is whitened."""
     xx, xy, yy = (
         tests[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
@@ -185,11 +183,11 @@ def _best_side(
 
 
 def _smooth(
-    moments: tuple[FloatArray, ...],
-    smooth: FloatArray,
-    cross: FloatArray,
-    by_rest: FloatArray,
-) -> FloatArray:
+    moments: tuple[Float, ...],
+    smooth: Float,
+    cross: Float,
+    by_rest: Float,
+) -> Float:
     """What the terms of third and fourth degree explain, (B,); ``cross`` is whitened."""
     count, terms = len(cross), len(smooth)
     square = np.empty((count, 2, terms, 2, terms))
@@ -205,7 +203,7 @@ def _smooth(
     return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
 
 
-def _sums(first: FloatArray, moments: FloatArray, second: FloatArray) -> FloatArray:
+def _sums(first: Float, moments: Float, second: Float) -> Float:
     """Sums over cells of first_i moment second_j: (B, len(first), len(second))."""
     # one product of two matrices: a stack of them would be one call of BLAS each
     rows = (moments[:, None, :] * first).reshape(-1, first.shape[1])

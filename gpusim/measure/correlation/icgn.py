@@ -21,6 +21,7 @@ from math import ceil
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.gpu import Device
 from gpusim.gpu.adapter import is_processor
 from gpusim.measure.correlation.image_pair import (
@@ -43,9 +44,7 @@ from gpusim.measure.correlation.warp import (
     steepest_descent,
     step_coefficients,
 )
-from gpusim.measure.images import PAD, FloatArray
-
-BoolArray = npt.NDArray[np.bool_]
+from gpusim.measure.images import PAD
 
 MIN_PIVOT = 1e-5  # of a Cholesky pivot over its diagonal: below, a motion can't be told
 MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the image
@@ -82,26 +81,24 @@ class _References:
     status : (B,) int8, `NOT_CONVERGED` for those that can be matched.
     """
 
-    column: npt.NDArray[np.int64]
-    row: npt.NDArray[np.int64]
-    weight: FloatArray
-    total: FloatArray
-    f: FloatArray
-    energy: FloatArray
-    terms: FloatArray
-    weighted: FloatArray
-    factor: FloatArray
+    column: Long
+    row: Long
+    weight: Float
+    total: Float
+    f: Float
+    energy: Float
+    terms: Float
+    weighted: Float
+    factor: Float
     status: npt.NDArray[np.int8]
 
 
-def _references(pair: Pair, points: FloatArray, settings: Settings) -> _References:
+def _references(pair: Pair, points: Float, settings: Settings) -> _References:
     half, shape = settings.half, settings.shape
     status = np.full(len(points), Status.NOT_CONVERGED, dtype=np.int8)
     column, row = subset_pixels(points, half)
     spline = pair.reference
-    in_crop: BoolArray = np.all(
-        spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1
-    )
+    in_crop: Bool = np.all(spline.inside(column.astype(np.float64), row.astype(np.float64)), axis=1)
     status[~in_crop] = Status.OUTSIDE
     first_x = np.where(in_crop, column[:, 0] - spline.origin[0], 0)
     first_y = np.where(in_crop, row[:, 0] - spline.origin[1], 0)
@@ -191,7 +188,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     return result
 
 
-def remaining(size: FloatArray, before: FloatArray) -> FloatArray:
+def remaining(size: Float, before: Float) -> Float:
     """What is still to go after steps of ``size``, px, from the one ``before`` (0: none).
 
     Gauss-Newton steps shrink by a constant ratio near the solution, so what is left after a step is
@@ -204,9 +201,7 @@ def remaining(size: FloatArray, before: FloatArray) -> FloatArray:
     return np.asarray(size * ratio / (1.0 - ratio))
 
 
-def displacement_variance(
-    factor: FloatArray, shape: Shape, noise: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def displacement_variance(factor: Float, shape: Shape, noise: Float) -> tuple[Float, Float]:
     """Diagonal entries of the inverse normal matrix for the two displacement unknowns.
 
     ``noise`` (B,) is what noise adds to each sum of squared slopes. It tells nothing of a motion,
@@ -240,7 +235,7 @@ def correlate(
     centre = np.rint(subsets.points)
     corner = np.array([[-half, -half], [half, half]])
     corners = centre[:, None] + corner
-    within: BoolArray = np.all(pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1)
+    within: Bool = np.all(pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1)
     target = np.rint(subsets.start[:, :, 0])
     which = np.flatnonzero(within)
     values = np.full((within.size, 16), np.nan)
@@ -284,10 +279,10 @@ def _dispatch(
     settings: Settings,
     limits: Limits,
     tile: Tile,
-    which: npt.NDArray[np.int64],
-    pixel: npt.NDArray[np.int64],
-    begin: npt.NDArray[np.int64],
-) -> FloatArray:
+    which: Long,
+    pixel: Long,
+    begin: Long,
+) -> Float:
     """Run the kernel over the subsets of a tile; (K, 16) raw rows as the shader writes them.
 
     ``which`` are the rows of ``subsets`` that ``pixel`` and ``begin`` (see ``plan_tiles``) and the
@@ -341,11 +336,11 @@ def _dispatch(
     lines = -(-rows.size // 65535)
     with device.recording("measure.icgn") as recording:
         recording.dispatch(kernel, bindings, groups=(-(-rows.size // lines), lines, 1))
-    values: FloatArray = result.read(np.float32, (rows.size, 16)).astype(np.float64)
+    values: Float = result.read(np.float32, (rows.size, 16)).astype(np.float64)
     return values
 
 
-def cholesky(matrix: FloatArray) -> tuple[FloatArray, BoolArray]:
+def cholesky(matrix: Float) -> tuple[Float, Bool]:
     """Lower factors of (B, P, P) matrices and whether each is safely positive definite."""
     size = matrix.shape[1]
     factor = np.zeros_like(matrix)
@@ -363,7 +358,7 @@ def cholesky(matrix: FloatArray) -> tuple[FloatArray, BoolArray]:
     return factor, good
 
 
-def solve(factor: FloatArray, right: FloatArray) -> FloatArray:
+def solve(factor: Float, right: Float) -> Float:
     """Solve L L^T x = right for (B, P, P) factors and (B, P) right sides."""
     size = factor.shape[1]
     x = right.copy()

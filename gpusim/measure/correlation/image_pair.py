@@ -13,15 +13,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import wgpu
 
+from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.measure.images import FloatArray, SplineImage
+from gpusim.measure.images import SplineImage
 
 Box = tuple[int, int, int, int]
-IntArray = npt.NDArray[np.int64]
 
 FORMATS = {1: "r32float", 4: "rgba32float"}
 SNAP = 256  # px: deformed boxes end on multiples, so that later calls find them uploaded
@@ -45,7 +44,7 @@ class Sampled:
     """A float32 picture (h, w) or (h, w, 4) in a texture that kernels load from, as a storage
     texture (see `gpusim.gpu.texture_array`)."""
 
-    def __init__(self, device: Device, values: npt.NDArray[np.float32], label: str) -> None:
+    def __init__(self, device: Device, values: Single, label: str) -> None:
         height, width = values.shape[:2]
         limit = device.limits["max-texture-dimension-2d"]
         if values.dtype != np.float32 or not (0 < width <= limit and 0 < height <= limit):
@@ -80,7 +79,7 @@ class Sampled:
 class Tile:
     """Subsets ``which`` (K,) with the parts of the two crops that they need."""
 
-    which: IntArray
+    which: Long
     reference: Box
     deformed: Box
 
@@ -88,8 +87,8 @@ class Tile:
 def plan_tiles(
     reference: SplineImage,
     deformed: SplineImage,
-    centre: IntArray,
-    begin: IntArray,
+    centre: Long,
+    begin: Long,
     half: int,
     reach: int,
     limits: Limits,
@@ -129,8 +128,8 @@ def plan_tiles(
 
 
 def _by_target(
-    members: IntArray, begin: IntArray, size: tuple[int, int], reach: int, most: int
-) -> Iterator[tuple[IntArray, Box]]:
+    members: Long, begin: Long, size: tuple[int, int], reach: int, most: int
+) -> Iterator[tuple[Long, Box]]:
     """Halve a group until the coefficients that it needs fit into ``most`` x ``most``."""
     places = np.clip(begin[members], 0, np.array(size) - 1)
     low, high = places.min(axis=0), places.max(axis=0)
@@ -161,18 +160,18 @@ class Pair:
 
     reference: SplineImage
     deformed: SplineImage
-    mask: npt.NDArray[np.bool_] | None = None
+    mask: Bool | None = None
     sparse: bool = False
 
     @cached_property
-    def planes(self) -> FloatArray:
+    def planes(self) -> Float:
         """Reference grey value, its slopes by x and y, and the mask: (h, w, 4), grey range 1."""
         height, width = self.reference.pixels.shape
         result = np.empty((height, width, 4))
         self.fill_planes((0, 0, width, height), result)
         return result
 
-    def planes_at(self, x: IntArray, y: IntArray, size: int) -> FloatArray:
+    def planes_at(self, x: Long, y: Long, size: int) -> Float:
         """The planes of subsets with first pixels ``x``, ``y`` (B,): (B, size * size, 4).
 
         Those of the whole crop are kept only where that is small.
@@ -189,7 +188,7 @@ class Pair:
                 self.fill_planes((left, top, left + size, top + size), subsets[i])
         return subsets.reshape(x.size, size * size, 4)
 
-    def part(self, box: Box) -> npt.NDArray[np.float32]:
+    def part(self, box: Box) -> Single:
         """The planes of a part of the reference crop, for a device; ``box`` as in
         ``image_tiles``."""
         x0, y0, x1, y1 = box
@@ -200,7 +199,7 @@ class Pair:
         self.fill_planes(box, planes)
         return planes
 
-    def fill_planes(self, box: Box, planes: FloatArray | npt.NDArray[np.float32]) -> None:
+    def fill_planes(self, box: Box, planes: Float | Single) -> None:
         """Write the planes of a part of the reference crop; ``box`` as in ``image_tiles``."""
         spline = self.reference
         x0, y0, x1, y1 = box
@@ -241,7 +240,7 @@ class Pair:
         kept.move_to_end(key)
         return kept[key]
 
-    def packed_coefficients(self, box: Box) -> npt.NDArray[np.float32]:
+    def packed_coefficients(self, box: Box) -> Single:
         """Spline coefficients of a part; a texel holds those of 2x2 pixels, row by row."""
         x0, y0, x1, y1 = box
         low, scale = self.deformed_range
@@ -271,8 +270,8 @@ class Subsets:
     """
 
     pair: Pair
-    points: FloatArray
-    start: FloatArray
+    points: Float
+    start: Float
 
     def __post_init__(self) -> None:
         count = len(self.points)
@@ -285,7 +284,7 @@ class Subsets:
             raise InputError("subsets: got NaN or infinite points or start values; expected finite")
 
 
-def subset_pixels(points: FloatArray, half: int) -> tuple[IntArray, IntArray]:
+def subset_pixels(points: Float, half: int) -> tuple[Long, Long]:
     """Columns and rows (M, n) of the pixels of subsets at ``points`` (M, 2), row by row."""
     offset = np.arange(-half, half + 1)
     column = np.rint(points[:, :1]).astype(np.int64) + np.tile(offset, offset.size)

@@ -19,11 +19,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.warp import UNKNOWNS, Shape, check_shape
-from gpusim.measure.images import BLUR_REACH, FloatArray, SplineImage
+from gpusim.measure.images import BLUR_REACH, SplineImage
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +42,6 @@ __all__ = [
 ]
 
 Window = Literal["square", "round"]
-BoolArray = npt.NDArray[np.bool_]
 
 # sum of squares of the slope filter: spline coefficients of an impulse, read by quintic_slopes(0)
 SLOPE_NOISE = 1.89396
@@ -85,7 +85,7 @@ class Settings:
     slope_noise : variance of the spline's slope at a pixel for white noise of variance 1.
     """
 
-    window: FloatArray
+    window: Float
     shape: Shape = "affine"
     tolerance: float = 1e-4
     max_iterations: int = 40
@@ -132,7 +132,7 @@ def make_settings(
     return Settings(make_window(subset, window), slope_noise=slope_noise, **others)
 
 
-def make_window(subset: int, window: Window | npt.ArrayLike) -> FloatArray:
+def make_window(subset: int, window: Window | npt.ArrayLike) -> Float:
     """Weights (subset, subset) in 0..1: all pixels, those of the inscribed disc, or an array."""
     if not isinstance(subset, (int, np.integer)) or subset % 2 == 0 or not 5 <= subset <= 255:
         raise InputError(f"subset: got {subset!r}; expected an odd whole number of px, 5..255")
@@ -162,10 +162,10 @@ class Correlation:
     iterations : (M,) int32.      status : (M,) int8, values of ``Status``.
     """
 
-    coefficients: FloatArray
-    zncc: FloatArray
-    sigma: FloatArray
-    iterations: npt.NDArray[np.int32]
+    coefficients: Float
+    zncc: Float
+    sigma: Float
+    iterations: Int
     status: npt.NDArray[np.int8]
 
     @staticmethod
@@ -180,7 +180,7 @@ class Correlation:
         )
 
     @property
-    def ok(self) -> BoolArray:
+    def ok(self) -> Bool:
         """(M,) bool: the subsets that were matched."""
         return np.asarray(self.status == Status.OK)
 
@@ -202,7 +202,7 @@ class PointResult:
     status: npt.NDArray[np.int8]
 
     @property
-    def ok(self) -> BoolArray:
+    def ok(self) -> Bool:
         """(M,) bool: the points that were measured."""
         return np.asarray(self.status == Status.OK)
 
@@ -257,20 +257,18 @@ class DicResult(PointResult):
     ((35, 2), True)
     """
 
-    points: FloatArray
-    displacement: FloatArray
-    gradient: FloatArray
-    zncc: FloatArray
-    sigma: FloatArray
-    iterations: npt.NDArray[np.int32]
+    points: Float
+    displacement: Float
+    gradient: Float
+    zncc: Float
+    sigma: Float
+    iterations: Int
     status: npt.NDArray[np.int8]
     subset: int
     __repr__ = field_summary
 
 
-def make_result(
-    points: FloatArray, matches: Correlation, subset: int, widening: FloatArray
-) -> DicResult:
+def make_result(points: Float, matches: Correlation, subset: int, widening: Float) -> DicResult:
     """Turn raw matches into the public result; ``widening`` (M,) is the `noise_factor`.
 
     A match is uncertain in the pixels of the reference; what it says of the deformed image is
@@ -293,7 +291,7 @@ def make_result(
     )
 
 
-def noise_factor(blurred: SplineImage, points: FloatArray, half: int, blur_px: float) -> FloatArray:
+def noise_factor(blurred: SplineImage, points: Float, half: int, blur_px: float) -> Float:
     """Standard uncertainty over that from the residuals alone, of subsets at ``points`` (M, 2).
 
     ``blurred`` is the reference after a Gaussian of ``blur_px``. The slopes along the axis that

@@ -17,13 +17,12 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.warp import basis
-from gpusim.measure.images import FloatArray, Image, check_image, pixels_of
-
-BoolArray = npt.NDArray[np.bool_]
+from gpusim.measure.images import Image, check_image, pixels_of
 
 BLOB = 0.4  # width of a saturated area that isn't pattern any more, over the subset's width
 RIM = 2  # px around such an area over which its edge disturbs the interpolation
@@ -47,16 +46,16 @@ class MaskedImage:
     """
 
     image: Image
-    masked: BoolArray | None
-    saturated: BoolArray | None
+    masked: Bool | None
+    saturated: Bool | None
 
     @property
-    def good(self) -> BoolArray | None:
+    def good(self) -> Bool | None:
         """(H, W) bool, True = usable; None if all are."""
         bad = [part for part in (self.masked, self.saturated) if part is not None]
         return ~np.logical_or.reduce(bad) if bad else None
 
-    def reasons(self, points: FloatArray, half: int) -> npt.NDArray[np.int8]:
+    def reasons(self, points: Float, half: int) -> npt.NDArray[np.int8]:
         """Why subsets at ``points`` (M, 2) in this image can't be used: (M,) ``Status``.
 
         OUTSIDE where a subset leaves the image; otherwise what takes more of its pixels.
@@ -76,7 +75,7 @@ class MaskedImage:
         status[inside] = np.where(some, reason, Status.OUTSIDE)
         return status
 
-    def parts_at(self, positions: FloatArray) -> BoolArray:
+    def parts_at(self, positions: Float) -> Bool:
         """Whether the pixels at positions (M, 2, n) are masked, and saturated: (M, n, 2)."""
         height, width = self.image.shape
         column, row = (
@@ -89,7 +88,7 @@ class MaskedImage:
                 parts[..., k] = part[row, column]
         return parts
 
-    def bad_at(self, positions: FloatArray) -> BoolArray:
+    def bad_at(self, positions: Float) -> Bool:
         """Whether the pixels at positions (M, 2, n) can't be used: (M, n)."""
         return np.asarray(self.parts_at(positions).any(axis=-1))
 
@@ -111,7 +110,7 @@ def masked_image(
     given_pixels = pixels
     if isinstance(image, np.ma.MaskedArray):
         given_pixels = np.where(np.ma.getmaskarray(image), 0, np.ma.getdata(image))
-    bad: BoolArray | None = None
+    bad: Bool | None = None
     if array.ndim == 2 and array.dtype.kind == "f" and array.size:
         bad = ~np.isfinite(array)
         if bad.any() and not bad.all():
@@ -136,11 +135,11 @@ def masked_image(
     square = np.ones((size, size), dtype=np.uint8)
     opened = cv2.morphologyEx(hot.astype(np.uint8), cv2.MORPH_OPEN, square)
     rim = np.ones((2 * RIM + 1, 2 * RIM + 1), dtype=np.uint8)
-    area: BoolArray = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
+    area: Bool = np.asarray(cv2.dilate(opened, rim), dtype=np.bool_)
     return MaskedImage(_scaled(array), bad, area if area.any() else None)
 
 
-def _given_mask(mask: npt.NDArray[Any], image: Image, whose: str) -> BoolArray:
+def _given_mask(mask: npt.NDArray[Any], image: Image, whose: str) -> Bool:
     array = np.asarray(mask)
     if array.dtype != np.bool_ or array.shape != image.shape:
         raise InputError(
@@ -179,7 +178,7 @@ def full_scale(image: Image) -> float | None:
     return float(top)
 
 
-def _share(part: BoolArray, x: npt.NDArray[Any], y: npt.NDArray[Any], half: int) -> FloatArray:
+def _share(part: Bool, x: npt.NDArray[Any], y: npt.NDArray[Any], half: int) -> Float:
     """Share of True in squares of 2 half + 1 px around pixels inside."""
     table = cv2.integral(part.astype(np.uint8), sdepth=cv2.CV_64F)
     x0, x1, y0, y1 = x - half, x + half + 1, y - half, y + half + 1
@@ -187,7 +186,7 @@ def _share(part: BoolArray, x: npt.NDArray[Any], y: npt.NDArray[Any], half: int)
     return np.asarray(total / (2 * half + 1) ** 2)
 
 
-def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> BoolArray | None:
+def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> Bool | None:
     """Check that a mask is boolean and as large as the reference image, and shrink it.
 
     Pixels next to what is masked out are dropped too, as far as the interpolation and the blur
@@ -203,7 +202,7 @@ def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> B
 
 def name_failures(
     matches: Correlation,
-    points: FloatArray,
+    points: Float,
     settings: Settings,
     first: MaskedImage,
     second: MaskedImage,

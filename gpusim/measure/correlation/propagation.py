@@ -12,9 +12,9 @@ from functools import cached_property
 from math import ceil
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.gpu import Device
 from gpusim.measure.correlation.icgn import correlate
@@ -22,10 +22,7 @@ from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
-from gpusim.measure.images import FloatArray, Image, SplineImage, point_spacing
-
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
+from gpusim.measure.images import Image, SplineImage, point_spacing
 
 NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
@@ -48,7 +45,7 @@ MANY_ONE_SIDED = 0.1  # share of what was looked at that has no texture: look at
 RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
-def seeds(points: FloatArray) -> IntArray:
+def seeds(points: Float) -> Long:
     """One point per cell of 8x8 points, the one nearest to the cell's centre."""
     if len(points) < 4:
         return np.arange(len(points))
@@ -71,9 +68,9 @@ class Front:
         self,
         reference: Image,
         deformed: Image,
-        points: FloatArray,
+        points: Float,
         settings: Settings,
-        mask: BoolArray | None,
+        mask: Bool | None,
         blur_px: float,
         near: float,
         device: Device | None,
@@ -97,16 +94,16 @@ class Front:
         self.source = np.full(count, -1, dtype=np.int64)
 
     @property
-    def ok(self) -> BoolArray:
+    def ok(self) -> Bool:
         """(M,) bool: the points measured so far."""
         return self.matches.ok
 
     @property
-    def _open(self) -> BoolArray:
+    def _open(self) -> Bool:
         """(M,) bool: the points that could be measured and haven't been so far."""
         return np.asarray(~self.ok & (self.matches.status != Status.NO_TEXTURE))
 
-    def search(self, which: IntArray, search_px: int, shift: FloatArray) -> None:
+    def search(self, which: Long, search_px: int, shift: Float) -> None:
         """Start ``which`` from an integer search around the displacement ``shift`` (2,)."""
         points = self.points[which]
         start, score = integer_search(
@@ -117,7 +114,7 @@ class Front:
         # without a place to start from, let the kernel say why: outside, or no texture
         self.attempt(which[~matched], start[~matched], keep=False)
 
-    def start_from_features(self, which: IntArray, motions: list[Motion]) -> None:
+    def start_from_features(self, which: Long, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
         if not motions:
             return
@@ -134,9 +131,9 @@ class Front:
 
     def attempt(
         self,
-        which: IntArray,
-        displacement: FloatArray,
-        gradient: FloatArray | None = None,
+        which: Long,
+        displacement: Float,
+        gradient: Float | None = None,
         *,
         keep: bool = True,
         tolerance: float | None = None,
@@ -265,7 +262,7 @@ class Front:
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
             self._resolve_uncertain(uncertain & self.ok, likely)
 
-    def _resolve_uncertain(self, uncertain: BoolArray, likely: BoolArray) -> None:
+    def _resolve_uncertain(self, uncertain: Bool, likely: Bool) -> None:
         """Give up uncertain subsets beside lost ones: an edge goes on, short waves have none.
 
         Those whose middle by itself says something else of the point; and likely ones among
@@ -277,7 +274,7 @@ class Front:
         torn = self._centre_disagrees(asked) | (lost[asked] >= company)
         self.matches.refuse(asked[torn], Status.INCOHERENT)
 
-    def _centre_disagrees(self, which: IntArray) -> BoolArray:
+    def _centre_disagrees(self, which: Long) -> Bool:
         """Whether the middle of a subset by itself says something else of its point.
 
         It does beside an edge that only the outer part sees.
@@ -297,7 +294,7 @@ class Front:
         limit = np.maximum(self.settings.apart_px, 4.0 * sigma)
         return np.asarray(result.ok & (away > limit))
 
-    def _outliers(self) -> IntArray:
+    def _outliers(self) -> Long:
         """Measured points that a neighbour would put elsewhere, or that leave much."""
         which = np.flatnonzero(self.ok)
         if which.size < NEIGHBOURS:
@@ -316,18 +313,18 @@ class Front:
         poor = residual > POOR_RESIDUAL * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _one_sided(self, which: IntArray) -> BoolArray:
+    def _one_sided(self, which: Long) -> Bool:
         zncc = self.matches.zncc[which]
         return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
 
     @cached_property
-    def _neighbours(self) -> IntArray:
+    def _neighbours(self) -> Long:
         """(M, 8) the points nearest to each, nearest first."""
         number = min(NEIGHBOURS, len(self.points))
         nearest = scipy.spatial.cKDTree(self.points).query(self.points, k=number)[1]
         return np.asarray(nearest, dtype=np.int64)[:, 1:]
 
-    def _extrapolated(self, which: IntArray, source: IntArray) -> tuple[FloatArray, FloatArray]:
+    def _extrapolated(self, which: Long, source: Long) -> tuple[Float, Float]:
         """Displacements and slopes of points as their sources' warps continue to them.
 
         Second derivatives are left out: they are noisier than what they would add.
@@ -356,6 +353,6 @@ class Front:
         return True
 
 
-def _around(points: FloatArray, margin: float) -> tuple[float, float, float, float]:
+def _around(points: Float, margin: float) -> tuple[float, float, float, float]:
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])

@@ -16,15 +16,15 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
-from gpusim.measure.images import FloatArray, check_points
+from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
 Update = Literal["never", "auto", "always"]
-BoolArray = npt.NDArray[np.bool_]
 
 LOST = 0.03  # share of the points that may get lost before the reference is renewed
 
@@ -34,12 +34,12 @@ class _Base:
     """A reference image, and what had happened to the points when it was taken."""
 
     image: npt.NDArray[Any]
-    points: FloatArray  # (K, 2) where they are in it
-    which: npt.NDArray[np.int64]  # (K,) rows of the series' points
-    displacement: FloatArray  # (K, 2) from the first image to this one
-    deformation: FloatArray  # (K, 2, 2) deformation gradients to this one
-    variance: FloatArray  # (K,)
-    mask: BoolArray | None
+    points: Float  # (K, 2) where they are in it
+    which: Long  # (K,) rows of the series' points
+    displacement: Float  # (K, 2) from the first image to this one
+    deformation: Float  # (K, 2, 2) deformation gradients to this one
+    variance: Float  # (K,)
+    mask: Bool | None
 
 
 @unmasked("reference", "images")
@@ -54,7 +54,7 @@ def dic_sequence(
     step: int = 10,
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
-    mask: BoolArray | None = None,
+    mask: Bool | None = None,
     progress: Callable[[int, DicResult], None] | None = None,
     keep_results: bool = True,
     **options: Any,
@@ -153,8 +153,8 @@ def _moved(
     base: _Base,
     image: npt.NDArray[Any],
     matched: DicResult,
-    mask: BoolArray | None,
-    places: FloatArray,
+    mask: Bool | None,
+    places: Float,
 ) -> _Base:
     """The image as the new reference, with the points that were measured in it."""
     ok = matched.ok
@@ -170,12 +170,12 @@ def _moved(
 
 
 def _moved_mask(
-    mask: BoolArray,
+    mask: Bool,
     shape: tuple[int, ...],
-    first: FloatArray,
-    points: FloatArray,
-    deformation: FloatArray,
-) -> BoolArray:
+    first: Float,
+    points: Float,
+    deformation: Float,
+) -> Bool:
     """The mask of the first image as it lies in a later one: each pixel goes back with the
     nearest point; beyond the first image nothing is masked."""
     row, column = np.indices(shape)
@@ -191,9 +191,7 @@ def _moved_mask(
     return result.reshape(shape)
 
 
-def _total(
-    base: _Base, matched: DicResult, places: FloatArray, before: DicResult | None
-) -> DicResult:
+def _total(base: _Base, matched: DicResult, places: Float, before: DicResult | None) -> DicResult:
     """The result in terms of the first reference."""
     count, which = len(places), base.which
     status = np.full(count, Status.NO_GUESS, dtype=np.int8)
@@ -203,7 +201,7 @@ def _total(
     iterations = np.zeros(count, dtype=np.int32)
     iterations[which] = matched.iterations
 
-    def every(values: FloatArray) -> FloatArray:
+    def every(values: Float) -> Float:
         result = np.full((count, *values.shape[1:]), np.nan)
         result[which] = values
         return result

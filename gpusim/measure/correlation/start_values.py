@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from gpusim.measure.images import FloatArray, Image
+from gpusim.arrays.array_types import Float, Single
+from gpusim.measure.images import Image
 
 LOWEST = 0.7  # score over the best one that a peak as good may have between two pixels
 EQUAL_PEAK = 0.03  # less correlation than the best peak: as good
@@ -29,7 +30,7 @@ NEIGHBOURS = 5
 
 
 def search_template(
-    template: FloatArray, image: Image, centre: tuple[int, int], search_px: int
+    template: Float, image: Image, centre: tuple[int, int], search_px: int
 ) -> tuple[int, int, float]:
     """Find ``template`` (S, S), S odd, in ``image`` around the pixel ``centre`` = (x, y).
 
@@ -59,7 +60,7 @@ def search_template(
     return x0 + half + int(column), y0 + half + int(row), float(score[row, column])
 
 
-def _nearest_peak(score: FloatArray, centre: tuple[int, int]) -> tuple[int, int]:
+def _nearest_peak(score: Float, centre: tuple[int, int]) -> tuple[int, int]:
     """Row and column of the best score, or of a peak as good that is nearer to ``centre``.
 
     Peaks are compared by the heights of parabolas through them: between two pixels they look lower.
@@ -87,11 +88,11 @@ def _nearest_peak(score: FloatArray, centre: tuple[int, int]) -> tuple[int, int]
 def integer_search(
     reference: Image,
     deformed: Image,
-    points: FloatArray,
-    guess: FloatArray,
+    points: Float,
+    guess: Float,
     half: int,
     search_px: int,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Float, Float]:
     """Displacements (M, 2) to whole pixels near ``guess`` (M, 2), and their scores (M,).
 
     Points whose subset leaves the reference image score -1 and keep their guess.
@@ -120,12 +121,12 @@ class Motion:
     offset : (2,) float64, its displacement at the origin, px.
     """
 
-    points: FloatArray
-    displacement: FloatArray
-    matrix: FloatArray
-    offset: FloatArray
+    points: Float
+    displacement: Float
+    matrix: Float
+    offset: Float
 
-    def at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, points: Float) -> tuple[Float, Float]:
         """Displacements (M, 2) at ``points`` and the distance (M,) to the nearest match, px.
 
         The affine motion, corrected by what the nearest matches differ from it (median).
@@ -143,7 +144,7 @@ def feature_motions(reference: Image, deformed: Image) -> list[Motion]:
     return common_motions(*feature_matches(reference, deformed), float(np.hypot(*reference.shape)))
 
 
-def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> list[Motion]:
+def common_motions(points: Float, moved: Float, diagonal: float) -> list[Motion]:
     """The affine motions that many of the matches (K, 2), (K, 2) agree on.
 
     ``diagonal`` of the image, px: matches of one motion may differ from it by 0.8 % of that.
@@ -176,7 +177,7 @@ def common_motions(points: FloatArray, moved: FloatArray, diagonal: float) -> li
     return motions
 
 
-def feature_matches(reference: Image, deformed: Image) -> tuple[FloatArray, FloatArray]:
+def feature_matches(reference: Image, deformed: Image) -> tuple[Float, Float]:
     """Positions (K, 2) of matched features in both images, px; each the other's best match."""
     first, second = _keypoints(reference), _keypoints(deformed)
     none = np.zeros((0, 2))
@@ -193,7 +194,7 @@ def feature_matches(reference: Image, deformed: Image) -> tuple[FloatArray, Floa
     return first[0][i], second[0][j]
 
 
-def global_shift(reference: Image, deformed: Image) -> FloatArray:
+def global_shift(reference: Image, deformed: Image) -> Float:
     """The translation (2,) that most of the picture made, to whole pixels (phase correlation)."""
     height = max(reference.shape[0], deformed.shape[0])
     width = max(reference.shape[1], deformed.shape[1])
@@ -209,7 +210,7 @@ def global_shift(reference: Image, deformed: Image) -> FloatArray:
     return np.rint(np.asarray(shift, dtype=np.float64))
 
 
-def _keypoints(image: Image) -> tuple[FloatArray, npt.NDArray[np.float32]]:
+def _keypoints(image: Image) -> tuple[Float, Single]:
     """Positions (K, 2) and descriptors (K, 128)."""
     scale = min(1.0, float(np.sqrt(MAX_SIFT_SIDE / image.size)))
     grey = _eight_bit(image)

@@ -21,17 +21,17 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray, point_spacing
+from gpusim.measure.images import point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-IntArray = npt.NDArray[np.int64]
 
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
 KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
@@ -59,11 +59,11 @@ class Measured(Protocol):
     """Displacements at points, as ``dic`` returns them."""
 
     @property
-    def points(self) -> FloatArray:
+    def points(self) -> Float:
         """(M, 2) positions."""
 
     @property
-    def displacement(self) -> FloatArray:
+    def displacement(self) -> Float:
         """(M, 2), NaN where not measured."""
 
     @property
@@ -75,11 +75,11 @@ class MeasuredSurface(Measured, Protocol):
     """Points of a surface in space, as ``stereo_dic`` returns them."""
 
     @property
-    def shape(self) -> FloatArray:
+    def shape(self) -> Float:
         """(M, 3) positions before."""
 
     @property
-    def ok(self) -> npt.NDArray[np.bool_]:
+    def ok(self) -> Bool:
         """(M,), whether measured."""
 
 
@@ -105,11 +105,11 @@ class StrainResult:
     ((35, 2, 2), True)
     """
 
-    points: FloatArray
-    tensor: FloatArray
-    gradient: FloatArray
-    residual: FloatArray
-    count: npt.NDArray[np.int32]
+    points: Float
+    tensor: Float
+    gradient: Float
+    residual: Float
+    count: Int
     status: npt.NDArray[np.int8]
     kind: StrainKind
     gauge_px: float
@@ -134,19 +134,19 @@ class StrainResult:
         return plotted("correlation", self, ax, component=component, image=image, **style)
 
     @property
-    def ok(self) -> npt.NDArray[np.bool_]:
+    def ok(self) -> Bool:
         """(M,) bool: the points that have a strain."""
         return np.asarray(self.status == StrainStatus.OK)
 
     @property
-    def principal(self) -> FloatArray:
+    def principal(self) -> Float:
         """(M, 2) float64, the larger and the smaller principal strain."""
         mean = 0.5 * (self.tensor[:, 0, 0] + self.tensor[:, 1, 1])
         radius = np.hypot(0.5 * (self.tensor[:, 0, 0] - self.tensor[:, 1, 1]), self.tensor[:, 0, 1])
         return np.column_stack([mean + radius, mean - radius])
 
     @property
-    def angle(self) -> FloatArray:
+    def angle(self) -> Float:
         """(M,) float64, rad from x towards y (clockwise as seen) to the larger principal strain."""
         difference = self.tensor[:, 0, 0] - self.tensor[:, 1, 1]
         return np.asarray(0.5 * np.arctan2(2.0 * self.tensor[:, 0, 1], difference))
@@ -285,7 +285,7 @@ def surface_strain(
     )
 
 
-def _check_gauge(what: str, window: int, points: FloatArray) -> None:
+def _check_gauge(what: str, window: int, points: Float) -> None:
     if not isinstance(window, (int, np.integer)) or window < 3 or window % 2 == 0:
         raise InputError(f"window: got {window!r}; expected an odd number of points >= 3")
     if len(points) < 2:
@@ -297,7 +297,7 @@ def _statuses(fitted: Any, measured: Any) -> npt.NDArray[np.int8]:
     return np.where(measured, status, StrainStatus.NOT_MEASURED).astype(np.int8)
 
 
-def strain_tensor(gradient: FloatArray, kind: StrainKind) -> FloatArray:
+def strain_tensor(gradient: Float, kind: StrainKind) -> Float:
     """Strain (..., d, d) of displacement gradients (..., d, d); NaN stays NaN."""
     check_kind(kind)
     small = 0.5 * (gradient + np.swapaxes(gradient, -1, -2))
@@ -327,8 +327,8 @@ def check_kind(kind: object) -> None:
 
 
 def fit_gradients(
-    points: FloatArray, displacement: FloatArray, reach: float, order: int, window: int
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.int32]]:
+    points: Float, displacement: Float, reach: float, order: int, window: int
+) -> tuple[Float, Float, Int]:
     """Gradients (M, 2, 2), residuals (M,) and numbers of displacements (M,) of local fits.
 
     A fit takes the measured points within ``reach`` along both axes.
@@ -376,8 +376,8 @@ def fit_gradients(
 
 
 def _pairs(
-    points: FloatArray, known: FloatArray, reach: float, window: int
-) -> Iterator[tuple[int, int, IntArray, IntArray]]:
+    points: Float, known: Float, reach: float, window: int
+) -> Iterator[tuple[int, int, Long, Long]]:
     """Ranges (first, last) of points, with their pairs: row in the range, known point."""
     tree = scipy.spatial.cKDTree(known)
     chunk = max(1, CHUNK // (window * window))

@@ -11,15 +11,13 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontinuities
 from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
-from gpusim.measure.images import FloatArray, SplineImage
-
-BoolArray = npt.NDArray[np.bool_]
+from gpusim.measure.images import SplineImage
 
 PARTS = 3  # parts along each side of a subset
 MIN_PART_PIXELS = 6.0  # px with weight that a part needs to be asked
@@ -57,11 +55,11 @@ MAX_REMAP_SIDE = 32_000  # px: sides of the images that cv2.remap takes
 
 def inconsistent_subsets(
     pair: Pair,
-    points: FloatArray,
-    coefficients: FloatArray,
+    points: Float,
+    coefficients: Float,
     settings: Settings,
     blur_px: float = 0.0,
-) -> tuple[BoolArray, BoolArray, BoolArray]:
+) -> tuple[Bool, Bool, Bool]:
     """(M,) bool: subsets a part or a side of which moved by more than ``apart_px`` from the rest;
     uncertain ones, of which a line explains that, and a smooth field about as well: a narrow strip,
     a corner, a jump of about a pixel, or short waves; and those of them where noise hardly does.
@@ -86,9 +84,7 @@ def inconsistent_subsets(
     return verdicts[0], verdicts[1], verdicts[2]
 
 
-def one_sided_texture(
-    pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings
-) -> BoolArray:
+def one_sided_texture(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Bool:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
     goes one way only.
 
@@ -109,7 +105,7 @@ def one_sided_texture(
     return np.asarray(far | (striped > 0))
 
 
-def _leverage(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settings) -> FloatArray:
+def _leverage(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Float:
     """(3, M): uncertainty of each point over what it would be if the slopes of the warp were known,
     that for grey noise 1, and 1 where the pattern has slopes one way only.
 
@@ -143,7 +139,7 @@ def _leverage(pair: Pair, points: FloatArray, zncc: FloatArray, settings: Settin
     )
 
 
-def _one_direction(slopes: FloatArray, noise: FloatArray, pixels: FloatArray) -> BoolArray:
+def _one_direction(slopes: Float, noise: Float, pixels: Float) -> Bool:
     """Whether sums of products of slopes (B, 2, 2) tell one direction only, beside those that noise
     makes: each of ``noise`` on the diagonal, known to a share of sqrt(2 / number of pixels), of
     which the slope filter leaves about one in three independent."""
@@ -153,9 +149,7 @@ def _one_direction(slopes: FloatArray, noise: FloatArray, pixels: FloatArray) ->
     )
 
 
-def _subsets(
-    pair: Pair, points: FloatArray, settings: Settings
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
+def _subsets(pair: Pair, points: Float, settings: Settings) -> tuple[Long, Long, Float]:
     """Pixels (M, n) of subsets in the whole reference image, columns and rows, and the planes."""
     column, row = subset_pixels(points, settings.half)
     x, y = pair.reference.origin
@@ -163,8 +157,8 @@ def _subsets(
 
 
 def _misfit(
-    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings
-) -> tuple[FloatArray, ...]:
+    pair: Pair, points: Float, coefficients: Float, settings: Settings
+) -> tuple[Float, ...]:
     """What differs in subsets of n pixels where they were found: weights, grey values f, slopes of
     these in x and y, and what is left of f, all (M, n); contrast of f and total weight (M, 1)."""
     half = settings.half
@@ -188,9 +182,7 @@ def _misfit(
     return weight, f, planes[..., 1], planes[..., 2], rest, contrast, total
 
 
-def _ninths(
-    misfit: tuple[FloatArray, ...], settings: Settings, sure: float
-) -> tuple[BoolArray, FloatArray]:
+def _ninths(misfit: tuple[Float, ...], settings: Settings, sure: float) -> tuple[Bool, Float]:
     """Which subsets (M,) have a part that isn't of the reference, and the largest motion of a part
     against its subset, px, where it is sure."""
     weight, _, x, y, rest, contrast, total = misfit
@@ -228,8 +220,8 @@ def _ninths(
 
 
 def _inconsistent_chunk(
-    pair: Pair, points: FloatArray, coefficients: FloatArray, settings: Settings, sure: float
-) -> BoolArray:
+    pair: Pair, points: Float, coefficients: Float, settings: Settings, sure: float
+) -> Bool:
     """(3, M) bool: as ``inconsistent_subsets`` returns them."""
     misfit = _misfit(pair, points, coefficients, settings)
     weight, f, x, y, rest, *_ = misfit
@@ -261,7 +253,7 @@ def _inconsistent_chunk(
     return np.stack([torn_subsets, uncertain & ~torn_subsets, likely & ~torn_subsets])
 
 
-def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
+def _lower_quartile(values: Float, valid: Bool) -> Float:
     """Of the valid values in each row (B, n), between two of them linearly; 0 without any."""
     rows = np.arange(len(values))
     ordered = np.sort(np.where(valid, values, np.inf), axis=1)
@@ -274,7 +266,7 @@ def _lower_quartile(values: FloatArray, valid: BoolArray) -> FloatArray:
     return np.asarray(low + share * (high - low))
 
 
-def _resampled(image: SplineImage, x: FloatArray, y: FloatArray) -> FloatArray:
+def _resampled(image: SplineImage, x: Float, y: Float) -> Float:
     """Grey values of an image at positions (B, n), to 1/32 px: enough to see what doesn't fit."""
     if max(*image.pixels.shape, *x.shape) > MAX_REMAP_SIDE:
         return image.values(x, y)

@@ -15,8 +15,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.measure.images import FloatArray
 
 Shape = Literal["translation", "rigid", "affine", "quadratic"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
@@ -32,15 +32,13 @@ def check_shape(shape: object) -> Shape:
     raise InputError(f"shape: unknown shape function; got {shape!r}; expected one of {SHAPES}")
 
 
-def basis(a: FloatArray, b: FloatArray, count: int) -> FloatArray:
+def basis(a: Float, b: Float, count: int) -> Float:
     """The first ``count`` basis functions (count, ...) at local positions ``a``, ``b``."""
     terms = [np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b]
     return np.stack(terms[:count])
 
 
-def steepest_descent(
-    shape: Shape, by_x: FloatArray, by_y: FloatArray, a: FloatArray, b: FloatArray
-) -> FloatArray:
+def steepest_descent(shape: Shape, by_x: Float, by_y: Float, a: Float, b: Float) -> Float:
     """Change of the grey value by each unknown, (unknowns, ...), grey levels per pixel."""
     if shape == "rigid":
         return np.stack([by_x, by_y, by_y * a - by_x * b])
@@ -48,7 +46,7 @@ def steepest_descent(
     return np.concatenate([by_x * terms, by_y * terms])
 
 
-def step_coefficients(shape: Shape, step: FloatArray) -> FloatArray:
+def step_coefficients(shape: Shape, step: Float) -> Float:
     """Spread a step of the unknowns (B, unknowns) over the warp coefficients (B, 2, 6)."""
     result = np.zeros((step.shape[0], 2, 6))
     if shape == "rigid":
@@ -62,7 +60,7 @@ def step_coefficients(shape: Shape, step: FloatArray) -> FloatArray:
     return result
 
 
-def compose_inverse(shape: Shape, c: FloatArray, step: FloatArray, half: float) -> FloatArray:
+def compose_inverse(shape: Shape, c: Float, step: Float, half: float) -> Float:
     """The warp ``c`` after the inverse of the small warp ``step`` (both (B, 2, 6)).
 
     c(x - step(x)) to first order in the step, cut after the second-order terms: exact once the
@@ -87,7 +85,7 @@ def compose_inverse(shape: Shape, c: FloatArray, step: FloatArray, half: float) 
     return result
 
 
-def nearest_rotation(c: FloatArray, half: float) -> FloatArray:
+def nearest_rotation(c: Float, half: float) -> Float:
     """Replace the linear part of each warp (B, 2, 6) by the rotation nearest to it."""
     cosine = 2.0 * half + c[:, 0, 1] + c[:, 1, 2]
     sine = c[:, 1, 1] - c[:, 0, 2]

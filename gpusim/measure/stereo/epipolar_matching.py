@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
@@ -22,7 +23,7 @@ from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.propagation import Front, seeds
 from gpusim.measure.correlation.start_values import common_motions, feature_matches, search_template
-from gpusim.measure.images import FloatArray, Image
+from gpusim.measure.images import Image
 from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
 from gpusim.validation import unmasked
 
@@ -46,9 +47,9 @@ class Matches:
            [1, 0]])
     """
 
-    pairs: npt.NDArray[np.int64]
-    distance: FloatArray
-    ambiguous: npt.NDArray[np.bool_]
+    pairs: Long
+    distance: Float
+    ambiguous: Bool
     __repr__ = field_summary
 
 
@@ -58,7 +59,7 @@ def epipolar_distance(
     second: CalibratedCamera,
     pixels_1: npt.ArrayLike,
     pixels_2: npt.ArrayLike,
-) -> FloatArray:
+) -> Float:
     """Distance in px (M1, M2) of each pair from satisfying the epipolar constraint.
 
     Sampson's first-order distance (Sampson, 1982), with the lenses undone.
@@ -76,8 +77,8 @@ def epipolar_distance(
 
 
 def paired_epipolar_distance(
-    cameras: tuple[CalibratedCamera, CalibratedCamera], left: FloatArray, right: FloatArray
-) -> FloatArray:
+    cameras: tuple[CalibratedCamera, CalibratedCamera], left: Float, right: Float
+) -> Float:
     """Distance (M,) in px of row by row from the epipolar constraint, as `epipolar_distance`."""
     lines_2, rays_2, slope_2, slope_1 = _epipolar_lines(cameras, left, right)
     value = np.abs((lines_2 * rays_2).sum(axis=1))
@@ -88,7 +89,7 @@ def _epipolar_lines(
     cameras: tuple[CalibratedCamera, CalibratedCamera],
     pixels_1: npt.ArrayLike,
     pixels_2: npt.ArrayLike,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[Float, Float, Float, Float]:
     """Lines (M1, 3) in the second image, rays (M2, 3) there, and Sampson's squared slopes (M1,) by
     the pixels of the second image and (M2,) of the first."""
     first, second = cameras
@@ -164,10 +165,10 @@ def match_epipolar(
 def match_views(
     left: Image,
     right: Image,
-    points: FloatArray,
+    points: Float,
     cameras: tuple[CalibratedCamera, CalibratedCamera],
     settings: Settings,
-    mask: npt.NDArray[np.bool_] | None,
+    mask: Bool | None,
     blur_px: float,
     epipolar_px: float,
     device: Device | None,
@@ -212,14 +213,14 @@ def match_views(
 def _along_line(
     left: Image,
     right: Image,
-    point: FloatArray,
+    point: Float,
     cameras: tuple[CalibratedCamera, CalibratedCamera],
     half: int,
-) -> tuple[FloatArray, float]:
+) -> tuple[Float, float]:
     """Where on its epipolar line a subset fits best, to whole pixels, and its correlation."""
     column, row = (int(v) for v in np.rint(point))
     height, width = left.shape
-    nowhere: tuple[FloatArray, float] = (point, -1.0)
+    nowhere: tuple[Float, float] = (point, -1.0)
     if not (half <= column < width - half and half <= row < height - half):
         return nowhere
     template = left[row - half : row + half + 1, column - half : column + half + 1]

@@ -13,17 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.correlation.matching import DicResult, PointResult, Status
-from gpusim.measure.images import FloatArray
 from gpusim.measure.stereo.triangulation import normalised
 from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
-Mapping = Callable[[FloatArray], FloatArray]
+Mapping = Callable[[Float], Float]
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,10 @@ class MappedResult(PointResult):
     array([[0.1  , 0.075]])
     """
 
-    points: FloatArray
-    displacement: FloatArray
-    gradient: FloatArray
-    sigma: FloatArray
+    points: Float
+    displacement: Float
+    gradient: Float
+    sigma: Float
     status: npt.NDArray[np.int8]
     subset: float
     __repr__ = field_summary
@@ -108,7 +108,7 @@ def lens_mapping(camera: CalibratedCamera) -> Mapping:
     """
     K = camera.K
 
-    def undistorted(pixels: FloatArray) -> FloatArray:
+    def undistorted(pixels: Float) -> Float:
         ray = normalised(camera, pixels)
         x = K[0, 0] * ray[:, 0] + K[0, 1] * ray[:, 1] + K[0, 2]
         return np.column_stack([x, K[1, 1] * ray[:, 1] + K[1, 2]])
@@ -139,7 +139,7 @@ def plane_mapping(camera: CalibratedCamera, camera_from_plane: npt.ArrayLike) ->
         raise InputError("camera_from_plane: the camera looks along the plane, or lies in it")
     plane_from_ray = np.linalg.inv(homography)
 
-    def on_plane(pixels: FloatArray) -> FloatArray:
+    def on_plane(pixels: Float) -> Float:
         ray = normalised(camera, pixels)
         place = np.column_stack([ray, np.ones(len(ray))]) @ plane_from_ray.T
         # 1 / depth: not positive behind the horizon
@@ -149,10 +149,10 @@ def plane_mapping(camera: CalibratedCamera, camera_from_plane: npt.ArrayLike) ->
     return on_plane
 
 
-def _mapped(mapping: Mapping, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _mapped(mapping: Mapping, pixels: Float) -> tuple[Float, Float]:
     """Places (N, 2) and slopes (N, 2, 2): [[dX/dx, dX/dy], [dY/dx, dY/dy]]."""
 
-    def at(where: FloatArray) -> FloatArray:
+    def at(where: Float) -> Float:
         return np.asarray(mapping(where), dtype=np.float64)
 
     place = at(pixels)

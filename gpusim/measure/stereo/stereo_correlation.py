@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
@@ -30,7 +31,7 @@ from gpusim.measure.correlation.matching import (
 from gpusim.measure.correlation.pixel_mask import check_mask, masked_image, name_failures
 from gpusim.measure.correlation.sequence import Update, dic_sequence
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray, SplineImage
+from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -66,19 +67,19 @@ class StereoResult(PointResult):
     ((1, 3), True)
     """
 
-    points: FloatArray
-    left: FloatArray
-    right: FloatArray
-    shape: FloatArray
-    displacement: FloatArray
-    sigma: FloatArray
-    residual: FloatArray
+    points: Float
+    left: Float
+    right: Float
+    shape: Float
+    displacement: Float
+    sigma: Float
+    residual: Float
     status: npt.NDArray[np.int8]
     subset: int
     __repr__ = field_summary
 
     @property
-    def position(self) -> FloatArray:
+    def position(self) -> Float:
         """(M, 3) float64, where each point is now."""
         return self.shape + self.displacement
 
@@ -94,7 +95,7 @@ def stereo_shape(
     step: int = 10,
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
-    mask: npt.NDArray[np.bool_] | None = None,
+    mask: Bool | None = None,
     match_shape: Shape = "quadratic",
     epipolar_px: float = 1.0,
     saturation: float | None = None,
@@ -180,7 +181,7 @@ def stereo_dic(
     step: int = 10,
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
-    mask: npt.NDArray[np.bool_] | None = None,
+    mask: Bool | None = None,
     update: Update = "never",
     saturation: float | None = None,
     blur_px: float = 0.0,
@@ -245,7 +246,7 @@ def stereo_dic(
 def _moved(
     cameras: Cameras,
     begin: StereoResult,
-    known: npt.NDArray[np.int64],
+    known: Long,
     one: DicResult,
     two: DicResult,
     epipolar_px: float,
@@ -269,12 +270,12 @@ def _moved(
 
 def _triangulated(
     cameras: Cameras,
-    points: FloatArray,
-    places_left: FloatArray,
-    places_right: FloatArray,
-    sigma: FloatArray,
+    points: Float,
+    places_left: Float,
+    places_right: Float,
+    sigma: Float,
     status: npt.NDArray[np.int8],
-    shape: FloatArray | None,
+    shape: Float | None,
     subset: int,
 ) -> StereoResult:
     """Positions in space of what both cameras see; ``shape`` None: this is the reference."""
@@ -288,7 +289,7 @@ def _triangulated(
     status[good & ~np.isfinite(triangulated.points).all(axis=1)] = Status.EPIPOLAR
     bad = status != Status.OK
 
-    def known(values: FloatArray) -> FloatArray:
+    def known(values: Float) -> Float:
         return np.where(bad if values.ndim == 1 else bad[:, None], np.nan, values)
 
     position = known(triangulated.points)

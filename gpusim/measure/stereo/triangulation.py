@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
-from gpusim.measure.images import FloatArray
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -44,14 +44,14 @@ class Triangulated:
     array([2])
     """
 
-    points: FloatArray
-    covariance: FloatArray
-    residual: FloatArray
-    cameras: npt.NDArray[np.int64]
+    points: Float
+    covariance: Float
+    residual: Float
+    cameras: Long
     __repr__ = field_summary
 
 
-def normalised(camera: CalibratedCamera, pixels: npt.ArrayLike) -> FloatArray:
+def normalised(camera: CalibratedCamera, pixels: npt.ArrayLike) -> Float:
     """Pixels (…, 2) as x/z, y/z in the camera's coordinates, lens undone to 1e-12.
 
     Newton's method on OpenCV's own projection; NaN where it doesn't settle (beyond what the lens
@@ -62,7 +62,7 @@ def normalised(camera: CalibratedCamera, pixels: npt.ArrayLike) -> FloatArray:
     focal = np.array([camera.K[0, 0], camera.K[1, 1]])
     wanted = (flat - camera.K[:2, 2]) / focal
     if not camera.distortion.any():
-        pinhole: FloatArray = wanted.reshape(array.shape)
+        pinhole: Float = wanted.reshape(array.shape)
         return pinhole
     good = np.isfinite(wanted).all(axis=1)
     at = np.where(good[:, None], wanted, 0.0)
@@ -80,18 +80,18 @@ def normalised(camera: CalibratedCamera, pixels: npt.ArrayLike) -> FloatArray:
     rays = np.column_stack([at, np.ones(len(at))])
     seen = cv2.projectPoints(rays, zero, zero, np.eye(3), camera.distortion)[0]
     settled = good & (np.abs(np.asarray(seen).reshape(-1, 2) - wanted) <= 1e-9).all(axis=1)
-    result: FloatArray = np.where(settled[:, None], at, np.nan).reshape(array.shape)
+    result: Float = np.where(settled[:, None], at, np.nan).reshape(array.shape)
     return result
 
 
-def _solve2(matrix: FloatArray, right: FloatArray) -> FloatArray:
+def _solve2(matrix: Float, right: Float) -> Float:
     """Solve (N, 2, 2) systems; steps of singular ones are zero."""
     (a, b), (c, d) = (matrix[:, 0, 0], matrix[:, 0, 1]), (matrix[:, 1, 0], matrix[:, 1, 1])
     determinant = a * d - b * c
     fine = np.abs(determinant) > 1e-12
     safe = np.where(fine, determinant, 1.0)
     step = np.stack([d * right[:, 0] - b * right[:, 1], a * right[:, 1] - c * right[:, 0]], axis=1)
-    result: FloatArray = np.where(fine[:, None], step / safe[:, None], 0.0)
+    result: Float = np.where(fine[:, None], step / safe[:, None], 0.0)
     return np.clip(result, -0.5, 0.5)
 
 
@@ -143,9 +143,7 @@ def triangulate(
     return Triangulated(points, covariance, residual, count)
 
 
-def _linear(
-    poses: FloatArray, rays: FloatArray, weight: FloatArray, focal: FloatArray
-) -> FloatArray:
+def _linear(poses: Float, rays: Float, weight: Float, focal: Float) -> Float:
     """Direct linear transform in normalised coordinates, rows weighted by focal / sigma."""
     rows = []
     for pose, ray, w, f in zip(poses, rays, weight, focal, strict=True):
@@ -158,17 +156,17 @@ def _linear(
     system[..., 3] /= scale
     solution = np.linalg.svd(system)[2][:, -1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        result: FloatArray = solution[:, :3] / solution[:, 3:] * scale
+        result: Float = solution[:, :3] / solution[:, 3:] * scale
     return result
 
 
 def _refined(
     cameras: Sequence[CalibratedCamera],
-    points: FloatArray,
-    seen: FloatArray,
-    weight: FloatArray,
+    points: Float,
+    seen: Float,
+    weight: Float,
     steps: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[Float, Float, Float]:
     """Gauss-Newton on the reprojection errors; points, covariance, residuals."""
     pixels = np.where(np.isfinite(seen), seen, 0.0)
     for step in range(steps + 1):
@@ -194,7 +192,7 @@ def _refined(
     return points, covariance, np.sqrt(square / np.maximum(total, 1))
 
 
-def project(camera: CalibratedCamera, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+def project(camera: CalibratedCamera, points: Float) -> tuple[Float, Float]:
     """Where points (N, 3) of the rig are seen (N, 2) px, and the derivatives (N, 2, 3)."""
     pose = camera.camera_from_rig
     turn = cv2.Rodrigues(pose[:3, :3])[0]
@@ -216,16 +214,16 @@ class Alignment:
     array([0. , 0. , 0.5])
     """
 
-    rotation: FloatArray
-    shift: FloatArray
+    rotation: Float
+    shift: Float
     scale: float
     rms: float
-    residuals: FloatArray
+    residuals: Float
     __repr__ = field_summary
 
-    def apply(self, points: FloatArray) -> FloatArray:
+    def apply(self, points: Float) -> Float:
         """Points (…, 3) of the source in the target's coordinates."""
-        result: FloatArray = self.scale * points @ self.rotation.T + self.shift
+        result: Float = self.scale * points @ self.rotation.T + self.shift
         return result
 
 
@@ -285,10 +283,10 @@ class Displacement3D:
     array([0.])
     """
 
-    displacement: FloatArray
-    covariance: FloatArray
-    magnitude: FloatArray
-    sigma: FloatArray
+    displacement: Float
+    covariance: Float
+    magnitude: Float
+    sigma: Float
     __repr__ = field_summary
 
 
@@ -323,10 +321,10 @@ def displacement_3d(
     return Displacement3D(moved, covariance, length, sigma)
 
 
-def essential(first: CalibratedCamera, second: CalibratedCamera) -> FloatArray:
+def essential(first: CalibratedCamera, second: CalibratedCamera) -> Float:
     """The essential matrix E (3, 3): ray_2^T E ray_1 = 0 for `normalised` rays of one point."""
     relative = second.camera_from_rig @ np.linalg.inv(first.camera_from_rig)
     t = relative[:3, 3]
     cross = np.array([[0.0, -t[2], t[1]], [t[2], 0.0, -t[0]], [-t[1], t[0], 0.0]])
-    result: FloatArray = cross @ relative[:3, :3]
+    result: Float = cross @ relative[:3, :3]
     return result

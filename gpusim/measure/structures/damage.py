@@ -24,9 +24,9 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
 ROUNDS = 60
@@ -56,21 +56,21 @@ class SlopeChanges:
     (array([0.4]), array([1.]))
     """
 
-    position: FloatArray
-    sigma: FloatArray
-    change: FloatArray
-    change_sigma: FloatArray
-    p_value: FloatArray
-    x: FloatArray
-    fitted: FloatArray
+    position: Float
+    sigma: Float
+    change: Float
+    change_sigma: Float
+    p_value: Float
+    x: Float
+    fitted: Float
     residual: float
     offset: float
     slope: float
     __repr__ = field_summary
 
-    def at(self, x: FloatArray) -> FloatArray:
+    def at(self, x: Float) -> Float:
         """The broken line at positions (N,)."""
-        result: FloatArray = self.offset + self.slope * x
+        result: Float = self.offset + self.slope * x
         for position, change in zip(self.position, self.change, strict=True):
             result = result + change * np.maximum(x - position, 0.0)
         return result
@@ -91,7 +91,7 @@ def difference_curve(
     deflection: npt.ArrayLike,
     reference_position: npt.ArrayLike,
     reference: npt.ArrayLike,
-) -> FloatArray:
+) -> Float:
     """Deflection minus the reference's (M,); NaN where one of them wasn't measured.
 
     A reference at other positions is interpolated linearly between its measured points, and not
@@ -110,15 +110,13 @@ def difference_curve(
             "positions and deflections of one length each"
         )
     if x.shape == x0.shape and np.array_equal(x, x0):
-        same: FloatArray = y - y0
+        same: Float = y - y0
         return same
     good = np.isfinite(y0)
     if not good.any():
         raise InputError("difference_curve: nothing of the reference was measured")
     order = np.argsort(x0[good])
-    result: FloatArray = y - np.interp(
-        x, x0[good][order], y0[good][order], left=np.nan, right=np.nan
-    )
+    result: Float = y - np.interp(x, x0[good][order], y0[good][order], left=np.nan, right=np.nan)
     return result
 
 
@@ -208,7 +206,7 @@ def _chance(gain: float, freedom: int) -> float:
     return float(scipy.special.fdtrc(2, freedom, max(gain, 0.0)))
 
 
-def _line(x: FloatArray, y: FloatArray, breaks: FloatArray) -> tuple[FloatArray, float]:
+def _line(x: Float, y: Float, breaks: Float) -> tuple[Float, float]:
     """Offset, slope and slope changes for given breaks, and the sum of squares."""
     matrix = _columns(x, breaks)
     parameters = np.asarray(np.linalg.lstsq(matrix, y, rcond=None)[0], dtype=np.float64)
@@ -216,24 +214,22 @@ def _line(x: FloatArray, y: FloatArray, breaks: FloatArray) -> tuple[FloatArray,
     return parameters, float(gap @ gap)
 
 
-def _columns(x: FloatArray, breaks: FloatArray) -> FloatArray:
+def _columns(x: Float, breaks: Float) -> Float:
     bends = np.maximum(x[:, None] - breaks, 0.0)
     return np.column_stack([np.ones_like(x), x, bends])
 
 
-def _slopes(x: FloatArray, breaks: FloatArray, parameters: FloatArray) -> FloatArray:
+def _slopes(x: Float, breaks: Float, parameters: Float) -> Float:
     """Derivatives of the line by its parameters and by the places of its breaks."""
     moved = -parameters[2:] * (x[:, None] > breaks)
     return np.column_stack([_columns(x, breaks), moved])
 
 
-def _one_more(
-    x: FloatArray, y: FloatArray, breaks: FloatArray, gap: float
-) -> tuple[FloatArray, float] | None:
+def _one_more(x: Float, y: Float, breaks: Float, gap: float) -> tuple[Float, float] | None:
     """The breaks with the best one added, all of them refined; None if there is no room."""
     step = np.median(np.diff(x)) / 4
     places = np.arange(x[0] + gap, x[-1] - gap + 0.5 * step, step)
-    best: tuple[FloatArray, float] | None = None
+    best: tuple[Float, float] | None = None
     for place in places:
         if len(breaks) and np.abs(breaks - place).min() < gap:
             continue
@@ -244,9 +240,7 @@ def _one_more(
     return None if best is None else _refined(x, y, *best, gap)
 
 
-def _refined(
-    x: FloatArray, y: FloatArray, breaks: FloatArray, squares: float, gap: float
-) -> tuple[FloatArray, float]:
+def _refined(x: Float, y: Float, breaks: Float, squares: float, gap: float) -> tuple[Float, float]:
     """Breaks moved by Gauss-Newton as long as the squares fall."""
     count, length = len(breaks), float(x[-1] - x[0])
     for _ in range(ROUNDS):
@@ -271,9 +265,7 @@ def _refined(
     return breaks, squares
 
 
-def _without_small(
-    x: FloatArray, y: FloatArray, breaks: FloatArray, gap: float, least_share: float
-) -> FloatArray:
+def _without_small(x: Float, y: Float, breaks: Float, gap: float, least_share: float) -> Float:
     """Leave the smallest break out, and fit again, until none is small against the largest."""
     while len(breaks) > 1:
         change = np.abs(_line(x, y, breaks)[0][2:])
@@ -285,7 +277,7 @@ def _without_small(
     return breaks
 
 
-def _far_enough(x: FloatArray, breaks: FloatArray, clearance: float) -> npt.NDArray[np.bool_]:
+def _far_enough(x: Float, breaks: Float, clearance: float) -> Bool:
     """Which points (M,) are at least the clearance, or what room there is, from every break."""
     piece = np.searchsorted(breaks, x)
     used = np.ones(len(x), bool)
@@ -299,7 +291,7 @@ def _far_enough(x: FloatArray, breaks: FloatArray, clearance: float) -> npt.NDAr
     return used
 
 
-def _result(x: FloatArray, y: FloatArray, breaks: FloatArray) -> SlopeChanges:
+def _result(x: Float, y: Float, breaks: Float) -> SlopeChanges:
     parameters, squares = _line(x, y, breaks)
     count = len(breaks)
     matrix = _slopes(x, breaks, parameters)

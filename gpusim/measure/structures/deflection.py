@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.display import plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray
 from gpusim.validation import unmasked
 
 if TYPE_CHECKING:
@@ -49,20 +49,20 @@ class Scale:
 
     mm_per_px: float
     sigma: float
-    rotation: FloatArray
-    origin_px: FloatArray
-    origin_mm: FloatArray
-    residuals_px: FloatArray
+    rotation: Float
+    origin_px: Float
+    origin_mm: Float
+    residuals_px: Float
     residual_px: float
     __repr__ = field_summary
 
-    def positions(self, points_px: FloatArray) -> FloatArray:
+    def positions(self, points_px: Float) -> Float:
         """Points (K, 2) in px as positions (K, 2) in mm."""
         return self.vectors(points_px - self.origin_px) + self.origin_mm
 
-    def vectors(self, vectors_px: FloatArray) -> FloatArray:
+    def vectors(self, vectors_px: Float) -> Float:
         """Displacements (K, 2) in px as (K, 2) in mm, along the axes of the positions."""
-        result: FloatArray = self.mm_per_px * vectors_px @ self.rotation.T
+        result: Float = self.mm_per_px * vectors_px @ self.rotation.T
         return result
 
 
@@ -129,17 +129,17 @@ class RigidMotion:
     """
 
     angle: float
-    shift: FloatArray
-    centre: FloatArray
+    shift: Float
+    centre: Float
     rms: float
     count: int
     __repr__ = field_summary
 
-    def displacement(self, points: FloatArray) -> FloatArray:
+    def displacement(self, points: Float) -> Float:
         """Apparent displacement (K, 2) that this motion gives to points (K, 2), px."""
         cosine, sine = np.cos(self.angle), np.sin(self.angle)
         turn = np.array([[cosine - 1.0, -sine], [sine, cosine - 1.0]])
-        result: FloatArray = (points - self.centre) @ turn.T + self.shift
+        result: Float = (points - self.centre) @ turn.T + self.shift
         return result
 
 
@@ -194,9 +194,9 @@ class DeflectionLine:
            [ 0., -2.]])
     """
 
-    position_mm: FloatArray
-    displacement_mm: FloatArray
-    sigma_mm: FloatArray
+    position_mm: Float
+    displacement_mm: Float
+    sigma_mm: Float
     status: npt.NDArray[np.int8]
     scale: Scale
     camera: RigidMotion | None
@@ -277,5 +277,5 @@ def deflection_line(
     )
 
 
-def _complex(vectors: FloatArray) -> npt.NDArray[np.complex128]:
+def _complex(vectors: Float) -> npt.NDArray[np.complex128]:
     return vectors[:, 0] + 1j * vectors[:, 1]

@@ -19,10 +19,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
-from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.images import check_image, check_points
 from gpusim.measure.stereo.plane_mapping import plane_mapping
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
@@ -57,10 +58,10 @@ class Dots:
     (array([47.5, 43.5]), array([10., 10.]))
     """
 
-    points: FloatArray
-    axes: FloatArray
-    angle: FloatArray
-    contrast: FloatArray
+    points: Float
+    axes: Float
+    angle: Float
+    contrast: Float
     __repr__ = field_summary
 
 
@@ -105,7 +106,7 @@ def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bo
 @one_blas_thread()
 def circle_centres(
     points: npt.ArrayLike, camera: CalibratedCamera, camera_from_plane: npt.ArrayLike, radius: float
-) -> FloatArray:
+) -> Float:
     """Images of circles' centres (M, 2) px, from the centres ``points`` of the circles' images.
 
     The circles of ``radius`` lie in z = 0 of the frame that ``camera_from_plane`` (4, 4) places,
@@ -152,7 +153,7 @@ def circle_centres(
     return centre
 
 
-def _projected(camera: CalibratedCamera, pose: FloatArray, places: FloatArray) -> FloatArray:
+def _projected(camera: CalibratedCamera, pose: Float, places: Float) -> Float:
     """Pixels (…, 2) of places (…, 2) on the plane."""
     flat = places.reshape(-1, 2)
     space = np.column_stack([flat, np.zeros(len(flat))])
@@ -162,8 +163,8 @@ def _projected(camera: CalibratedCamera, pose: FloatArray, places: FloatArray) -
 
 
 def _components(
-    grey: FloatArray, high: float, span: float
-) -> tuple[npt.NDArray[np.int32], list[tuple[int, tuple[int, int, int, int]]]]:
+    grey: Float, high: float, span: float
+) -> tuple[Int, list[tuple[int, tuple[int, int, int, int]]]]:
     """Connected parts darker than around them, as labels, and those of a likely size with boxes."""
     side = 2 * int(1.5 * high + RIM) + 1
     mean = cv2.blur(grey, (side, side), borderType=cv2.BORDER_REFLECT)
@@ -178,8 +179,8 @@ def _components(
 
 
 def _dot(
-    grey: FloatArray,
-    labels: npt.NDArray[np.int32],
+    grey: Float,
+    labels: Int,
     number: int,
     box: tuple[int, int, int, int],
     low: float,
@@ -231,12 +232,12 @@ def _dot(
 
 
 def _brightness(
-    window: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
-    free: npt.NDArray[np.bool_],
-    core: npt.NDArray[np.bool_],
-) -> FloatArray:
+    window: Float,
+    x: Float,
+    y: Float,
+    free: Bool,
+    core: Bool,
+) -> Float:
     """Brightness of the surroundings, a plane through the pixels that are ``free``.
 
     Dark ones tell less of the light's slope than a bright dot's own ``core``, which then counts as

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.measure.correlation.icgn import correlate_numpy
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import search_template
-from gpusim.measure.images import BLUR_REACH, PAD, SLACK, FloatArray, Image, SplineImage
-
-BoolArray = npt.NDArray[np.bool_]
+from gpusim.measure.images import BLUR_REACH, PAD, SLACK, Image, SplineImage
 
 MARGIN = 20  # pixels around a part: what happens at its border has faded to 5e-8 there
 MIN_PIXELS = 8  # pixels of the image in a part
@@ -40,13 +38,11 @@ class ImagePatches(SplineImage):
     """
 
     size: int
-    corners: npt.NDArray[np.int64]
-    limits: FloatArray
+    corners: Long
+    limits: Float
 
     @classmethod
-    def around(
-        cls, image: Image, centres: FloatArray, reach: float, blur_px: float
-    ) -> ImagePatches:
+    def around(cls, image: Image, centres: Float, reach: float, blur_px: float) -> ImagePatches:
         """Parts that can be read up to ``reach`` px beside ``centres`` (M, 2), blurred first.
 
         Beyond the image's border it is continued, point-reflected, but not valid.
@@ -79,7 +75,7 @@ class ImagePatches(SplineImage):
             limits=np.concatenate([low, high], axis=1).astype(np.float64),
         )
 
-    def take(self, which: npt.NDArray[np.int64]) -> ImagePatches:
+    def take(self, which: Long) -> ImagePatches:
         """The parts ``which`` (K,) alone."""
         inner = self.coefficients[PAD:-PAD, PAD:-PAD]
         pixels, coefficients = (
@@ -96,7 +92,7 @@ class ImagePatches(SplineImage):
             limits=self.limits[which],
         )
 
-    def stacked_mask(self, mask: BoolArray) -> BoolArray:
+    def stacked_mask(self, mask: Bool) -> Bool:
         """The parts of a mask (H, W) of the image, False outside, one below the other."""
         offset = np.arange(self.size)
         x, y = (self.corners[:, k, None] + offset for k in range(2))
@@ -105,13 +101,13 @@ class ImagePatches(SplineImage):
         parts = mask[y[:, :, None], x[:, None, :]] & inside_y[:, :, None] & inside_x[:, None, :]
         return np.asarray(parts.reshape(-1, self.size))
 
-    def stack_offset(self, which: npt.NDArray[np.int64]) -> FloatArray:
+    def stack_offset(self, which: Long) -> Float:
         """What to add to positions in the image for those in the parts ``which`` (K,): (K, 2)."""
         shift = -self.corners[which].astype(np.float64)
         shift[:, 1] += which * self.size
         return shift
 
-    def inside(self, x: FloatArray, y: FloatArray) -> BoolArray:
+    def inside(self, x: Float, y: Float) -> Bool:
         """Whether each position lies in the valid box of its part, or within ``SLACK`` of it."""
         row = np.nan_to_num(y, nan=-1.0) // self.size
         known = (row >= 0) & (row < len(self.limits))
@@ -125,7 +121,7 @@ class ImagePatches(SplineImage):
         )  # fmt: skip
 
 
-def _part(image: Image, x: int, y: int, size: int) -> FloatArray:
+def _part(image: Image, x: int, y: int, size: int) -> Float:
     """A square of ``size`` px from (x, y); zeros if the image has next to nothing of it."""
     height, width = image.shape
     x0, x1, y0, y1 = max(x, 0), min(x + size, width), max(y, 0), min(y + size, height)
@@ -147,8 +143,8 @@ class Matches(Correlation):
     source : (M,) int64, the marker from which each was predicted, -1: from no displacement.
     """
 
-    backward: FloatArray
-    source: npt.NDArray[np.int64]
+    backward: Float
+    source: Long
 
     @staticmethod
     def none(count: int) -> Matches:
@@ -168,9 +164,9 @@ class Matcher:
         self,
         reference: Image,
         deformed: Image,
-        points: FloatArray,
+        points: Float,
         settings: Settings,
-        mask: BoolArray | None,
+        mask: Bool | None,
         search_px: int,
         backward_px: float,
         blur_px: float,
@@ -185,7 +181,7 @@ class Matcher:
         self.reach = 1.5 * (settings.half + 2.0) + settings.max_move
         self.patches = ImagePatches.around(reference, points, self.reach, blur_px)
 
-    def search(self, index: int, c: FloatArray) -> FloatArray:
+    def search(self, index: int, c: Float) -> Float:
         """Displacement near the prediction ``c`` (2, 6) where the turned template fits best."""
         half, point = self.settings.half, self.points[index]
         offset = np.arange(-half, half + 1, dtype=np.float64)
@@ -213,10 +209,10 @@ class Matcher:
         )
         if score < 0:
             return c[:, 0].copy()
-        displacement: FloatArray = c[:, 0] + np.array([column, row], dtype=np.float64) - target
+        displacement: Float = c[:, 0] + np.array([column, row], dtype=np.float64) - target
         return displacement
 
-    def match(self, indices: Sequence[int], starts: FloatArray, sources: Sequence[int]) -> Matches:
+    def match(self, indices: Sequence[int], starts: Float, sources: Sequence[int]) -> Matches:
         """Correlate the markers ``indices`` from ``starts`` (K, 2, 6), there and back."""
         which = np.array(indices, dtype=np.int64)
         if not which.size:
@@ -236,7 +232,7 @@ class Matcher:
         forward.refuse(forward.ok & ~(missed <= self.backward_px), Status.BACKWARD)
         return Matches(**vars(forward), backward=missed, source=np.array(sources, dtype=np.int64))
 
-    def _correlate(self, pair: Pair, points: FloatArray, starts: FloatArray) -> Correlation:
+    def _correlate(self, pair: Pair, points: Float, starts: Float) -> Correlation:
         """`correlate_numpy` for points and displacements as in the images, not in the piles."""
         assert isinstance(pair.reference, ImagePatches) and isinstance(pair.deformed, ImagePatches)
         every = np.arange(len(points))
@@ -249,11 +245,11 @@ class Matcher:
 
     def _back(
         self,
-        points: FloatArray,
-        forward: FloatArray,
+        points: Float,
+        forward: Float,
         reference: ImagePatches,
         deformed: ImagePatches,
-    ) -> FloatArray:
+    ) -> Float:
         """Distances (K,) by which tracking from the deformed image misses the points; or NaN."""
         half = self.settings.half
         targets = points + forward[:, :, 0]
@@ -267,8 +263,8 @@ class Matcher:
         return np.asarray(np.linalg.norm(targets + back.coefficients[:, :, 0] - points, axis=1))
 
     def _turned_mask(
-        self, points: FloatArray, targets: FloatArray, inverse: FloatArray, deformed: ImagePatches
-    ) -> BoolArray | None:
+        self, points: Float, targets: Float, inverse: Float, deformed: ImagePatches
+    ) -> Bool | None:
         """The reference mask as it lies over the subsets in the deformed image, as a pile."""
         if self.mask is None:
             return None

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.matching import (
@@ -26,7 +27,7 @@ from gpusim.measure.correlation.matching import (
 )
 from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
-from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.images import check_image, check_points
 from gpusim.measure.structures.marker_matching import Matcher, Matches
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
@@ -52,8 +53,8 @@ class TrackResult(DicResult):
     (array([0, 0], dtype=int8), True)
     """
 
-    backward: FloatArray
-    source: npt.NDArray[np.int64]
+    backward: Float
+    source: Long
     __repr__ = field_summary
 
 
@@ -69,7 +70,7 @@ def track(
     groups: Sequence[Sequence[int]] | None = None,
     shape: Shape = "rigid",
     window: Window | npt.ArrayLike = "square",
-    mask: npt.NDArray[np.bool_] | None = None,
+    mask: Bool | None = None,
     blur_px: float = 1.0,
     tolerance: float = 1e-4,
     max_iterations: int = 60,
@@ -215,7 +216,7 @@ class _Tracker:
         result = vars(make_result(self.points, matches, subset, widening))
         return TrackResult(**result, backward=matches.backward, source=matches.source)
 
-    def _coinciding(self, displacement: FloatArray) -> npt.NDArray[np.bool_]:
+    def _coinciding(self, displacement: Float) -> Bool:
         """Markers that ended where another one ended though they began further apart.
 
         Tracking back can't tell perfect look-alikes, but two of them can't be in one place.
@@ -232,7 +233,7 @@ class _Tracker:
         apart = [float(np.linalg.norm(self.points[i] - self.points[index])) for i in done]
         return [done[i] for i in np.argsort(apart, kind="stable")[:MAX_SOURCES]]
 
-    def _predicted_chain(self, chain: Sequence[int]) -> FloatArray:
+    def _predicted_chain(self, chain: Sequence[int]) -> Float:
         """Starts (K, 2, 6) along a chain to a pixel: each marker as its neighbours moved and
         turned."""
         starts = np.zeros((len(chain), 2, 6))
@@ -268,7 +269,7 @@ class _Tracker:
         self, index: int, sources: list[int], *, still: bool, only_good: bool = False
     ) -> bool:
         """Take the best match of one marker over its predictions, and tell whether it was found."""
-        tried: list[FloatArray] = []
+        tried: list[Float] = []
         of: list[int] = []
         for source, start in self._predictions(index, sources, still=still):
             start[:, 0] = self.matcher.search(index, start)
@@ -296,9 +297,9 @@ class _Tracker:
 
     def _predictions(
         self, index: int, sources: list[int], *, still: bool
-    ) -> list[tuple[int, FloatArray]]:
+    ) -> list[tuple[int, Float]]:
         """Start coefficients (2, 6): from no displacement, or from each source."""
-        starts: list[tuple[int, FloatArray]] = []
+        starts: list[tuple[int, Float]] = []
         if still:
             starts.append((-1, np.zeros((2, 6))))
         for source in sources:
@@ -310,7 +311,7 @@ class _Tracker:
         return starts
 
 
-def _rotation(before: FloatArray, after: FloatArray) -> FloatArray:
+def _rotation(before: Float, after: Float) -> Float:
     """The rotation (2, 2) that turns the direction of one vector into that of another."""
     size = float(np.linalg.norm(before) * np.linalg.norm(after))
     if not size > 0:

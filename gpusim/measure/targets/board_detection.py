@@ -17,8 +17,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
-from gpusim.measure.images import FloatArray, check_image, eight_bit
+from gpusim.measure.images import check_image, eight_bit
 from gpusim.measure.targets.boards import CharucoBoard, Chessboard, Sighting
 from gpusim.measure.targets.crossings import fit_crossings
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -79,7 +80,7 @@ def find_chessboard(
     return best
 
 
-def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Sighting:
+def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: Float) -> Sighting:
     """The corners near rough ones (N, 2), in row order, and which of the board's they are."""
     height, width = array.shape
     across, down = board.corners
@@ -109,7 +110,7 @@ def _fitted(array: npt.NDArray[Any], board: Chessboard, rough: FloatArray) -> Si
 
 def _detections(
     grey: npt.NDArray[np.uint8], corners: tuple[int, int], longest: int
-) -> Iterator[FloatArray]:
+) -> Iterator[Float]:
     """Rough corner positions (N, 2) in row order, as one detector after the other sees them.
 
     ``longest``: side of the whole image, which decides the sizes; a part of it is as much reduced.
@@ -150,13 +151,13 @@ def _reduced(grey: npt.NDArray[np.uint8], factor: int) -> npt.NDArray[np.uint8]:
     return np.asarray(small, dtype=np.uint8)
 
 
-def _full_size(points: npt.NDArray[Any], factor: int) -> FloatArray:
+def _full_size(points: npt.NDArray[Any], factor: int) -> Float:
     flat = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-    result: FloatArray = (flat + 0.5) * factor - 0.5
+    result: Float = (flat + 0.5) * factor - 0.5
     return result
 
 
-def _upright(grid: FloatArray) -> FloatArray:
+def _upright(grid: Float) -> Float:
     """The grid (rows, columns, 2) turned so that it isn't mirrored: down is right of across."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     mirrored = across[0] * down[1] - across[1] * down[0] < 0
@@ -199,9 +200,7 @@ def find_charuco(image: npt.NDArray[Any], board: CharucoBoard) -> Sighting:
     return Sighting.fitted(places, fit, ok, resolution, total)
 
 
-def grid_steps(
-    points: FloatArray, index: npt.NDArray[np.int64]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+def grid_steps(points: Float, index: Long) -> tuple[Float, Float, Bool]:
     """Steps (N, 2) in px to the next point across and down, from neighbours in a grid.
 
     ``index`` (N, 2) is each point's column and row. The third result tells which points have a

@@ -12,11 +12,10 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray
 from gpusim.measure.targets.crossings import Crossings
 
 
@@ -65,7 +64,7 @@ class Chessboard:
         middle = 0.5 * self.square * (across - 1), 0.5 * self.square * (down - 1)
         return Turns(middle, self.columns == self.rows)
 
-    def points(self) -> FloatArray:
+    def points(self) -> Float:
         """(N, 3) float64, inner corners row by row."""
         across, down = self.corners
         x, y = np.meshgrid(np.arange(across), np.arange(down), indexing="xy")
@@ -161,11 +160,11 @@ class Sighting:
     (30, 0, '')
     """
 
-    board: FloatArray
-    image: FloatArray
-    sigma: FloatArray
-    contrast: FloatArray
-    blur: FloatArray
+    board: Float
+    image: Float
+    sigma: Float
+    contrast: Float
+    blur: Float
     resolution: tuple[int, int]
     missed: int
     problem: str = ""
@@ -185,7 +184,7 @@ class Sighting:
 
     @staticmethod
     def fitted(
-        places: FloatArray, fit: Crossings, ok: npt.NDArray[np.bool_], resolution: tuple[int, int],
+        places: Float, fit: Crossings, ok: Bool, resolution: tuple[int, int],
         total: int, turns: Turns | None = None,
     ) -> Sighting:  # fmt: skip
         """Those of the corners at ``places`` (N, 3) that are ``ok``, of so many in ``total``."""

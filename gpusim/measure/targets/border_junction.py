@@ -22,15 +22,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
-from gpusim.measure.images import FloatArray
+from gpusim.arrays.array_types import Float, Long
 from gpusim.measure.targets.levenberg_marquardt import ManyFits, fit_many
 
 FLAT_SIGMAS = 7.0  # 1 - 1e-12 of the Gaussian step
 MIN_BOX = 1e-3  # px, narrower sides of the pixel box are widened to this
-Rows = npt.NDArray[np.int64]
 
 
 PARAMETERS = 9
@@ -54,16 +52,16 @@ class EdgeSamples:
     -1..1 and its derivatives (N,) by the distance, the variance, |normal_x| and |normal_y|.
     """
 
-    pixel: Rows
-    border: Rows
-    value: FloatArray
-    by_distance: FloatArray
-    by_variance: FloatArray
-    by_wide: FloatArray
-    by_narrow: FloatArray
+    pixel: Long
+    border: Long
+    value: Float
+    by_distance: Float
+    by_variance: Float
+    by_wide: Float
+    by_narrow: Float
 
 
-def near_border(distance: FloatArray, normal: FloatArray, variance: FloatArray) -> EdgeSamples:
+def near_border(distance: Float, normal: Float, variance: Float) -> EdgeSamples:
     """`profile_and_slopes` at those of the pixels (B, P) that are near their border."""
     sides = np.maximum(np.abs(normal), MIN_BOX)
     sigma = np.sqrt(variance)
@@ -100,8 +98,8 @@ def near_border(distance: FloatArray, normal: FloatArray, variance: FloatArray) 
 
 
 def profile_and_slopes(
-    distance: FloatArray, normal: FloatArray, variance: FloatArray | float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    distance: Float, normal: Float, variance: Float | float
+) -> tuple[Float, Float, Float, Float, Float]:
     """The profile -1..1 and its derivatives by the distance, the variance, |normal_x|, |normal_y|.
 
     ``distance`` (…, P) in px from the border to the pixel centres, ``normal`` (…, 2) its unit
@@ -121,16 +119,16 @@ def profile_and_slopes(
 
 
 def slope_by_turn(
-    profile: tuple[FloatArray, ...],
-    normal: FloatArray,
-    change: FloatArray,
-    dx: FloatArray,
-    dy: FloatArray,
-) -> FloatArray:
+    profile: tuple[Float, ...],
+    normal: Float,
+    change: Float,
+    dx: Float,
+    dy: Float,
+) -> Float:
     """Derivative of a border profile by its angle; ``change`` (…,2) is that of the ``normal``."""
     _, by_distance, _, by_wide, by_narrow = profile
     box = box_by_turn(normal, change)
-    result: FloatArray = (
+    result: Float = (
         by_distance * (dx * change[..., :1] + dy * change[..., 1:])
         + by_wide * box[..., :1]
         + by_narrow * box[..., 1:]
@@ -138,13 +136,13 @@ def slope_by_turn(
     return result
 
 
-def box_by_turn(normal: FloatArray, change: FloatArray) -> FloatArray:
+def box_by_turn(normal: Float, change: Float) -> Float:
     """Derivatives (…, 2) of the pixel box's sides, where they aren't held at their least width."""
-    result: FloatArray = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
+    result: Float = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
     return result
 
 
-def frames(p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def frames(p: Float) -> tuple[Float, Float, Float, Float]:
     """Directions (C, 2) of both borders and their normals, of parameters (C, 9).
 
     The quadrant where both normals point is the white one.
@@ -156,9 +154,7 @@ def frames(p: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArra
     return along_1, along_2, normal_1, normal_2
 
 
-def residual_and_slopes(
-    p: FloatArray, x: FloatArray, y: FloatArray, grey: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def residual_and_slopes(p: Float, x: Float, y: Float, grey: Float) -> tuple[Float, Float]:
     """Model less grey value (C, P) at pixels x, y, and its derivatives (C, 9, P)."""
     along_1, along_2, normal_1, normal_2 = frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
@@ -211,11 +207,11 @@ def residual_and_slopes(
 
 
 def fit_junctions(
-    x: FloatArray,
-    y: FloatArray,
-    grey: FloatArray,
-    weight: FloatArray,
-    start: FloatArray,
+    x: Float,
+    y: Float,
+    grey: Float,
+    weight: Float,
+    start: Float,
     *,
     rough: bool = False,
 ) -> ManyFits:
@@ -225,12 +221,12 @@ def fit_junctions(
     for those that don't count. ``rough`` fits are a start for another: right to a thousandth.
     """
 
-    def fit(rows: Rows, first: FloatArray, least: float, tolerance: float, most: int) -> ManyFits:
+    def fit(rows: Long, first: Float, least: float, tolerance: float, most: int) -> ManyFits:
         samples = (x, y, grey)
         if len(rows) < len(start):
             samples = x[rows], y[rows], grey[rows]
 
-        def model(p: FloatArray, which: Rows) -> tuple[FloatArray, FloatArray]:
+        def model(p: Float, which: Long) -> tuple[Float, Float]:
             every = len(which) == len(rows)
             return residual_and_slopes(p, *(samples if every else (v[which] for v in samples)))
 

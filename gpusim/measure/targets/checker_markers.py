@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float, Single
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray, Image, check_image, check_points
+from gpusim.measure.images import Image, check_image, check_points
 from gpusim.measure.targets.cross_fit import fit_crosses
 from gpusim.measure.targets.noise import allowed_residual, noise_level
 from gpusim.parallel.blas_threads import one_blas_thread
@@ -81,16 +82,16 @@ class Markers:
            [119.5,  59.5]]), 2)
     """
 
-    points: FloatArray
-    size: FloatArray
-    angle: FloatArray
-    contrast: FloatArray
-    residual: FloatArray
+    points: Float
+    size: Float
+    angle: Float
+    contrast: Float
+    residual: Float
     status: npt.NDArray[np.int8]
     __repr__ = field_summary
 
     @property
-    def ok(self) -> npt.NDArray[np.bool_]:
+    def ok(self) -> Bool:
         """(M,) bool: the markers that were found."""
         return np.asarray(self.status == MarkerStatus.FOUND)
 
@@ -134,10 +135,10 @@ def _crosses(
     min_response: float,
     max_residual: float,
     near: Sequence[tuple[float, float, float] | None],
-) -> list[FloatArray]:
+) -> list[Float]:
     """The markers of each image as `fit_crosses` gives them, contrast in grey levels; with ``near``
     = (x, y, distance) none is fitted that can't end within that distance."""
-    places: list[tuple[npt.NDArray[np.float32], float, float]] = []
+    places: list[tuple[Single, float, float]] = []
     spans, whose, greys = [], [], {}
     for k, (array, around) in enumerate(zip(images, near, strict=True)):
         grey, span = _grey(array)
@@ -151,7 +152,7 @@ def _crosses(
     markers = []
     for k, span in enumerate(spans):
         crosses = every[(owner == k) & np.isfinite(every[:, 0])]
-        most: float | FloatArray = max_residual
+        most: float | Float = max_residual
         if not (crosses[:, 4] <= max_residual).all():
             most = allowed_residual(max_residual, noise_level(greys[k]), crosses[:, 3])
         crosses = crosses[crosses[:, 4] <= most]
@@ -161,7 +162,7 @@ def _crosses(
 
 
 def _candidates(
-    grey: npt.NDArray[np.float32],
+    grey: Single,
     size: float,
     min_response: float,
     near: tuple[float, float, float] | None,
@@ -255,7 +256,7 @@ def _check_size(size_px: tuple[float, float]) -> tuple[float, float]:
     return low, high
 
 
-def _grey(image: Image) -> tuple[npt.NDArray[np.float32], float]:
+def _grey(image: Image) -> tuple[Single, float]:
     """The image with grey range 0..1 as float32, and its range."""
     low, high = float(image.min()), float(image.max())
     span = high - low
@@ -264,9 +265,7 @@ def _grey(image: Image) -> tuple[npt.NDArray[np.float32], float]:
     return ((image.astype(np.float32) - np.float32(low)) / np.float32(span)), span
 
 
-def _corner_pixels(
-    grey: npt.NDArray[np.float32], size: float, min_response: float
-) -> list[tuple[int, int]]:
+def _corner_pixels(grey: Single, size: float, min_response: float) -> list[tuple[int, int]]:
     """Pixels (x, y) where the Harris response is the highest within a third of a marker."""
     block = max(3, round(size / 5))
     response = cv2.cornerHarris(grey, block, 3, HARRIS_K)
@@ -277,9 +276,7 @@ def _corner_pixels(
     return [(int(x), int(y)) for x, y in zip(columns, rows, strict=True)]
 
 
-def _saddle(
-    smooth: npt.NDArray[np.float32], corner: tuple[int, int], size: float
-) -> tuple[float, float] | None:
+def _saddle(smooth: Single, corner: tuple[int, int], size: float) -> tuple[float, float] | None:
     """Walk from a Harris corner to the saddle point (x, y) of the smoothed image, within size / 3.
 
     The response is flat around a checker's centre and its peak up to 2 px off.
@@ -304,7 +301,7 @@ def _saddle(
     return None
 
 
-def _checkered(grey: npt.NDArray[np.float32], place: tuple[float, float], size: float) -> bool:
+def _checkered(grey: Single, place: tuple[float, float], size: float) -> bool:
     """Whether the rings around a place (x, y) look like a 2x2 checker.
 
     In a marker 10 px wide, half a pixel beside its centre, the smaller ring no longer does.
@@ -333,7 +330,7 @@ def _checkered(grey: npt.NDArray[np.float32], place: tuple[float, float], size: 
     return True
 
 
-def _distinct(fits: FloatArray, size: float) -> FloatArray:
+def _distinct(fits: Float, size: float) -> Float:
     """Drop the poorer one of two fits that ended at the same place; row by row."""
     kept: list[int] = []
     for k in np.argsort(fits[:, 4], kind="stable"):
@@ -343,6 +340,6 @@ def _distinct(fits: FloatArray, size: float) -> FloatArray:
     return np.asarray(best[np.lexsort([best[:, 0], np.rint(best[:, 1] / size)])])
 
 
-def _markers(fits: FloatArray, status: npt.NDArray[np.int8]) -> Markers:
+def _markers(fits: Float, status: npt.NDArray[np.int8]) -> Markers:
     angle, contrast, residual = fits[:, 2:5].T.copy()
     return Markers(fits[:, :2].copy(), fits[:, 5:].copy(), angle, contrast, residual, status)

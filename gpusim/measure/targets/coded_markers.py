@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray, Image, check_image, eight_bit
+from gpusim.measure.images import Image, check_image, eight_bit
 from gpusim.measure.targets.boards import check_dictionary
 from gpusim.measure.targets.border_junction import profile_and_slopes, slope_by_turn
 from gpusim.measure.targets.levenberg_marquardt import fit_many
@@ -46,13 +47,13 @@ class SideSamples:
     of each; ``offset`` (S, P, 2) of the pixels from its middle, ``grey`` and ``weight`` (S, P);
     ``enough`` (S,): whether they are."""
 
-    middle: FloatArray
-    angle: FloatArray
-    length: FloatArray
-    offset: FloatArray
-    grey: FloatArray
-    weight: FloatArray
-    enough: npt.NDArray[np.bool_]
+    middle: Float
+    angle: Float
+    length: Float
+    offset: Float
+    grey: Float
+    weight: Float
+    enough: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +69,16 @@ class Sides:
     good : (S,) bool.
     """
 
-    middle: FloatArray
-    normal: FloatArray
-    offset: FloatArray
-    spread: FloatArray
-    bend: FloatArray
-    bend_sigma: FloatArray
-    good: npt.NDArray[np.bool_]
+    middle: Float
+    normal: Float
+    offset: Float
+    spread: Float
+    bend: Float
+    bend_sigma: Float
+    good: Bool
 
 
-def side_samples(image: Image, corners: FloatArray, cells: int) -> SideSamples:
+def side_samples(image: Image, corners: Float, cells: int) -> SideSamples:
     """The pixels near the sides of M squares of ``cells`` cells, side k from corner k to the next.
 
     ``corners`` (M, 4, 2) px, clockwise as seen.
@@ -120,7 +121,7 @@ def fit_sides(samples: SideSamples, straighten: Straighten | None = None) -> Sid
     start[:, 1], start[:, 2] = samples.angle, FIRST_SIGMA**2
     start[:, 3], start[:, 4] = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-9)
 
-    def model(p: FloatArray, rows: npt.NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    def model(p: Float, rows: Long) -> tuple[Float, Float]:
         normal = np.stack([np.cos(p[:, 1]), np.sin(p[:, 1])], axis=1)
         change = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
         dx, dy = offset[rows, :, 0], offset[rows, :, 1]
@@ -156,11 +157,11 @@ def fit_sides(samples: SideSamples, straighten: Straighten | None = None) -> Sid
 
 
 def _bend(
-    offset: FloatArray,
-    normal: FloatArray,
-    residual: FloatArray,
-    slopes: FloatArray,
-    weight: FloatArray,
+    offset: Float,
+    normal: Float,
+    residual: Float,
+    slopes: Float,
+    weight: Float,
 ) -> tuple[float, float]:
     """A curvature that explains what a fit leaves (P,), beside its own parameters; its sigma."""
     along = offset[:, 1] * normal[0] - offset[:, 0] * normal[1]
@@ -178,9 +179,7 @@ def _bend(
     return bend, float(np.sqrt(remainder @ remainder / freedom / square)) + 1e-12
 
 
-def _pixels(
-    image: Image, middle: FloatArray, angle: float, reach: float, band: float
-) -> FloatArray:
+def _pixels(image: Image, middle: Float, angle: float, reach: float, band: float) -> Float:
     """Pixels (P, 3) near a side: offset from its middle, and grey value; none at the border."""
     height, width = image.shape
     normal = np.array([np.cos(angle), np.sin(angle)])
@@ -217,10 +216,10 @@ class Codes:
     (array([0, 1, 2, 3, 4, 5]), (6, 4, 2))
     """
 
-    number: npt.NDArray[np.int64]
-    corners: FloatArray
-    centre: FloatArray
-    sigma: FloatArray
+    number: Long
+    corners: Float
+    centre: Float
+    sigma: Float
     missed: int
     __repr__ = field_summary
 
@@ -280,7 +279,7 @@ def _straightened(
     return sides, field
 
 
-def _gathered(number: npt.NDArray[np.int64], sides: Sides, straighten: Straighten | None) -> Codes:
+def _gathered(number: Long, sides: Sides, straighten: Straighten | None) -> Codes:
     """Corners where the sides, four each, meet; without markers that have a bad side."""
     keep = sides.good.reshape(-1, 4).all(axis=1)
     middle, normal = (v.reshape(-1, 4, 2)[keep] for v in (sides.middle, sides.normal))
@@ -312,15 +311,15 @@ def _gathered(number: npt.NDArray[np.int64], sides: Sides, straighten: Straighte
         if straighten is None:
             break
         away = away + meet - straight_offsets(straighten, about, away[:, None])[:, 0]
-    centre: FloatArray = about + away
-    sigma: FloatArray = np.asarray(np.sqrt((spread**2).mean(axis=1)), dtype=np.float64)
+    centre: Float = about + away
+    sigma: Float = np.asarray(np.sqrt((spread**2).mean(axis=1)), dtype=np.float64)
     return Codes(number, corners, centre, sigma, missed)
 
 
-def _solved(system: FloatArray, right: FloatArray) -> FloatArray:
+def _solved(system: Float, right: Float) -> Float:
     """Places (M, 4, 2) where two lines meet: systems (M, 4, 2, 2) and right sides (M, 4, 2)."""
     return np.asarray(np.linalg.solve(system, right[..., None])[..., 0])
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+def _cross(a: Float, b: Float) -> Float:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

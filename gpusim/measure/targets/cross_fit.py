@@ -10,12 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.measure.images import FloatArray
+from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.measure.targets.border_junction import CENTRE, fit_junctions, frames
-
-BoolArray = npt.NDArray[np.bool_]
 
 SAMPLES = 64  # on the ring that gives the first angle
 FIRST_SIGMA, MAX_SIGMA = 0.3, 3.0  # px
@@ -29,9 +26,7 @@ MAX_SKEW, MAX_TURN = 0.35, 1.2  # rad: of the borders to each other, from +x
 CHUNK = 1 << 20  # pixels fitted at once
 
 
-def fit_crosses(
-    places: Sequence[tuple[npt.NDArray[np.float32], float, float]], low: float, high: float
-) -> FloatArray:
+def fit_crosses(places: Sequence[tuple[Single, float, float]], low: float, high: float) -> Float:
     """Fit the markers whose centres are near places (grey image, x, y), of ``low`` to ``high`` px.
 
     The images may be one or many. Returns (K, 7): centre x, y (px), angle (rad), contrast and
@@ -56,9 +51,7 @@ def fit_crosses(
     return np.concatenate(fits)
 
 
-def _fit_patches(
-    patches: FloatArray, corner: npt.NDArray[np.int64], start: FloatArray, low: float, high: float
-) -> FloatArray:
+def _fit_patches(patches: Float, corner: Long, start: Float, low: float, high: float) -> Float:
     """Patches (K, S, S), NaN outside the image, whose first pixel lies at ``corner`` (K, 2)."""
     count = len(patches)
     angle, contrast = _first_angles(patches, start, 0.27 * low)
@@ -85,7 +78,7 @@ def _fit_patches(
     return np.where(good[:, None], fits, np.nan)
 
 
-def _sampled(patches: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+def _sampled(patches: Float, x: Float, y: Float) -> Float:
     """Each patch at its own positions (K, …), linearly between pixels; NaN outside."""
     which = np.arange(len(patches)).reshape(-1, *[1] * (x.ndim - 1))
     last = patches.shape[1] - 1
@@ -100,9 +93,7 @@ def _sampled(patches: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.where(inside, (1.0 - down) * upper + down * lower, np.nan)
 
 
-def _first_angles(
-    patches: FloatArray, centre: FloatArray, radius: float
-) -> tuple[FloatArray, FloatArray]:
+def _first_angles(patches: Float, centre: Float, radius: float) -> tuple[Float, Float]:
     """Angle of the border nearest to +x and the signed contrast, from a ring's 2nd harmonic."""
     turn = np.arange(SAMPLES) * (2 * np.pi / SAMPLES)
     ring = _sampled(
@@ -116,22 +107,22 @@ def _first_angles(
     return angle - turns * 0.5 * np.pi, np.where(turns % 2 == 0, contrast, -contrast)
 
 
-def _levels(patches: FloatArray, centre: FloatArray, radius: float) -> FloatArray:
+def _levels(patches: Float, centre: Float, radius: float) -> Float:
     """Mean grey value within ``radius`` of each centre; NaN where the image ends before."""
     y, x = np.indices(patches.shape[1:], dtype=np.float64)
     near = np.hypot(x - centre[:, 0, None, None], y - centre[:, 1, None, None]) <= radius
-    total: FloatArray = np.where(near, patches, 0.0).sum(axis=(1, 2))
+    total: Float = np.where(near, patches, 0.0).sum(axis=(1, 2))
     return np.asarray(total / near.sum(axis=(1, 2)))
 
 
 def _fit(
-    patches: FloatArray,
-    start: FloatArray,
-    reach: FloatArray,
-    wanted: BoolArray,
+    patches: Float,
+    start: Float,
+    reach: Float,
+    wanted: Bool,
     *,
     rough: bool = False,
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+) -> tuple[Float, Float, Bool]:
     """Parameters (K, 9) and RMS (K,) from ``start``, and which settled on a cross with contrast."""
     p, rms = np.full_like(start, np.nan), np.full(len(start), np.nan)
     good = np.zeros(len(start), dtype=bool)
@@ -159,9 +150,7 @@ def _fit(
     return p, rms, good
 
 
-def _region(
-    patches: FloatArray, p: FloatArray, reach: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _region(patches: Float, p: Float, reach: Float) -> tuple[Float, Float, Float, Float]:
     """Pixels inside each marker, without those at the crossing: x, y, grey, weight (K, P)."""
     y, x = np.indices(patches.shape[1:], dtype=np.float64)
     along_1, along_2, normal_1, normal_2 = (v[:, :, None, None] for v in frames(p))
@@ -180,9 +169,7 @@ def _region(
     return packed[0], packed[1], packed[2], packed[3]
 
 
-def _ends(
-    patches: FloatArray, p: FloatArray, good: BoolArray, low: float, high: float
-) -> FloatArray:
+def _ends(patches: Float, p: Float, good: Bool, low: float, high: float) -> Float:
     """How far each border goes on: (+1, -1, +2, -2) in px (K, 4); NaN where none is seen.
 
     That is where the step across it falls to half of what it is inside.

@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.images import FloatArray, check_image, check_points
+from gpusim.measure.images import check_image, check_points
 from gpusim.measure.targets.border_junction import (
     CENTRE,
     PARAMETERS,
@@ -66,12 +67,12 @@ class Crossings:
     (array([ True]), array([[39.5, 59.5]]))
     """
 
-    points: FloatArray
-    sigma: FloatArray
-    contrast: FloatArray
-    blur: FloatArray
-    residual: FloatArray
-    ok: npt.NDArray[np.bool_]
+    points: Float
+    sigma: Float
+    contrast: Float
+    blur: Float
+    residual: Float
+    ok: Bool
     __repr__ = field_summary
 
 
@@ -165,7 +166,7 @@ def _bent(found: Crossings, index: npt.ArrayLike, array: npt.NDArray[Any]) -> St
     return plumb_lines(found.points[found.ok], place, (array.shape[1], array.shape[0]))
 
 
-def _known_blur(blur: npt.ArrayLike | None, count: int) -> FloatArray | None:
+def _known_blur(blur: npt.ArrayLike | None, count: int) -> Float | None:
     if blur is None:
         return None
     known = np.asarray(blur, dtype=np.float64)
@@ -174,7 +175,7 @@ def _known_blur(blur: npt.ArrayLike | None, count: int) -> FloatArray | None:
     return known
 
 
-def _own_share(steps: FloatArray, blur: FloatArray, margin: tuple[float, float]) -> FloatArray:
+def _own_share(steps: Float, blur: Float, margin: tuple[float, float]) -> Float:
     """Share of the steps up to the pattern's own border, as far as it and its blur reach."""
     length = np.linalg.norm(steps, axis=2).mean(axis=1)
     own = 1.0 - (margin[0] + margin[1] * blur) / np.maximum(length, 1e-9)
@@ -183,15 +184,15 @@ def _own_share(steps: FloatArray, blur: FloatArray, margin: tuple[float, float])
 
 def _fit(
     array: npt.NDArray[Any],
-    start: FloatArray,
-    steps: FloatArray,
-    inside: FloatArray,
+    start: Float,
+    steps: Float,
+    inside: Float,
     span: float,
-    before: FloatArray | None,
+    before: Float | None,
     straighten: Straighten | None,
     *,
     rough: bool = False,
-) -> tuple[Crossings, FloatArray]:
+) -> tuple[Crossings, Float]:
     """The fits, and their parameters (C, 9): NaN where it isn't ok.
 
     ``before`` are those of an earlier fit, around ``start``.
@@ -244,9 +245,7 @@ def _fit(
     return _kept(found, ok), np.where(ok[:, None], p, np.nan)
 
 
-def _widening(
-    p: FloatArray, covariance: FloatArray, weight: FloatArray, *window: FloatArray
-) -> FloatArray:
+def _widening(p: Float, covariance: Float, weight: Float, *window: Float) -> Float:
     """By how much (C,) residuals that are alike in neighbouring pixels widen the scatter of x and
     y; ``covariance`` (C, 2, 9): of these two with all parameters."""
     rest, slopes = residual_and_slopes(p, *window)
@@ -261,8 +260,8 @@ def _widening(
 
 
 def _windows(
-    array: npt.NDArray[Any], start: FloatArray, steps: FloatArray, share: FloatArray, most: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    array: npt.NDArray[Any], start: Float, steps: Float, share: Float, most: float
+) -> tuple[Float, Float, Float, Float, Float]:
     """Pixels around each corner: x, y from the window's middle, grey, weight (C, P); middle."""
     length = (share * np.linalg.norm(steps, axis=2).max(axis=1)).max(initial=0.0)
     radius = int(np.ceil(np.clip(length, MIN_REACH, most)))
@@ -291,9 +290,7 @@ def _windows(
     return across[0], across[1], grey, use.astype(np.float64), middle
 
 
-def _used(
-    rows: npt.NDArray[np.int64], weight: FloatArray, *values: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _used(rows: Long, weight: Float, *values: Float) -> tuple[Float, Float, Float, Float]:
     """``values`` (C, P) and ``weight`` of the corners ``rows``: pixels that are used come first,
     and the rest is left out as far as it goes for all of them."""
     own = weight[rows]
@@ -304,13 +301,13 @@ def _used(
 
 
 def _first(
-    x: FloatArray,
-    y: FloatArray,
-    grey: FloatArray,
-    weight: FloatArray,
-    at: FloatArray,
-    steps: FloatArray,
-) -> FloatArray:
+    x: Float,
+    y: Float,
+    grey: Float,
+    weight: Float,
+    at: Float,
+    steps: Float,
+) -> Float:
     """First parameters: position, two angles, level, contrast, slopes of the light, blur."""
     count = len(at)
     total = np.maximum(weight.sum(axis=1), 1.0)
@@ -335,7 +332,7 @@ def _failed(count: int) -> Crossings:
     )
 
 
-def _kept(found: Crossings, ok: npt.NDArray[np.bool_]) -> Crossings:
+def _kept(found: Crossings, ok: Bool) -> Crossings:
     """NaN in the rows that aren't ok."""
     sigma, contrast, blur, residual = (
         np.where(ok, values, np.nan)

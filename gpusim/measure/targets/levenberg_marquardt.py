@@ -10,12 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.int64]
-Model = Callable[[FloatArray, Rows], tuple[FloatArray, FloatArray]]
+from gpusim.arrays.array_types import Bool, Float, Long
+
+Model = Callable[[Float, Long], tuple[Float, Float]]
 
 FIRST_DAMPING = 1e-3
 MAX_DAMPING = 1e8
@@ -40,19 +38,19 @@ class ManyFits:
     converged : (C,) bool; steps became smaller than the tolerance, or hardly go down any more.
     """
 
-    parameters: FloatArray
-    rms: FloatArray
-    covariance: FloatArray
-    converged: Bools
+    parameters: Float
+    rms: Float
+    covariance: Float
+    converged: Bool
 
 
 def fit_many(
     model: Model,
-    start: FloatArray,
-    weight: FloatArray,
-    scale: FloatArray,
+    start: Float,
+    weight: Float,
+    scale: Float,
     *,
-    lower: FloatArray | None = None,
+    lower: Float | None = None,
     tolerance: float = 1e-6,
     iterations: int = 40,
 ) -> ManyFits:
@@ -116,9 +114,7 @@ def fit_many(
     return ManyFits(p, np.sqrt(square / total), covariance, converged)
 
 
-def _damped_steps(
-    normal: FloatArray, down: FloatArray, damping: FloatArray, least: Bools | None
-) -> FloatArray:
+def _damped_steps(normal: Float, down: Float, damping: Float, least: Bool | None) -> Float:
     """Steps (K, Q) by normal matrices and gradients ``down`` the slope, both of which are changed;
     parameters that are ``least`` (K, Q) don't go further down."""
     diagonal = np.arange(normal.shape[1])
@@ -133,9 +129,7 @@ def _damped_steps(
     return np.asarray(np.linalg.solve(normal, down[..., None])[..., 0])
 
 
-def _normal(
-    model: Model, p: FloatArray, rows: Rows, weight: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _normal(model: Model, p: Float, rows: Long, weight: Float) -> tuple[Float, Float, Float]:
     """Normal matrices, gradients and squares of the problems ``rows``, at parameters ``p``."""
     residual, slopes = model(p, rows)
     own = weight[rows]
@@ -146,7 +140,7 @@ def _normal(
     return normal, gradient, square
 
 
-def _covariance(normal: FloatArray, square: FloatArray, samples: Rows) -> FloatArray:
+def _covariance(normal: Float, square: Float, samples: Long) -> Float:
     """(C, Q, Q), from normal matrices and the squares that so many samples leave."""
     size = normal.shape[1]
     main = normal[:, np.arange(size), np.arange(size)]

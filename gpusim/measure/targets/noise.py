@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from gpusim.arrays.array_types import Float, Single
 
 WINDOW = 7  # px: noise that neighbours share keeps most of its variance in it
 FLAT = 0.2  # share of a picture that is taken as flat, or next to it
@@ -36,7 +36,7 @@ SAMPLED_FITS = 8  # fits that tell how much of the noise is taken up
 LAGS = [(d, a) for d in range(REACH + 1) for a in range(-REACH, REACH + 1) if d > 0 or a > 0]
 
 
-def noise_level(image: npt.NDArray[np.float32]) -> float:
+def noise_level(image: Single) -> float:
     """Standard deviation of the noise, in the image's (H, W) grey levels.
 
     The lower quintile of the standard deviations in windows of 7 x 7 px; 0 for smaller images.
@@ -52,16 +52,14 @@ def noise_level(image: npt.NDArray[np.float32]) -> float:
     return float(np.sqrt(max(float(np.quantile(variance, FLAT)), 0.0)))
 
 
-def allowed_residual(most: float, noise: float, contrast: float | FloatArray) -> FloatArray:
+def allowed_residual(most: float, noise: float, contrast: float | Float) -> Float:
     """RMS over the contrast that a fit may leave: ``most`` without noise, more with it."""
     share = noise / np.maximum(np.abs(contrast), 1e-300)
     more = np.where(share <= MIN_CLEAR, RMS_ALLOWANCE * share, 0.0)
     return np.asarray(np.hypot(most, more))
 
 
-def widening(
-    residual: FloatArray, weight: FloatArray, influence: FloatArray, slopes: FloatArray
-) -> FloatArray:
+def widening(residual: Float, weight: Float, influence: Float, slopes: Float) -> Float:
     """Standard uncertainty over that for independent noise, at least 1, of C fits (C,).
 
     ``residual``, ``weight`` (C, S, S): what the fits leave of their pixels, and 0 for those that
@@ -109,16 +107,16 @@ def _equations(
     known: list[Lag],
     taken: _FittedShare,
     share: float,
-    pairs: FloatArray,
-    observed: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    pairs: Float,
+    observed: Float,
+) -> tuple[Float, Float]:
     """Matrix and right-hand side for the covariance at the distances ``known``, 0 at others."""
     matrix = share * taken.matrix(known)
     matrix += np.diag([float(pairs[lag]) for lag in known])
     return matrix, np.array([observed[lag] for lag in known])
 
 
-def _as_blurred(known: list[Lag], matrix: FloatArray, sums: FloatArray) -> FloatArray:
+def _as_blurred(known: list[Lag], matrix: Float, sums: Float) -> Float:
     """The covariance of white noise behind a Gaussian blur that fits the equations best."""
     square = np.array([float(d * d + a * a) for d, a in known])
     best, covariance = np.inf, np.zeros(len(known))
@@ -135,7 +133,7 @@ def _as_blurred(known: list[Lag], matrix: FloatArray, sums: FloatArray) -> Float
 class _FittedShare:
     """What fits take up of the noise, by distance."""
 
-    def __init__(self, slopes: FloatArray) -> None:
+    def __init__(self, slopes: Float) -> None:
         """``slopes`` (C, P, S, S) of some fits, 0 at pixels that they don't use."""
         count, number = slopes.shape[:2]
         flat = slopes.reshape(count, number, -1).transpose(0, 2, 1)
@@ -151,7 +149,7 @@ class _FittedShare:
         self.trace = _alike(basis, 2 * REACH, (0, 1))
         """Sum over pairs at each distance of H: the trace of G, up to twice the reach."""
 
-    def matrix(self, lags: list[Lag]) -> FloatArray:
+    def matrix(self, lags: list[Lag]) -> Float:
         """Sums over pairs at each distance (rows) of H S H - H S - S H, S = 1 at the distances
         +- each (columns)."""
         down, across = np.array(lags).T
@@ -162,12 +160,12 @@ class _FittedShare:
             self.trace[down[:, None] + down, across[:, None] + across]
             + self.trace[down[:, None] - down, across[:, None] - across]
         )
-        result: FloatArray = inner - 2.0 * ends
+        result: Float = inner - 2.0 * ends
         result[:, (down == 0) & (across == 0)] *= 0.5  # one distance, not two
         return result
 
 
-def _alike(values: FloatArray, reach: int, summed: tuple[int, ...]) -> FloatArray:
+def _alike(values: Float, reach: int, summed: tuple[int, ...]) -> Float:
     """Sums of products of values (…, S, S) with those at each distance, up to ``reach`` either way.
 
     Distances are the last two indices, negative ones wrap round; axes ``summed`` are summed over.

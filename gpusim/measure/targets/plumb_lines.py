@@ -13,11 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from gpusim.measure.images import FloatArray
+from gpusim.arrays.array_types import Float, Long
 
-Straighten = Callable[[FloatArray], FloatArray]
+Straighten = Callable[[Float], Float]
 """From pixels (…, 2) to places (…, 2) where what is straight in space is straight."""
 
 DEGREES = (3, 5)
@@ -33,33 +32,33 @@ class PlumbField:
     """x + s(x): ``weights`` (T,) of ``terms`` about the ``middle``, in units of ``scale`` px."""
 
     terms: Straighten
-    weights: FloatArray
-    middle: FloatArray
+    weights: Float
+    middle: Float
     scale: float
 
-    def __call__(self, pixels: FloatArray) -> FloatArray:
+    def __call__(self, pixels: Float) -> Float:
         """Places (…, 2) px of pixels (…, 2) where straight lines are straight."""
-        result: FloatArray = pixels + self.scale * (
+        result: Float = pixels + self.scale * (
             self.terms((pixels - self.middle) / self.scale) @ self.weights
         )
         return result
 
-    def bends(self, at: FloatArray, normal: FloatArray, slope: FloatArray) -> FloatArray:
+    def bends(self, at: Float, normal: Float, slope: Float) -> Float:
         """Curvature in 1/px, towards their normals (N, 2), of the images of straight lines there,
         by each weight (N, T); ``slope`` (N, 2, 2) is the field's there, as far as it is known."""
         x, step = (at - self.middle) / self.scale, 1e-3
         along = step * np.column_stack([-normal[:, 1], normal[:, 0]])
         second = self.terms(x + along) - 2.0 * self.terms(x) + self.terms(x - along)
         across = np.linalg.solve(slope.swapaxes(1, 2), normal[..., None])[..., 0]
-        result: FloatArray = -np.einsum("nk,nkt->nt", across, second) / (step**2 * self.scale)
+        result: Float = -np.einsum("nk,nkt->nt", across, second) / (step**2 * self.scale)
         return result
 
 
 def field_of_bends(
-    at: FloatArray,
-    normal: FloatArray,
-    bend: FloatArray,
-    sigma: FloatArray,
+    at: Float,
+    normal: Float,
+    bend: Float,
+    sigma: Float,
     size: tuple[int, int],
     before: PlumbField | None = None,
 ) -> PlumbField | None:
@@ -88,9 +87,7 @@ def field_of_bends(
     return best_field if best_field is not None and best_field.weights.size else None
 
 
-def plumb_lines(
-    points: FloatArray, index: npt.NDArray[np.int64], size: tuple[int, int]
-) -> PlumbField | None:
+def plumb_lines(points: Float, index: Long, size: tuple[int, int]) -> PlumbField | None:
     """The field that straightens a grid's lines; None where its points don't show any bend.
 
     ``points`` (N, 2) px are those at columns and rows ``index`` (N, 2) of a flat grid, ``size``
@@ -113,13 +110,13 @@ def plumb_lines(
     return PlumbField(*best_fit, middle, scale)
 
 
-def straight_offsets(straighten: Straighten, at: FloatArray, offset: FloatArray) -> FloatArray:
+def straight_offsets(straighten: Straighten, at: Float, offset: Float) -> Float:
     """Offsets (C, P, 2) from places ``at`` (C, 2) px, straightened; the same to first order."""
     bent = straighten(at[:, None, :] + offset) - straighten(at)[:, None, :]
     return np.asarray(bent @ np.linalg.inv(field_slope(straighten, at)).swapaxes(1, 2))
 
 
-def field_slope(straighten: Straighten, at: FloatArray) -> FloatArray:
+def field_slope(straighten: Straighten, at: Float) -> Float:
     """Derivatives (N, 2, 2) of a field: [[dX/dx, dX/dy], [dY/dx, dY/dy]]."""
     ends = [(straighten(at + d) - straighten(at - d)) / (2 * STEP) for d in STEP * np.eye(2)]
     return np.stack(ends, axis=-1)
@@ -129,7 +126,7 @@ def _lens(radial: int, centre: int) -> Straighten:
     """x r^2, x r^4 … up to as many, and what a shift of the lens's centre makes of the first ones:
     for r^2 that is tangential distortion."""
 
-    def terms(x: FloatArray) -> FloatArray:
+    def terms(x: Float) -> Float:
         square = (x * x).sum(axis=-1)[..., None, None]
         column = x[..., None]
         shift = column * x[..., None, :]
@@ -151,7 +148,7 @@ def _stretched(radial: int, centre: int) -> Straighten:
     even = [(2 * k, 2 * (n - k)) for n in range(1, radial + 1) for k in range(n + 1)]
     shift = [(k, 2 * n - k) for n in range(1, centre + 1) for k in range(2 * n + 1)]
 
-    def terms(x: FloatArray) -> FloatArray:
+    def terms(x: Float) -> Float:
         column, row = x[..., None, :1], x[..., None, 1:]
         every = [x[..., None] * column**i * row**j for i, j in even]
         every += [column**i * row**j * np.eye(2) for i, j in shift]
@@ -167,7 +164,7 @@ def _polynomial(degree: int) -> Straighten:
     """All monomials from the second degree on, in both coordinates."""
     powers = [(n - k, k) for n in range(2, degree + 1) for k in range(n + 1)]
 
-    def terms(x: FloatArray) -> FloatArray:
+    def terms(x: Float) -> Float:
         every = [np.ones((2, *x.shape[:-1]))]
         for _ in range(degree):
             every.append(every[-1] * np.moveaxis(x, -1, 0))
@@ -180,7 +177,7 @@ def _polynomial(degree: int) -> Straighten:
     return terms
 
 
-def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray, float]:
+def _fit(x: Float, grid: Float, terms: Straighten) -> tuple[Float, float]:
     """Weights (T,) of the terms, and the sum of squares that is left: of points beyond `FARTHEST`
     the square of that, so that no fit gains by leaving points out."""
     grid = (grid - grid.mean(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1.0)
@@ -207,16 +204,16 @@ def _fit(x: FloatArray, grid: FloatArray, terms: Straighten) -> tuple[FloatArray
     return weights, float(np.minimum(square_deviation, limit**2).sum())
 
 
-def _homography(grid: FloatArray, x: FloatArray) -> FloatArray:
+def _homography(grid: Float, x: Float) -> Float:
     """The first eight entries (8,) of the homography from grid to image, the ninth 1."""
     one, zero = np.ones(len(grid)), np.zeros((len(grid), 3))
     flat = np.column_stack([grid, one])
     rows = [np.hstack([flat, zero, -x[:, :1] * grid]), np.hstack([zero, flat, -x[:, 1:] * grid])]
-    entries: FloatArray = np.linalg.lstsq(np.vstack(rows), x.T.ravel(), rcond=None)[0]
+    entries: Float = np.linalg.lstsq(np.vstack(rows), x.T.ravel(), rcond=None)[0]
     return entries
 
 
-def _seen(h: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _seen(h: Float, grid: Float) -> tuple[Float, Float]:
     """Places (N, 2) of the grid under the homography, and their derivatives (N, 2, 8)."""
     flat = np.column_stack([grid, np.ones(len(grid))])
     depth = flat @ np.append(h[6:], 1.0)

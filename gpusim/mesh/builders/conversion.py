@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -12,9 +12,6 @@ from gpusim.mesh.mesh import Mesh
 
 __all__ = ["quadratic", "split"]
 
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
-Float = npt.NDArray[np.float64]
 
 _SERENDIPITY = {"hex8": "hex20", "tet4": "tet10", "wedge6": "wedge15", "pyramid5": "pyramid13"}
 _LAGRANGE = {"hex8": "hex27", "tet4": "tet10"}
@@ -88,7 +85,7 @@ def quadratic(mesh: Mesh, serendipity: bool = True) -> Mesh:
     )
 
 
-def _mask(numbers: Int, count: int) -> npt.NDArray[np.bool_]:
+def _mask(numbers: Int, count: int) -> Bool:
     mask = np.zeros(count, dtype=bool)
     mask[numbers] = True
     return mask

@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from numbers import Real
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.builders.notches import Notch, notch_axes, notched, stepped_axis
@@ -18,8 +18,6 @@ from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.selection import select_faces
 
 __all__ = ["beam", "box", "crane"]
-
-Float = npt.NDArray[np.float64]
 
 
 def box(
@@ -182,7 +180,7 @@ def _axes_grid(axes: Sequence[Float]) -> Mesh:
     return _full(axes, sets)
 
 
-def _full(axes: Sequence[Float], face_sets: Mapping[str, npt.NDArray[np.int32]]) -> Mesh:
+def _full(axes: Sequence[Float], face_sets: Mapping[str, Int]) -> Mesh:
     """Hex8 in all fields of a rectangular grid, x fastest."""
     nx, ny, nz = (len(axis) for axis in axes)
     points = np.empty((nz, ny, nx, 3))
@@ -210,7 +208,7 @@ def _blocks(axes: Sequence[Float], blocks: Sequence[tuple[range, range, range]])
     return Mesh(points, {"hex8": number.reshape(cells.shape).astype(np.int32)})
 
 
-def _corners(nx: int, ny: int) -> npt.NDArray[np.int64]:
+def _corners(nx: int, ny: int) -> Long:
     """Numbers of a field's corners less that of its lowest, in a grid of nx x ny nodes a layer."""
     ring = [0, 1, 1 + nx, nx]
     return np.array([*ring, *(n + nx * ny for n in ring)])

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -19,7 +19,6 @@ from gpusim.mesh.mesh import Mesh
 
 __all__ = ["Notch", "notch_axes", "notched", "stepped_axis"]
 
-Float = npt.NDArray[np.float64]
 
 _GROWTH = 0.25  # the size grows by a quarter of the distance: neighbours differ by about 1.28
 _SAMPLES = 4000
@@ -62,9 +61,6 @@ def graded_axis(breaks: Sequence[float], sizes: Sequence[float], size: float) ->
             steps = np.interp(steps * total[-1], total, place)
         parts.append(start + length * steps)
     return np.concatenate([*parts, [breaks[-1]]])
-
-
-Int = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
@@ -225,8 +221,8 @@ def notched(mesh: Mesh, notches: Sequence[Notch]) -> Mesh:
     return kept.with_sets(face_sets=sets)
 
 
-def _cells_inside(mesh: Mesh, inside: Float, length: float, what: str) -> npt.NDArray[np.bool_]:
-    found: list[npt.NDArray[np.bool_]] = []
+def _cells_inside(mesh: Mesh, inside: Float, length: float, what: str) -> Bool:
+    found: list[Bool] = []
     for kind, first, block in mesh.blocks():
         low, high = _extent(mesh.points, block[:, : CELL_TYPES[kind].corners])
         full = ((low >= inside[0] - length) & (high <= inside[1] + length)).all(axis=1)
@@ -256,7 +252,7 @@ def _extent(points: Float, corners: Int) -> tuple[Float, Float]:
     return low, high
 
 
-def _without(mesh: Mesh, gone: npt.NDArray[np.bool_]) -> Mesh:
+def _without(mesh: Mesh, gone: Bool) -> Mesh:
     """The mesh less some cells and the nodes that only they had."""
     blocks = {
         kind: block[~gone[first : first + len(block)]] for kind, first, block in mesh.blocks()

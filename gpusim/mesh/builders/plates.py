@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces
 from gpusim.mesh.builders.grids import count_of, triple_of
@@ -18,9 +18,6 @@ from gpusim.mesh.mesh import Mesh
 
 __all__ = ["bracket", "plate_with_hole"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 # element type -> steps of the node grid per element
 HEX_OF_ORDER = {"hex8": 1, "hex20": 2, "hex27": 2}
@@ -256,7 +253,7 @@ def _bent(flat: Float, fillet: float, thickness: float, turn: float) -> Float:
 
 def _bracket_sets(
     mesh: Mesh, flat: Float, squares: Sequence[Float], radius: float
-) -> dict[str, npt.NDArray[np.int32]]:
+) -> dict[str, Int]:
     faces = boundary_faces(mesh)
     (s, across, height), y = flat.T, mesh.points[:, 1]
     low, high = squares[0][0, 0], squares[1][0, 1]
@@ -329,7 +326,7 @@ def _right_handed(block: Float) -> Float:
     return block if a[0] * b[1] - a[1] * b[0] > 0.0 else block[:, ::-1]
 
 
-def _where(faces: Faces, inside: npt.NDArray[np.bool_]) -> npt.NDArray[np.int32]:
+def _where(faces: Faces, inside: Bool) -> Int:
     """(cell, local face) of the faces whose nodes are all inside."""
     every = (inside[np.maximum(faces.nodes, 0)] | (faces.nodes < 0)).all(axis=1)
     return faces[np.flatnonzero(every)].pairs()

@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -29,10 +29,6 @@ __all__ = [
     "padded",
     "solid_nodes",
 ]
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
-Long = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +115,7 @@ def assemble(raw: RawMesh, source: str) -> Mesh:
     )
 
 
-def solid_nodes(raw: RawMesh) -> npt.NDArray[np.bool_]:
+def solid_nodes(raw: RawMesh) -> Bool:
     """(N,) the nodes of the file that belong to solids: those that `assemble` keeps, in order."""
     used = np.zeros(len(raw.points), dtype=bool)
     for block in raw.blocks:
@@ -150,7 +146,7 @@ def _solids(solids: list[RawBlock], number: Long) -> tuple[dict[str, Int], dict[
     return cells, {name: _int32(distinct(np.concatenate(parts))) for name, parts in sets.items()}
 
 
-def _node_sets(raw: RawMesh, used: npt.NDArray[np.bool_], number: Long) -> dict[str, Int]:
+def _node_sets(raw: RawMesh, used: Bool, number: Long) -> dict[str, Int]:
     parts = {name: [nodes] for name, nodes in raw.node_groups.items()}
     for block in raw.blocks:
         if dimension_of(block.kind) < 2:
@@ -160,9 +156,7 @@ def _node_sets(raw: RawMesh, used: npt.NDArray[np.bool_], number: Long) -> dict[
     return {name: _int32(number[nodes[used[nodes]]]) for name, nodes in sets.items()}
 
 
-def _face_sets(
-    mesh: Mesh, raw: RawMesh, used: npt.NDArray[np.bool_], number: Long, source: str
-) -> dict[str, Int]:
+def _face_sets(mesh: Mesh, raw: RawMesh, used: Bool, number: Long, source: str) -> dict[str, Int]:
     surfaces = [b for b in raw.blocks if dimension_of(b.kind) == 2 and len(b.nodes)]
     if not surfaces:
         return {}
@@ -205,7 +199,7 @@ def padded(corners: Long) -> Long:
     return np.column_stack([corners, np.full(len(corners), -1, dtype=np.int64)])
 
 
-def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, npt.NDArray[np.bool_]]:
+def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, Bool]:
     """(K,2) pairs (cell, local face) of the corners ``wanted`` (K,4), and (K,) which were found."""
     touched = np.zeros(mesh.node_count + 1, dtype=bool)
     touched[wanted.ravel()] = True

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 
 __all__ = ["Frame", "from_cylindrical", "from_spherical", "rotation"]
 
-Float = npt.NDArray[np.float64]
 
 # sine of the least angle at which two directions still span a plane
 _MIN_SINE = 1e-9

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
 
@@ -32,8 +32,6 @@ __all__ = [
     "right_handed_wedges",
 ]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 Sides = dict[str, tuple[tuple[int, ...], ...]]
 
 FLAT_CORNERS = {
@@ -188,7 +186,7 @@ def right_handed_cells(kind: str, points: Float, nodes: Long) -> Long:
     return _mirrored(kind, nodes)
 
 
-def _left_handed(kind: str, points: Float, nodes: Long) -> npt.NDArray[np.bool_]:
+def _left_handed(kind: str, points: Float, nodes: Long) -> Bool:
     _, ends = _MIRROR[CELL_TYPES[kind].linear]
     edges = points[nodes[:, ends]] - points[nodes[:, :1]]
     volume = np.einsum("mi,mi->m", np.cross(edges[:, 0], edges[:, 1]), edges[:, 2])

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
@@ -30,7 +29,6 @@ __all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
 
 CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
-Long = npt.NDArray[np.int64]
 
 # What Open CASCADE calls a shape that has no name.
 _NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.io import netcdf_file
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.files.hdf5_file import read_hdf5
 from gpusim.files.input_file import InputFile, read_input
@@ -143,8 +144,6 @@ def strings(letters: npt.NDArray[Any]) -> list[str]:
 
 
 PathLike = str | os.PathLike[str] | InputFile
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 # Family and nodes of an element -> our type; Exodus writes "HEX", "HEX8", "TETRA10", "TET4", ...
 _TYPE = {
@@ -236,7 +235,7 @@ def _mesh(content: ExodusContent) -> Mesh:
     connects = content.numbered("connect")
     names = content.names("eb_names", "eb_prop1", "block", len(connects))
     kinds, sizes = [], []  # of each block; "" for what isn't a solid
-    parts: dict[str, list[npt.NDArray[np.int64]]] = {}
+    parts: dict[str, list[Long]] = {}
     for connect in connects:
         nodes = content.array(connect)
         kinds.append(_kind(content, connect, nodes.shape[1]))
@@ -296,9 +295,7 @@ def _node_sets(content: ExodusContent) -> dict[str, Int]:
     }
 
 
-def _face_sets(
-    content: ExodusContent, kinds: npt.NDArray[np.str_], cells: npt.NDArray[np.int64]
-) -> dict[str, Int]:
+def _face_sets(content: ExodusContent, kinds: npt.NDArray[np.str_], cells: Long) -> dict[str, Int]:
     lists = content.numbered("elem_ss")
     ids = [int(name[len("elem_ss") :]) for name in lists]
     names = content.names("ss_names", "ss_prop1", "sideset", max(ids, default=0))

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.hdf5_file import Hdf5Object, read_hdf5
 from gpusim.files.input_file import InputFile
@@ -20,7 +21,6 @@ from gpusim.mesh.file_content.numbering import MED_KINDS, NODES, right_handed_ce
 
 __all__ = ["read_med"]
 
-Long = npt.NDArray[np.int64]
 
 # numbers and names of nodes and cells, which groups don't refer to
 _HARMLESS = {"NUM", "NOM", "GLB", "FAM"}
@@ -112,7 +112,7 @@ class _Reader:
                 self.fail(f"{path}: got {name}; expected {main}, {', '.join(sorted(_HARMLESS))}")
 
     def block(
-        self, cells: str, name: str, points: npt.NDArray[np.float64], families: dict[int, list[str]]
+        self, cells: str, name: str, points: Float, families: dict[int, list[str]]
     ) -> RawBlock:
         path = f"{cells}/{name}"
         if name not in MED_KINDS:

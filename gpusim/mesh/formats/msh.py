@@ -7,6 +7,7 @@ import re
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, index_of
@@ -15,8 +16,6 @@ from gpusim.mesh.formats.msh_numbers import MshNumbers, MshSource
 
 __all__ = ["read_msh"]
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 # Physical groups by (dimension, tag).
 Names = dict[tuple[int, int], str]
 Block = tuple[str, Long, list[tuple[int, Long]]]

@@ -7,13 +7,11 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
 __all__ = ["MshNumbers", "MshSource"]
-
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 
 class MshSource:

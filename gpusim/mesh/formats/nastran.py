@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 from gpusim.mesh.cell_types import CELL_TYPES
@@ -36,7 +36,6 @@ from gpusim.mesh.mesh import Mesh
 
 __all__ = ["read_bdf"]
 
-Float = npt.NDArray[np.float64]
 
 _LONGEST_CHAIN = 100
 
@@ -116,8 +115,6 @@ class Systems:
             corners = np.array(rows)
         return Frame.from_z(corners[0], corners[1], corners[2], system.card.where)
 
-
-Long = npt.NDArray[np.int64]
 
 _SHELLS = ("CTRIA", "CQUAD")
 

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.text import Includes, text_lines
@@ -261,9 +262,6 @@ def check_card(card: BdfCard) -> None:
         hint = f" (did you mean {close[0]}?)" if close else ""
         card.fail(f"unknown card; expected Nastran bulk data{hint}")
 
-
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 _INTEGER = re.compile(r"[+-]?\d{1,15}", re.ASCII)
 # 1.5-3 and 1.5D-3 stand for 1.5e-3

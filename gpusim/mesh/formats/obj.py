@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
 from gpusim.mesh.polygons import cut_polygons
@@ -30,10 +30,10 @@ class ObjFile:
     ``fault``: what is wrong with the texture coordinates, if anything is.
     """
 
-    points: npt.NDArray[np.float64]
-    faces: npt.NDArray[np.int64]
-    uv: npt.NDArray[np.float64]
-    material: npt.NDArray[np.int32]
+    points: Float
+    faces: Long
+    uv: Float
+    material: Int
     materials: tuple[str, ...]
     libraries: tuple[str, ...]
     fault: str

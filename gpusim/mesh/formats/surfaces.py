@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
@@ -27,7 +28,7 @@ from gpusim.mesh.polygons import check_corners, cut_polygons
 
 __all__ = ["read_surface"]
 
-Surface = tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]
+Surface = tuple[Float, Long]
 
 
 def stl(file: InputFile) -> Surface:
@@ -46,7 +47,7 @@ def stl(file: InputFile) -> Surface:
     return corners, np.column_stack([faces, np.full(len(faces), -1)])
 
 
-def _stl_corners(file: InputFile) -> npt.NDArray[np.float64]:
+def _stl_corners(file: InputFile) -> Float:
     corners: list[Sequence[float]] = []
     solids, open_facet = 0, False
     number = 0
@@ -107,9 +108,7 @@ def obj(file: InputFile) -> Surface:
     return content.points, content.faces
 
 
-def _cut(
-    file: InputFile, points: npt.NDArray[np.float64], corners: npt.ArrayLike, sizes: Sequence[int]
-) -> Surface:
+def _cut(file: InputFile, points: Float, corners: npt.ArrayLike, sizes: Sequence[int]) -> Surface:
     """Of polygons one after another, with their numbers of corners."""
     place = np.asarray(corners, np.int64)
     rows, _ = cut_polygons(str(file.path), points, place, np.array(sizes, np.int64))
@@ -217,7 +216,7 @@ class _Text:
         lists = {name for name, _, counted in element.properties if counted}
         return {n: rows if n in lists else np.array(rows) for n, rows in found.items()}
 
-    def take(self, count: int, whole: bool = False) -> npt.NDArray[np.float64]:
+    def take(self, count: int, whole: bool = False) -> Float:
         words = self.words[self.at : self.at + count]
         if count < 0 or len(words) != count:
             fail(self.file, f"ends before its numbers do: got {len(words)}; expected {count}")
@@ -292,7 +291,7 @@ _FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf_fac
 
 def read_surface(
     path: str | os.PathLike[str] | InputFile,
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
+) -> tuple[Float, Int]:
     """Points (P, 3) and faces (F, 4), the last column -1 for triangles; any unit of length.
 
     Points at the same place (an STL repeats them for every triangle) become one; faces that are
@@ -314,7 +313,7 @@ def read_surface(
 
 def numbered_surface(
     path: str | os.PathLike[str] | InputFile,
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+) -> tuple[Float, Int, Long]:
     """What `read_surface` returns, and which (F,) of the file's faces each is."""
     name = path.path if isinstance(path, InputFile) else Path(path)
     kind = _FORMATS.get(name.suffix.lower())
@@ -324,9 +323,7 @@ def numbered_surface(
     return welded(str(name), *kind(file))
 
 
-def welded(
-    where: str, points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+def welded(where: str, points: Float, faces: Long) -> tuple[Float, Int, Long]:
     """Points at the same place as one, faces that have an area, and which (F,) of all each is."""
     if not len(faces):
         raise InputError(f"{where}: no triangles or quadrilaterals in space; expected some")

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
@@ -49,10 +49,10 @@ class TexturedSurface:
     ``materials`` a face has, -1 none.
     """
 
-    points: npt.NDArray[np.float64]
-    faces: npt.NDArray[np.int32]
-    uv: npt.NDArray[np.float64]
-    material: npt.NDArray[np.int32]
+    points: Float
+    faces: Int
+    uv: Float
+    material: Int
     materials: tuple[FileMaterial, ...]
     __repr__ = field_summary
 
@@ -95,7 +95,7 @@ def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
     return TexturedSurface(points, faces, uv[number], material[number], materials)
 
 
-Looks = tuple[npt.NDArray[np.float64], npt.NDArray[np.int32], tuple[FileMaterial, ...]]
+Looks = tuple[Float, Int, tuple[FileMaterial, ...]]
 
 
 def _obj(file: InputFile, content: ObjFile) -> Looks:

@@ -11,15 +11,13 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.file_content.numbering import NODES, VTK_KINDS, right_handed_wedges
 
 __all__ = ["read_vtk", "vtk_blocks"]
-
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 
 def vtk_blocks(points: Float, nodes: Long, ends: Long, types: Long, source: str) -> list[RawBlock]:

@@ -20,6 +20,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
@@ -202,9 +203,6 @@ class _Encoded:
         return self.take(width + size)[width:]
 
 
-Float = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
-
 # what a cell's or a point's ``vtkGhostType`` says: there twice, or not to be seen
 _GHOST_CELLS = 1 | 32
 _PARTS = {
@@ -337,7 +335,7 @@ class VtuFile:
             )
         return values.astype(np.int64)
 
-    def _ghosts(self, piece: _Piece) -> npt.NDArray[np.bool_]:
+    def _ghosts(self, piece: _Piece) -> Bool:
         """(M,) cells that another piece has too, or that are hidden."""
         for array in piece.element.iterfind("CellData/DataArray"):
             if array.get("Name") == "vtkGhostType":

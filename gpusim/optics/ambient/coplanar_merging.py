@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.topology import sorted_keys
-
-Numbers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +25,12 @@ class QuadStrips:
     """``face`` (n,): row by row, those without neighbours left out; ``start`` (R,): where each row
     begins; ``linked`` (n,): whether the next one is beside it, of a row's last its first one."""
 
-    face: Numbers
-    start: Numbers
-    linked: Flags
+    face: Long
+    start: Long
+    linked: Bool
 
     @staticmethod
-    def of(link: Numbers) -> QuadStrips:
+    def of(link: Long) -> QuadStrips:
         """``link`` (F,): the face that follows each one, no other's, or -1."""
         before = np.full(len(link), -1)
         followed = np.flatnonzero(link >= 0)
@@ -50,7 +48,7 @@ class QuadStrips:
         count = count[count > 0]
         return QuadStrips(face, np.cumsum(count) - count, link[face] >= 0)
 
-    def among(self, number: Numbers, link: Numbers) -> QuadStrips:
+    def among(self, number: Long, link: Long) -> QuadStrips:
         """Rows of faces joined from these: ``number`` (F,) those that the first of them got, -1 of
         the others; ``link``: as in `of`."""
         number = number[self.face]
@@ -65,14 +63,14 @@ class QuadStrips:
         return QuadStrips(face, rows.start, linked)
 
     @property
-    def after(self) -> Numbers:
+    def after(self) -> Long:
         """(n,): the place of the next one in a row; of the last, that of the first."""
         result = np.arange(1, len(self.face) + 1)
         if len(self.start):
             result[np.append(self.start[1:], len(result)) - 1] = self.start
         return result
 
-    def every_second(self, good: Flags) -> Numbers:
+    def every_second(self, good: Bool) -> Long:
         """The places of pairs, each one with the next, that share none: of those that follow each
         other and are ``good`` (n,) the first, the third and so on. None of rings of good ones."""
         place = np.arange(len(good))
@@ -93,13 +91,13 @@ class QuadStrips:
             chosen = good & (run % 2 == 0) & ~whole
         return np.flatnonzero(chosen)
 
-    def some(self, kept: Numbers) -> QuadStrips:
+    def some(self, kept: Long) -> QuadStrips:
         """Those at some places (n,), ascending, one of each row at least."""
         start = np.searchsorted(kept, self.start)
         return QuadStrips(np.take(self.face, kept), start, np.take(self.linked, kept))
 
 
-def links(corner: list[Numbers], ahead: Numbers, back: Numbers, k: int) -> Numbers:
+def links(corner: list[Long], ahead: Long, back: Long, k: int) -> Long:
     """(F,) the quadrilateral across edge ``k`` of each one, its own edge opposite there; or -1.
 
     ``corner``: columns (F,) of vertices; ``ahead`` and ``back`` (F,): what is across edge ``k`` and
@@ -119,7 +117,7 @@ def links(corner: list[Numbers], ahead: Numbers, back: Numbers, k: int) -> Numbe
     return result
 
 
-def _ahead(before: Numbers) -> tuple[Numbers, Numbers]:
+def _ahead(before: Long) -> tuple[Long, Long]:
     """Of faces (F,) with another ``before`` them, or -1: the first of their row, and how many are
     before them. Those of rings end somewhere."""
     place = (before >= 0).astype(np.int64)
@@ -133,7 +131,7 @@ def _ahead(before: Numbers) -> tuple[Numbers, Numbers]:
     return head, place
 
 
-def _lowest(before: Numbers, ring: Flags) -> Numbers:
+def _lowest(before: Long, ring: Bool) -> Long:
     """The lowest number of each ring."""
     low = np.arange(len(before))
     ahead = np.where(ring, before, low)
@@ -143,18 +141,17 @@ def _lowest(before: Numbers, ring: Flags) -> Numbers:
     return np.flatnonzero(ring & (low == np.arange(len(before))))
 
 
-Array = npt.NDArray[np.float64]
 ROUNDS = 6
 """At most 2^6 faces of a row become one."""
 
 
 def merge_flat(
-    points: Array,
-    faces: Numbers,
+    points: Float,
+    faces: Long,
     tolerance: float,
-    beside: Numbers,
+    beside: Long,
     rows: tuple[QuadStrips, QuadStrips],
-) -> Numbers:
+) -> Long:
     """Join faces (F, 4) of ``points`` (N, 3); triangles, with a corner twice, stay: (M, 4).
 
     Parameters
@@ -183,7 +180,7 @@ def merge_flat(
     return np.stack([np.take(column, remaining) for column in corner], axis=1)
 
 
-def rows_of(faces: Numbers, beside: Numbers) -> tuple[QuadStrips, QuadStrips]:
+def rows_of(faces: Long, beside: Long) -> tuple[QuadStrips, QuadStrips]:
     """The rows of faces (F, 4) across edges 1 and 3, and across 2 and 0: see `merge_flat`."""
     corner, (first, second, third, fourth) = _columns(faces), _columns(beside)
     return QuadStrips.of(links(corner, second, fourth, 1)), QuadStrips.of(
@@ -191,18 +188,18 @@ def rows_of(faces: Numbers, beside: Numbers) -> tuple[QuadStrips, QuadStrips]:
     )
 
 
-def _columns(values: Numbers) -> list[Numbers]:
+def _columns(values: Long) -> list[Long]:
     return [np.array(column) for column in values.T]
 
 
 def _joined(
-    points: Array,
+    points: Float,
     tolerance: float,
-    corner: list[Numbers],
+    corner: list[Long],
     rows: QuadStrips,
     k: int,
-    sides: dict[int, Numbers] | None = None,
-) -> Numbers:
+    sides: dict[int, Long] | None = None,
+) -> Long:
     """Join faces of ``rows`` across their edges ``k``: which one (F + 2,) each has gone into, and
     -2 and -1 where they are looked up. ``corner``: columns (F,), those of the joined ones are
     changed; so is what is across their ``sides``, one face or none, level by level."""
@@ -248,12 +245,12 @@ def _joined(
 
 
 def _suit(
-    points: Array,
+    points: Float,
     tolerance: float,
-    corner: list[Numbers],
-    first: Numbers,
-    second: Numbers,
-) -> npt.NDArray[np.bool_]:
+    corner: list[Long],
+    first: Long,
+    second: Long,
+) -> Bool:
     """Whether pairs of faces of a row may be joined; ``corner``: columns of vertices, those that
     the next face shares first."""
     result = np.zeros(len(first), bool)
@@ -271,12 +268,12 @@ def _suit(
     return result
 
 
-def _taken(values: npt.NDArray[Any], rows: Numbers) -> npt.NDArray[Any]:
+def _taken(values: npt.NDArray[Any], rows: Long) -> npt.NDArray[Any]:
     """Those of a column; NumPy looks at numbers that may be out of range one by one."""
     return np.take(values, rows, axis=-1, mode="clip")
 
 
-def _some(good: npt.NDArray[np.bool_], *columns: Numbers) -> list[Numbers]:
+def _some(good: Bool, *columns: Long) -> list[Long]:
     """The good ones of columns."""
     if good.all():
         return list(columns)
@@ -284,9 +281,7 @@ def _some(good: npt.NDArray[np.bool_], *columns: Numbers) -> list[Numbers]:
     return [_taken(column, kept) for column in columns]
 
 
-def _on_segment(
-    points: Array, middle: Numbers, start: Numbers, end: Numbers, tolerance: float
-) -> npt.NDArray[np.bool_]:
+def _on_segment(points: Float, middle: Long, start: Long, end: Long, tolerance: float) -> Bool:
     """Whether vertices lie on the way from ``start`` to ``end``, within the tolerance, and it
     doesn't turn a corner there: the side of a thin plate is shorter than any tolerance."""
     origin = _taken(points, start)
@@ -299,9 +294,7 @@ def _on_segment(
     return np.asarray((share > 0.0) & (share < 1.0) & (gap <= near))
 
 
-def _flat(
-    points: Array, quad: tuple[Numbers, Numbers, Numbers, Numbers], tolerance: float
-) -> npt.NDArray[np.bool_]:
+def _flat(points: Float, quad: tuple[Long, Long, Long, Long], tolerance: float) -> Bool:
     """Whether the diagonals of quadrilaterals meet, within the tolerance."""
     P = [_taken(points, v) for v in quad]
     (ux, uy, uz), (vx, vy, vz) = P[2] - P[0], P[3] - P[1]
@@ -311,7 +304,7 @@ def _flat(
     return np.asarray((gap <= tolerance) & (size > 0.0))
 
 
-def neighbours(faces: Numbers) -> tuple[Numbers, bool]:
+def neighbours(faces: Long) -> tuple[Long, bool]:
     """Across each edge of (F, 4) faces: -1 none or several, -2 no edge. Whether all have one."""
     count = len(faces)
     a, b = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)

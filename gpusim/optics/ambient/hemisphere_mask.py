@@ -23,11 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.ambient.silhouette_bvh import AGAINST, TILT, EdgeAdjacency, SamplePoints, tangent
 from gpusim.optics.ambient.silhouette_search import GROUP, SilhouetteBuffers, SilhouetteLists
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 ROWS, COLUMNS = 64, 32
 TURN = 0.1
 """Directions of a row are n - TILT e + t (d + TURN e), t from 0 up; d, e level, e left of d."""
@@ -50,17 +49,17 @@ class HemisphereMasks:
     """
 
     hidden: npt.NDArray[np.uint32]
-    inside: npt.NDArray[np.bool_]
+    inside: Bool
 
     @property
-    def open_share(self) -> Array:
+    def open_share(self) -> Float:
         """(N,) of the light of even surroundings."""
         hidden = np.bitwise_count(self.hidden).sum(axis=1)
-        result: Array = 1.0 - hidden / (ROWS * COLUMNS)
+        result: Float = 1.0 - hidden / (ROWS * COLUMNS)
         return result
 
 
-def _rows() -> tuple[Array, Array, Array]:
+def _rows() -> tuple[Float, Float, Float]:
     """Cosine and sine of each row's azimuth, and where its samples begin, (64,) each."""
     number = np.arange(ROWS)
     azimuth = 2.0 * np.pi * number / ROWS
@@ -69,7 +68,7 @@ def _rows() -> tuple[Array, Array, Array]:
     return np.cos(azimuth), np.sin(azimuth), start
 
 
-def directions() -> Array:
+def directions() -> Float:
     """(64, 32, 3) unit vectors (along the tangent, across, along the normal) of the samples."""
     cosine, sine, start = _rows()
     square = (np.arange(COLUMNS) + start[:, None]) / COLUMNS
@@ -135,13 +134,13 @@ def hemisphere_masks_twin(points: SamplePoints, around: SilhouetteLists) -> Hemi
     return HemisphereMasks(hidden, leaves > 0)
 
 
-def _heights(points: SamplePoints, planes: Array) -> tuple[Array, Array]:
+def _heights(points: SamplePoints, planes: Float) -> tuple[Float, Float]:
     """(N, F): how far points lie behind planes (F, 4), and the cosines of the normals."""
     normal = planes[:, :3].T
     return planes[:, 3] - points.at @ normal, points.normal @ normal
 
 
-def _hiding(points: SamplePoints, facets: EdgeAdjacency, face: Numbers) -> Array:
+def _hiding(points: SamplePoints, facets: EdgeAdjacency, face: Long) -> Float:
     """(N, F): -1 where faces (F,) hide by their outside, 1 by their inside, 0 where they don't."""
     height, facing = _heights(points, facets.planes[face])
     near, closed = points.tolerance[:, None], ~facets.both_sides[face]
@@ -151,19 +150,19 @@ def _hiding(points: SamplePoints, facets: EdgeAdjacency, face: Numbers) -> Array
     return np.where(face >= 0, result, 0)
 
 
-def _axes(normal: Array) -> Array:
+def _axes(normal: Float) -> Float:
     """(N, 3, 3): tangent, the direction across it, and unit normal."""
     u = tangent(normal)
     return np.stack([u, np.cross(normal, u), normal], axis=1)
 
 
-def _local(points: SamplePoints, ends: Array) -> Array:
+def _local(points: SamplePoints, ends: Float) -> Float:
     """(N, E, 2, 3): ends (E, 2, 3) along each point's tangent, across, and along its normal."""
     D = ends[None] - points.at[:, None, None]
     return np.asarray(np.einsum("neka,nba->nekb", D, _axes(points.normal)))
 
 
-def _crossed(ends: Array) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_], Array, Array]:
+def _crossed(ends: Float) -> tuple[Bool, Bool, Float, Float]:
     """Whether half circles through the rows cross edges (P, 2, 3), and whether they leave the side
     that the edges have on their left; (P, 64). With the edges' planes at the rows' starts and
     along them."""
@@ -180,7 +179,7 @@ def _crossed(ends: Array) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_],
     return np.where(leaves, rises, falls), leaves, value, slope
 
 
-def _cross(change: Numbers, points: SamplePoints, facets: EdgeAdjacency, edge: Numbers) -> None:
+def _cross(change: Long, points: SamplePoints, facets: EdgeAdjacency, edge: Long) -> None:
     """Add to ``change`` (N, 64, 33) what crossing ``edge`` changes, sample by sample."""
     beside = facets.beside[edge]
     weight = _hiding(points, facets, beside[:, 0]) - _hiding(points, facets, beside[:, 1])
@@ -195,9 +194,7 @@ def _cross(change: Numbers, points: SamplePoints, facets: EdgeAdjacency, edge: N
     np.add.at(change, (point[pair], row, sample), sign)
 
 
-def _along_normal(
-    points: SamplePoints, facets: EdgeAdjacency, face: Numbers
-) -> tuple[Numbers, Numbers]:
+def _along_normal(points: SamplePoints, facets: EdgeAdjacency, face: Long) -> tuple[Long, Long]:
     """How many faces lie before the rows' starts (N, 64), and how often the way up leaves a body
     (N,)."""
     height, facing = _heights(points, facets.planes[face])
@@ -229,7 +226,7 @@ def _along_normal(
     return start, leaves
 
 
-def _sample(t: Array, start: Array) -> Numbers:
+def _sample(t: Float, start: Float) -> Long:
     """The first sample, of rows that begin at ``start``, at or beyond directions of parameter t."""
     t = np.minimum(t, FAR)
     square = 1.0 + TILT**2 + t * (t * (1.0 + TURN**2) - 2.0 * TURN * TILT)

@@ -16,14 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import expand
 from gpusim.surface.topology import sorted_keys
-
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
-
 
 TILT = 0.1
 """Tangent of the angle by which the rows of `gpusim.optics.ambient.hemisphere_mask` pass the
@@ -42,19 +38,19 @@ class SamplePoints:
     doesn't tell that the point lies inside.
     """
 
-    at: Array
-    normal: Array
-    tolerance: Array
-    thickness: Array
+    at: Float
+    normal: Float
+    tolerance: Float
+    thickness: Float
 
-    def part(self, rows: slice | npt.NDArray[np.int64]) -> SamplePoints:
+    def part(self, rows: slice | Long) -> SamplePoints:
         """Some of them."""
         return SamplePoints(
             self.at[rows], self.normal[rows], self.tolerance[rows], self.thickness[rows]
         )
 
 
-def tangent(normal: Array) -> Array:
+def tangent(normal: Float) -> Float:
     """(N, 3) unit vectors square to unit normals, steady but where these point along -z."""
     x, y, z = normal.T
     below = z < -0.9999
@@ -63,7 +59,7 @@ def tangent(normal: Array) -> Array:
     result[below] = np.stack([np.ones_like(x), 0.0 * x, -x / np.where(below, z, -1.0)], axis=1)[
         below
     ]
-    length: Array = np.linalg.norm(result, axis=1)[:, None]
+    length: Float = np.linalg.norm(result, axis=1)[:, None]
     return result / length
 
 
@@ -78,15 +74,15 @@ class EdgeAdjacency:
     what is around them. ``both_sides`` (F,): of surfaces that aren't closed.
     """
 
-    ends: Array
-    beside: Numbers
-    edges: Numbers
-    planes: Array
-    balls: Array
-    both_sides: npt.NDArray[np.bool_]
+    ends: Float
+    beside: Long
+    edges: Long
+    planes: Float
+    balls: Float
+    both_sides: Bool
 
     @staticmethod
-    def of(points: Array, faces: Numbers, both_sides: npt.NDArray[np.bool_]) -> EdgeAdjacency:
+    def of(points: Float, faces: Long, both_sides: Bool) -> EdgeAdjacency:
         """Those of faces (F, 4) of ``points`` (N, 3), a triangle's last corner twice."""
         start, end = faces.reshape(-1), np.roll(faces, -1, axis=1).reshape(-1)
         real = np.flatnonzero(start != end)
@@ -122,7 +118,7 @@ class EdgeAdjacency:
             np.concatenate([middle, radius[:, None]], axis=1), both_sides,
         )  # fmt: skip
 
-    def ordered(self, edge: Numbers, face: Numbers) -> EdgeAdjacency:
+    def ordered(self, edge: Long, face: Long) -> EdgeAdjacency:
         """The same in the order of ``edge`` (E,) and ``face`` (F,)."""
         edge_at, face_at = np.empty_like(edge), np.empty(len(face) + 1, np.int64)
         edge_at[edge], face_at[face] = np.arange(len(edge)), np.arange(len(face))
@@ -135,14 +131,12 @@ class EdgeAdjacency:
         )  # fmt: skip
 
     @staticmethod
-    def apart(corners: Array, both_sides: npt.NDArray[np.bool_]) -> EdgeAdjacency:
+    def apart(corners: Float, both_sides: Bool) -> EdgeAdjacency:
         """Faces with ``corners`` (F, 4, 3) that share no edges, a triangle's last corner twice."""
         faces = np.arange(4 * len(corners)).reshape(-1, 4)
         faces[:, 3] -= (corners[:, 3] == corners[:, 2]).all(axis=1)
         return EdgeAdjacency.of(corners.reshape(-1, 3), faces, both_sides)
 
-
-Bools = npt.NDArray[np.bool_]
 
 MEMBERS = 4
 """Of a cluster."""
@@ -158,11 +152,11 @@ CLOSED, OPEN, NONE, MIXED = 0, 1, 2, 3
 class BoundingSpheres:
     """What encloses things or clusters: ``middle`` (N, 3) and ``radius`` (N,)."""
 
-    middle: Array
-    radius: Array
+    middle: Float
+    radius: Float
 
     @staticmethod
-    def of(points: Array, size: int) -> BoundingSpheres:
+    def of(points: Float, size: int) -> BoundingSpheres:
         """Around every ``size`` things with points (N, K, 3)."""
         first = np.arange(0, len(points), size)
         low = np.minimum.reduceat(points.min(axis=1), first)
@@ -172,7 +166,7 @@ class BoundingSpheres:
         return BoundingSpheres(middle, np.maximum.reduceat(reach, first))
 
     @staticmethod
-    def around(balls: Array, size: int) -> BoundingSpheres:
+    def around(balls: Float, size: int) -> BoundingSpheres:
         """Around every ``size`` balls (N, 4)."""
         first = np.arange(0, len(balls), size)
         middle, radius = balls[:, :3], balls[:, 3]
@@ -193,14 +187,14 @@ class NormalCones:
     (N,): `CLOSED`, `OPEN`, `NONE` or `MIXED`.
     """
 
-    axis: Array
-    spread: Array
-    low: Array
-    high: Array
-    kind: Numbers
+    axis: Float
+    spread: Float
+    low: Float
+    high: Float
+    kind: Long
 
     @staticmethod
-    def of(normal: Array, point: Array, kind: Numbers, size: int) -> NormalCones:
+    def of(normal: Float, point: Float, kind: Long, size: int) -> NormalCones:
         """Of every ``size`` planes with unit normals and points (N, 3)."""
         first = np.arange(0, len(normal), size)
         axis = np.add.reduceat(normal, first)
@@ -225,8 +219,8 @@ def levels(count: int) -> list[int]:
 
 
 def traverse(
-    counts: Sequence[int], groups: int, keep: Callable[[int, Numbers, Numbers], Bools]
-) -> tuple[Numbers, Numbers]:
+    counts: Sequence[int], groups: int, keep: Callable[[int, Long, Long], Bool]
+) -> tuple[Long, Long]:
     """Which things each group needs: where their lists begin (G + 1,), and the lists.
 
     ``counts``: clusters of each level, as `levels` has them. ``keep``: of a level's number, groups
@@ -250,7 +244,7 @@ def traverse(
     return np.cumsum(np.concatenate(starts)), np.concatenate(lists)
 
 
-def in_order(at: Array, *keys: Numbers) -> Numbers:
+def in_order(at: Float, *keys: Long) -> Long:
     """The order (N,) by ``keys`` (N,), the first one above the others, then by where (N, 3) is."""
     low = at.min(axis=0, initial=np.inf) if len(at) else np.zeros(3)
     size = max(float(np.ptp(at, axis=0).max()) if len(at) else 0.0, 1e-300)
@@ -264,7 +258,7 @@ def in_order(at: Array, *keys: Numbers) -> Numbers:
     return np.argsort(key, kind="stable")
 
 
-def direction_cells(normal: Array) -> Numbers:
+def direction_cells(normal: Float) -> Long:
     """Which of 27 ways vectors (N, 3) of length 1 or 0 look."""
     whole = np.rint(normal).astype(np.int64) + 1
     return np.asarray((whole[:, 0] * 3 + whole[:, 1]) * 3 + whole[:, 2])
@@ -319,7 +313,7 @@ class SilhouetteBVH:
         )  # fmt: skip
 
 
-def _beside(facets: EdgeAdjacency) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+def _beside(facets: EdgeAdjacency) -> tuple[Float, Long]:
     """Planes (E, 2, 4) on both sides of edges, zeros where there is no face, and their kinds."""
     planes = np.concatenate([facets.planes, np.zeros((1, 4))])[facets.beside]
     kind = np.where(np.append(facets.both_sides, False)[facets.beside], OPEN, CLOSED)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import Buffer
 from gpusim.gpu.texture_array import Texels
@@ -35,11 +36,6 @@ from gpusim.optics.ambient.silhouette_bvh import (
     traverse,
 )
 
-Array = npt.NDArray[np.float64]
-
-Numbers = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
-
 GROUP = 16
 """Points that share lists of edges and faces."""
 
@@ -56,10 +52,10 @@ class SilhouetteLists:
     """
 
     facets: EdgeAdjacency
-    edge_start: Numbers
-    edge: Numbers
-    face_start: Numbers
-    face: Numbers
+    edge_start: Long
+    edge: Long
+    face_start: Long
+    face: Long
 
     @staticmethod
     def everywhere(facets: EdgeAdjacency, points: int) -> SilhouetteLists:
@@ -79,10 +75,10 @@ def silhouettes_near(
     groups = _Groups.of(points, size)
     count = len(groups.middle)
 
-    def contour(level: int, group: Numbers, cluster: Numbers) -> Bools:
+    def contour(level: int, group: Long, cluster: Long) -> Bool:
         return _contour(groups, contours, level, group, cluster)
 
-    def upward(level: int, group: Numbers, cluster: Numbers) -> Bools:
+    def upward(level: int, group: Long, cluster: Long) -> Bool:
         return _upward(groups, contours.spheres[level], group, cluster)
 
     start, edge = traverse([len(v.radius) for v in contours.balls], count, contour)
@@ -91,8 +87,8 @@ def silhouettes_near(
 
 
 def _contour(
-    groups: _Groups, contours: SilhouetteBVH, level: int, group: Numbers, cluster: Numbers
-) -> Bools:
+    groups: _Groups, contours: SilhouetteBVH, level: int, group: Long, cluster: Long
+) -> Bool:
     """Whether clusters (P,) may hold edges that are contours to groups (P,)."""
     balls = contours.balls[level]
     r, thick = groups.radius[group], groups.thick[group]
@@ -116,10 +112,10 @@ def _hiding(
     groups: _Groups,
     slopes: NormalCones,
     rounding: float,
-    group: Numbers,
-    cluster: Numbers,
-    span: Array,
-) -> Numbers:
+    group: Long,
+    cluster: Long,
+    span: Float,
+) -> Long:
     """How all faces of clusters (P,) hide from all of a group, as `hemisphere_mask` has it, or
     ``UNKNOWN``; ``span`` (P,): how far apart they are at most."""
     axis, spread = slopes.axis[cluster], slopes.spread[cluster]
@@ -150,12 +146,12 @@ class _Groups:
     the plane square to ``up``, from which their normals pass by ``lean``; their least and greatest
     ``tolerance`` (G, 2)."""
 
-    middle: Array
-    radius: Array
-    up: Array
-    thick: Array
-    lean: Array
-    tolerance: Array
+    middle: Float
+    radius: Float
+    up: Float
+    thick: Float
+    lean: Float
+    tolerance: Float
 
     @staticmethod
     def of(points: SamplePoints, size: int) -> _Groups:
@@ -179,7 +175,7 @@ class _Groups:
         )  # fmt: skip
 
 
-def _upward(groups: _Groups, spheres: BoundingSpheres, group: Numbers, cluster: Numbers) -> Bools:
+def _upward(groups: _Groups, spheres: BoundingSpheres, group: Long, cluster: Long) -> Bool:
     """Whether clusters (P,) may hold faces that points of groups (P,) lie on, or that are on the
     way up from them, as far aside as rows begin."""
     to = spheres.middle[cluster] - groups.middle[group]
@@ -191,7 +187,7 @@ def _upward(groups: _Groups, spheres: BoundingSpheres, group: Numbers, cluster: 
     return np.asarray((height + beside > 0.0) & (away * away - height * height <= wide * wide))
 
 
-def in_groups(points: SamplePoints) -> Numbers:
+def in_groups(points: SamplePoints) -> Long:
     """The order (N,) in which points that look the same way and lie together follow each other."""
     return in_order(points.at, direction_cells(points.normal))
 

@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.unique import distinct
 from gpusim.optics.ambient.hemisphere_mask import COLUMNS, ROWS, HemisphereMasks, directions
 from gpusim.optics.ambient.silhouette_bvh import tangent
 from gpusim.optics.light.environment import Environment
 from gpusim.optics.light.lights import AmbientLight, EnvironmentLight, Light
 
-Array = npt.NDArray[np.float64]
 CHUNK = 512
 """Points at a time."""
 
@@ -49,7 +48,7 @@ class SkyIrradiance:
         ]
         return SkyIrradiance(both[0], both[1], environment, hides)
 
-    def share(self, seen: HemisphereMasks, normal: Array) -> Array:
+    def share(self, seen: HemisphereMasks, normal: Float) -> Float:
         """(N,) of all surroundings' irradiance at points with unit normals (N, 3)."""
         got = self.open + self.even * seen.open_share
         whole = np.full(len(normal), self.open + self.even)
@@ -57,11 +56,11 @@ class SkyIrradiance:
             around = self.environment.diffuse(normal)
             whole += around
             got += around * (_seen_of(self.environment, seen, normal) if self.hides else 1.0)
-        result: Array = np.where(whole > 0.0, got / np.where(whole > 0.0, whole, 1.0), 1.0)
+        result: Float = np.where(whole > 0.0, got / np.where(whole > 0.0, whole, 1.0), 1.0)
         return result
 
 
-def _seen_of(environment: Environment, seen: HemisphereMasks, normal: Array) -> Array:
+def _seen_of(environment: Environment, seen: HemisphereMasks, normal: Float) -> Float:
     """Shares (N,) of the surroundings' irradiance."""
     whole = np.rint(normal / NORMALS).astype(np.int64) + 20_000
     key = (whole[:, 0] * 40_001 + whole[:, 1]) * 40_001 + whole[:, 2]
@@ -83,7 +82,7 @@ def _seen_of(environment: Environment, seen: HemisphereMasks, normal: Array) -> 
     return back
 
 
-def _radiances(environment: Environment, normal: Array) -> Array:
+def _radiances(environment: Environment, normal: Float) -> Float:
     """(N, 2048): of the samples over points with unit normals (N, 3)."""
     u = tangent(normal)
     axes = np.stack([u, np.cross(normal, u), normal], axis=1)

@@ -9,16 +9,13 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.ambient.coplanar_merging import QuadStrips, merge_flat, neighbours, rows_of
 from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SilhouetteBVH
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
-
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 FLATNESS = 0.05
 """px at the nearest surface, that joined faces may pass from the surface."""
@@ -31,7 +28,7 @@ class _FaceNeighbours(NamedTuple):
     """Of faces (F, 4): what is across their edges and whether something is across all, see
     `neighbours`; and their rows."""
 
-    beside: Numbers
+    beside: Long
     closed: bool
     rows: tuple[QuadStrips, QuadStrips]
 
@@ -56,9 +53,7 @@ class JoinedFaces:
         return JoinedFaces(SilhouetteBVH.of(facets), sag)
 
 
-def joined_faces(
-    surfaces: Sequence[Surface], sag: float
-) -> tuple[Array, Numbers, npt.NDArray[np.bool_]]:
+def joined_faces(surfaces: Sequence[Surface], sag: float) -> tuple[Float, Long, Bool]:
     """Vertices (P, 3) and faces (F, 4) of all ``surfaces``, a triangle's last corner twice, and
     whether both of their sides hide (F,), as those of open surfaces do. Flat parts are joined that
     stay within ``sag`` of the surface."""
@@ -83,7 +78,7 @@ def joined_faces(
     return np.concatenate(points), np.concatenate(faces), np.concatenate(both_sides)
 
 
-def _bent(points: Array, faces: Numbers) -> bool:
+def _bent(points: Float, faces: Long) -> bool:
     """Whether corners of some face (F, 4), -1 in the last column for triangles, leave a plane."""
     a, b, c, d = (points[corner] for corner in faces[faces[:, 3] >= 0].T)
     normal = np.cross(c - a, d - b)
@@ -92,7 +87,7 @@ def _bent(points: Array, faces: Numbers) -> bool:
     return bool((gap > BENT * size * np.sqrt(size)).any())
 
 
-def _known(topology: Topology, faces: Numbers) -> _FaceNeighbours:
+def _known(topology: Topology, faces: Long) -> _FaceNeighbours:
     """What is known of a topology's faces, or of its triangles, for all frames."""
     by_count = _KNOWN.setdefault(topology, {})
     if len(faces) not in by_count:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
@@ -32,9 +33,7 @@ from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
-Value = Callable[[HemisphereMasks, Array], Array]
+Value = Callable[[HemisphereMasks, Float], Float]
 """Shares (N,) of the light of points, from what they see and their normals (N, 3)."""
 
 PIECE, PIECES = 32.0, 64.0
@@ -72,12 +71,12 @@ class SkyVisibility:
     both edges, affine in the position relative to the eye. ``nodes``: how many were looked from.
     """
 
-    planes: Array
-    pieces: Numbers
-    first: Numbers
-    cells: Numbers
-    start: Numbers
-    values: Array
+    planes: Float
+    pieces: Long
+    first: Long
+    cells: Long
+    start: Long
+    values: Float
     nodes: int
 
     @staticmethod
@@ -102,7 +101,7 @@ class SkyVisibility:
         cells = np.zeros(int(slots.sum()), np.int64)
         due, m = np.flatnonzero(_in_image(view, triangle, place)), 1
         cells[slot] = 1  # pieces outside the image share three values that nobody reads
-        leaves: list[tuple[Numbers, Array]] = []
+        leaves: list[tuple[Long, Float]] = []
         before = np.zeros(0)
         while len(due):
             triangles = triangle[due]
@@ -138,7 +137,7 @@ class SkyVisibility:
             _places(corners), pieces, first, cells, start, np.concatenate(values), nodes.count
         )
 
-    def at(self, triangle: Numbers, x: Array) -> Array:
+    def at(self, triangle: Long, x: Float) -> Float:
         """Shares (n,) at positions (n, 3) relative to the eye, on triangles (n,)."""
         planes = self.planes[triangle]
         uv = np.einsum("nka,na->nk", planes[:, :, :3], x) + planes[:, :, 3]
@@ -153,17 +152,17 @@ class SkyVisibility:
         corner = [self.values[i + k] for k in (0, 1)] + [self.values[i + m + 1 + k] for k in (0, 1)]
         low = corner[0] + p * (corner[1] - corner[0]) + q * (corner[2] - corner[0])
         high = corner[3] + (1.0 - p) * (corner[2] - corner[3]) + (1.0 - q) * (corner[1] - corner[3])
-        result: Array = np.where(p + q > 1.0, high, low)
+        result: Float = np.where(p + q > 1.0, high, low)
         return result
 
 
-def lattice(m: int) -> tuple[Array, Array]:
+def lattice(m: int) -> tuple[Float, Float]:
     """Places (N,) and (N,) along two edges of a triangle's nodes, row by row, m cells an edge."""
     j, i = np.nonzero(np.add.outer(np.arange(m + 1), np.arange(m + 1)) <= m)
     return i / m, j / m
 
 
-def _on_lattice(place: Array, corners: Array, normals: Array, m: int) -> tuple[Array, Array]:
+def _on_lattice(place: Float, corners: Float, normals: Float, m: int) -> tuple[Float, Float]:
     """Positions and normals (P, N, 3) of the nodes of pieces, which lie at ``place`` (P, 3, 2) in
     triangles of these corners and normals (P, 3, 3)."""
     u, v = lattice(m)
@@ -177,7 +176,7 @@ def _on_lattice(place: Array, corners: Array, normals: Array, m: int) -> tuple[A
     ]
 
 
-def _cell(uv: Array, n: Numbers) -> tuple[Numbers, Array]:
+def _cell(uv: Float, n: Long) -> tuple[Long, Float]:
     """Of places (k, 2) in a triangle of n (k,) cells an edge: the cell, and the place in it."""
     uv = np.maximum(uv, 0.0)
     most = 1.0 - 1e-5
@@ -186,14 +185,14 @@ def _cell(uv: Array, n: Numbers) -> tuple[Numbers, Array]:
     return cell.astype(np.int64), uv - cell
 
 
-def _longest(screen: Array) -> Array:
+def _longest(screen: Float) -> Float:
     """px, (T,)."""
     edges = screen - np.roll(screen, -1, axis=1)
-    result: Array = np.sqrt((edges * edges).sum(axis=2)).max(axis=1, initial=0.0)
+    result: Float = np.sqrt((edges * edges).sum(axis=2)).max(axis=1, initial=0.0)
     return result
 
 
-def _places(corners: Array) -> Array:
+def _places(corners: Float) -> Float:
     """(T, 2, 4): how far along the edges a and b from the first of ``corners`` (T, 3, 3) a position
     is, affine in it."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -205,7 +204,7 @@ def _places(corners: Array) -> Array:
     return result
 
 
-def _pieces(count: Numbers, first: Numbers) -> tuple[Numbers, Numbers, Array]:
+def _pieces(count: Long, first: Long) -> tuple[Long, Long, Float]:
     """Of all pieces (P,): triangle, slot, and the places (P, 3, 2) of their corners in it."""
     triangles, slots, places = [], [], [np.zeros((0, 3, 2))]
     corner = np.array([[[0, 0], [1, 0], [0, 1]], [[1, 1], [0, 1], [1, 0]]], np.float64)
@@ -224,7 +223,7 @@ def _pieces(count: Numbers, first: Numbers) -> tuple[Numbers, Numbers, Array]:
     )  # fmt: skip
 
 
-def _in_image(view: View, triangle: Numbers, place: Array) -> npt.NDArray[np.bool_]:
+def _in_image(view: View, triangle: Long, place: Float) -> Bool:
     """Which pieces (P,) with corners at places (P, 3, 2) in triangles may be in the image."""
     if view.camera.lens is not None:
         return np.ones(len(triangle), bool)
@@ -237,7 +236,7 @@ def _in_image(view: View, triangle: Numbers, place: Array) -> npt.NDArray[np.boo
     )
 
 
-def _grids(shares: Array, buried: npt.NDArray[np.bool_], m: int) -> Array:
+def _grids(shares: Float, buried: Bool, m: int) -> Float:
     """(P, m + 1, m + 1) of nodes (P, N): what is buried continues its neighbours."""
     u, v = lattice(m)
     i, j = np.rint(m * u).astype(np.int64), np.rint(m * v).astype(np.int64)
@@ -258,11 +257,11 @@ def _grids(shares: Array, buried: npt.NDArray[np.bool_], m: int) -> Array:
             count += ~np.isnan(leads)
         fill = np.isnan(grid[inner]) & needed & (count > 0)
         grid[inner] = np.where(fill, total / np.maximum(count, 1), grid[inner])
-    result: Array = np.nan_to_num(grid[inner], nan=0.0)
+    result: Float = np.nan_to_num(grid[inner], nan=0.0)
     return result
 
 
-def _finer(grids: Array, m: int) -> Array:
+def _finer(grids: Float, m: int) -> Float:
     """What lattices (P, m + 1, m + 1) say at the nodes of those of twice the cells, (P, N)."""
     u, v = lattice(2 * m)
     i, j = np.rint(2 * m * u).astype(np.int64), np.rint(2 * m * v).astype(np.int64)
@@ -271,7 +270,7 @@ def _finer(grids: Array, m: int) -> Array:
     both = (i % 2 == 1) & (j % 2 == 1)
     other = grids[:, (j + 1) // 2, (i + 1) // 2]
     across = 0.5 * (grids[:, j // 2, (i + 1) // 2] + grids[:, (j + 1) // 2, i // 2])
-    result: Array = np.where(both, across, 0.5 * (low + other))
+    result: Float = np.where(both, across, 0.5 * (low + other))
     return result
 
 
@@ -294,7 +293,7 @@ class _Nodes:
         """How many were looked from."""
         return len(self._key)
 
-    def look(self, at: Array, normal: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    def look(self, at: Float, normal: Float) -> tuple[Float, Float, Bool]:
         """Of nodes (P, N, 3), (P, N) each: shares, those of an even sky, and which are buried."""
         shape = at.shape[:2]
         middle = at.mean(axis=1, keepdims=True)
@@ -310,7 +309,7 @@ class _Nodes:
         known[known] = self._key[place[known]] == keys[known]
         if not known.all():
             many = np.bincount(inverse, minlength=len(keys))
-            pull: Array = np.stack([np.bincount(inverse, w) / many for w in toward.T], axis=1)
+            pull: Float = np.stack([np.bincount(inverse, w) / many for w in toward.T], axis=1)
             rise = np.zeros(len(keys))
             np.maximum.at(rise, inverse, np.abs(np.sum(toward * normal, axis=1)))
             thick = np.zeros(len(keys))
@@ -329,7 +328,7 @@ class _Nodes:
         back = place[inverse].reshape(shape)
         return self._share[back], self._even[back], self._buried[back]
 
-    def _add(self, key: Numbers, points: SamplePoints) -> None:
+    def _add(self, key: Long, points: SamplePoints) -> None:
         order = in_groups(points)
         key, points = key[order], points.part(order)
         if self._tables is None:
@@ -346,7 +345,7 @@ class _Nodes:
         self._buried = np.concatenate([self._buried, buried])[order]
 
 
-def _keys(at: Array, normal: Array, sag: float) -> Numbers:
+def _keys(at: Float, normal: Float, sag: float) -> Long:
     """Numbers (n,) that are one for the same places with the same normals."""
     whole = np.concatenate([np.rint(at / (0.2 * sag)), np.rint(normal * 1000.0)], axis=1)
     factors = np.array(
@@ -358,7 +357,7 @@ def _keys(at: Array, normal: Array, sag: float) -> Numbers:
     return np.asarray(mixed ^ (mixed >> 29))
 
 
-def _inverse(key: Numbers) -> tuple[Numbers, Numbers]:
+def _inverse(key: Long) -> tuple[Long, Long]:
     """Distinct numbers, ascending, and which of them each one is."""
     keys = distinct(key)
     return keys, np.searchsorted(keys, key)

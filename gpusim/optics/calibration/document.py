@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 
@@ -245,17 +245,14 @@ def _scalar(word: str) -> Any:
     return float(special) if special else _unquoted(word)
 
 
-Array = npt.NDArray[np.float64]
-
-
 def make(
     where: str,
     name: str,
     size: tuple[int, int] | None,
-    K: Array,
-    distortion: Sequence[float] | Array,
-    R: Array,
-    T: Array,
+    K: Float,
+    distortion: Sequence[float] | Float,
+    R: Float,
+    T: Float,
 ) -> Camera:
     """A camera, its rotation rounded in the file made exact again."""
     if size is None:
@@ -290,17 +287,17 @@ def number(text: object, where: str) -> float:
     return value
 
 
-def from_angles(first: float, second: float, third: float) -> Array:
+def from_angles(first: float, second: float, third: float) -> Float:
     """Rz(third) Ry(second) Rx(first), degrees."""
     (ca, cb, cc), (sa, sb, sc) = (f(np.radians([first, second, third])) for f in (np.cos, np.sin))
     x = np.array([[1.0, 0.0, 0.0], [0.0, ca, -sa], [0.0, sa, ca]])
     y = np.array([[cb, 0.0, sb], [0.0, 1.0, 0.0], [-sb, 0.0, cb]])
     z = np.array([[cc, -sc, 0.0], [sc, cc, 0.0], [0.0, 0.0, 1.0]])
-    result: Array = z @ y @ x
+    result: Float = z @ y @ x
     return result
 
 
-def angles_of(R: Array) -> tuple[float, float, float]:
+def angles_of(R: Float) -> tuple[float, float, float]:
     """The angles (degrees) of which `from_angles` makes R."""
     flat = float(np.hypot(R[0, 0], R[1, 0]))
     second = np.arctan2(-R[2, 0], flat)
@@ -312,18 +309,18 @@ def angles_of(R: Array) -> tuple[float, float, float]:
     return float(a), float(b), float(c)
 
 
-def pose_of(camera: Camera) -> tuple[Array, Array]:
+def pose_of(camera: Camera) -> tuple[Float, Float]:
     """Rotation (3, 3) and translation (3,) of X_camera = R X + T."""
     return camera.camera_from_world[:3, :3], camera.camera_from_world[:3, 3]
 
 
-def relative(camera: Camera, base: Camera) -> Array:
+def relative(camera: Camera, base: Camera) -> Float:
     """(4, 4): from the frame of camera ``base`` to that of ``camera``."""
-    result: Array = camera.camera_from_world @ np.linalg.inv(base.camera_from_world)
+    result: Float = camera.camera_from_world @ np.linalg.inv(base.camera_from_world)
     return result
 
 
-def five(camera: Camera, where: str, tangential: bool = True) -> Array:
+def five(camera: Camera, where: str, tangential: bool = True) -> Float:
     """k1 k2 p1 p2 k3 of a camera; refused if its lens needs more."""
     values = np.zeros(14)
     if camera.distortion is not None:

@@ -7,8 +7,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.calibration.document import Document, make, number, pose_of, read_document
 from gpusim.optics.camera.pinhole import Camera
@@ -22,7 +22,6 @@ __all__ = [
     "write_opencv",
 ]
 
-Array = npt.NDArray[np.float64]
 Size = tuple[int, int] | None
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K")
@@ -152,7 +151,7 @@ def _single(node: Document, where: str, name: str, size: Size) -> Camera:
     )
 
 
-def _check_lens(node: Document, bent: Array | None, where: str, key: str) -> None:
+def _check_lens(node: Document, bent: Float | None, where: str, key: str) -> None:
     """Refuse lens models that aren't OpenCV's, and coefficients under a name that isn't known."""
     model = node.get("distortion_model", "")
     if not isinstance(model, str) or model.lower() not in _MODELS:
@@ -164,7 +163,7 @@ def _check_lens(node: Document, bent: Array | None, where: str, key: str) -> Non
         raise InputError(f"{where}: {unknown[0]}; got an unknown key; expected {key}")
 
 
-def _rotation(R: Array, where: str) -> Array:
+def _rotation(R: Float, where: str) -> Float:
     """A matrix, or a Rodrigues vector turned into one."""
     if R.size == 3:
         return np.asarray(cv2.Rodrigues(R.reshape(3, 1))[0], np.float64)
@@ -173,13 +172,13 @@ def _rotation(R: Array, where: str) -> Array:
     return R
 
 
-def _vector(T: Array, where: str) -> Array:
+def _vector(T: Float, where: str) -> Float:
     if T.size != 3:
         raise InputError(f"{where}: T; got {T.size} numbers; expected 3")
     return T.ravel()
 
 
-def _matrix(node: Document, keys: Sequence[str], where: str) -> Array | None:
+def _matrix(node: Document, keys: Sequence[str], where: str) -> Float | None:
     """The first of the keys that is there: OpenCV's rows, cols and data, or rows in brackets."""
     key = next((key for key in keys if key in node), None)
     if key is None:
@@ -203,7 +202,7 @@ def _matrix(node: Document, keys: Sequence[str], where: str) -> Array | None:
     return data.reshape(sides)
 
 
-def _nested(value: Any, place: str) -> Array:
+def _nested(value: Any, place: str) -> Float:
     """A number, a list of numbers, or a list of rows."""
     rows = value if isinstance(value, list) else [value]
     if len(rows) > LARGEST**2:
@@ -282,7 +281,7 @@ def from_message(root: Document) -> Document:
     return {**found, "name": frame} if isinstance(frame, str) and frame else found
 
 
-def read_out(node: Document, K: Array, size: Size, where: str) -> tuple[Array, Size]:
+def read_out(node: Document, K: Float, size: Size, where: str) -> tuple[Float, Size]:
     """The matrix and the size of the pictures, where ``roi`` or ``binning_x`` say that they show a
     part of the sensor, or several of its pixels in one.
 

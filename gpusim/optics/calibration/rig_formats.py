@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.calibration.document import (
     Document,
@@ -36,7 +36,6 @@ __all__ = [
     "write_vic",
 ]
 
-Array = npt.NDArray[np.float64]
 Size = tuple[int, int] | None
 LONGEST_LABEL = 100
 
@@ -121,7 +120,7 @@ def write_kalibr(cameras: Sequence[Camera], where: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _list(values: Sequence[float] | Array) -> str:
+def _list(values: Sequence[float] | Float) -> str:
     return "[" + ", ".join(repr(float(value)) for value in values) + "]"
 
 

@@ -18,11 +18,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
-
-Array = npt.NDArray[np.float64]
 
 LENGTHS = (4, 5, 8, 12, 14)
 """How many coefficients OpenCV's models have."""
@@ -49,7 +47,7 @@ class Distortion:
         Another number of coefficients, or values that aren't finite.
     """
 
-    coefficients: Array
+    coefficients: Float
 
     def __post_init__(self) -> None:
         values = np.ravel(np.asarray(self.coefficients, np.float64))
@@ -67,7 +65,7 @@ class Distortion:
         return tuple(values.tolist())
 
     @cached_property
-    def _tilt(self) -> Array | None:
+    def _tilt(self) -> Float | None:
         """(3, 3) homography of the tilted sensor, or None."""
         tau_x, tau_y = self._all[12:]
         if tau_x == 0.0 and tau_y == 0.0:
@@ -77,7 +75,7 @@ class Distortion:
         about_y = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
         R = about_y @ about_x
         shift = np.array([[R[2, 2], 0.0, -R[0, 2]], [0.0, R[2, 2], -R[1, 2]], [0.0, 0.0, 1.0]])
-        result: Array = shift @ R
+        result: Float = shift @ R
         return result
 
     @cached_property
@@ -97,7 +95,7 @@ class Distortion:
             smallest = min(smallest, float(real.min(initial=np.inf)))
         return float(np.sqrt(smallest))
 
-    def _radial(self, square: Array) -> tuple[Array, Array]:
+    def _radial(self, square: Float) -> tuple[Float, Float]:
         """R and dR / d(r^2) at r^2."""
         k1, k2, _, _, k3, k4, k5, k6 = self._all[:8]
         u = square
@@ -108,7 +106,7 @@ class Distortion:
         ratio = above / below
         return ratio, (above_slope - ratio * below_slope) / below
 
-    def _on_flat_sensor(self, points: Array) -> tuple[Array, Array]:
+    def _on_flat_sensor(self, points: Float) -> tuple[Float, Float]:
         """Distorted points (…, 2) before the tilt, and their Jacobian (…, 2, 2)."""
         p1, p2 = self._all[2:4]
         s1, s2, s3, s4 = self._all[8:12]
@@ -128,7 +126,7 @@ class Distortion:
         jacobian[..., 1, 1] = ratio + 2.0 * yy * slope + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y
         return moved, jacobian
 
-    def distort(self, points: Array) -> Array:
+    def distort(self, points: Float) -> Float:
         """Ideal to distorted points; NaN beyond the domain, so that nothing folds back."""
         moved, jacobian = self._on_flat_sensor(points)
         turn = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
@@ -136,7 +134,7 @@ class Distortion:
         moved[bad] = np.nan
         return moved if self._tilt is None else _homography(self._tilt, moved)
 
-    def extended(self, points: Array) -> Array:
+    def extended(self, points: Float) -> Float:
         """`distort`, continued straight outwards where the domain ends: for what is out of view."""
         if not np.isfinite(self.limit):
             moved = self._on_flat_sensor(points)[0]
@@ -147,7 +145,7 @@ class Distortion:
             moved += points * (1.0 - inner) * self._radial(np.asarray(self.limit**2))[0]
         return moved if self._tilt is None else _homography(self._tilt, moved)
 
-    def undistort(self, points: Array) -> Array:
+    def undistort(self, points: Float) -> Float:
         """Distorted to ideal points, by Newton's method to 1e-12; NaN where there is none."""
         flat = np.asarray(points, np.float64).reshape(-1, 2)
         if self._tilt is not None:
@@ -157,7 +155,7 @@ class Distortion:
             result[first : first + CHUNK] = self._inverse(flat[first : first + CHUNK])
         return result.reshape(np.shape(points))
 
-    def _inverse(self, target: Array) -> Array:
+    def _inverse(self, target: Float) -> Float:
         start, solvable = self._radial_inverse(np.sqrt(np.sum(target**2, axis=-1)))
         guess = target * start[:, None]
         result = np.full(guess.shape, np.nan)
@@ -196,7 +194,7 @@ class Distortion:
         result[rows[good]] = guess[good]
         return result
 
-    def _radial_inverse(self, distorted: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    def _radial_inverse(self, distorted: Float) -> tuple[Float, Bool]:
         """r / r' at distorted radii r' for the radial part alone, and whether one exists.
 
         The other terms may reach a little farther than the radial part: 10 % are allowed for.
@@ -218,7 +216,7 @@ class Distortion:
         return share, np.asarray(distorted <= 1.1 * bent[-1])
 
 
-def _homography(H: Array, points: Array) -> Array:
+def _homography(H: Float, points: Float) -> Float:
     x, y = points[..., 0], points[..., 1]
     w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
     result = np.empty(points.shape)

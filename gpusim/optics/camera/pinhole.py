@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def _identity() -> npt.NDArray[np.float64]:
+def _identity() -> Float:
     return np.eye(4)
 
 
@@ -61,11 +62,11 @@ class Camera:
 
     width: int
     height: int
-    K: npt.NDArray[np.float64]
-    distortion: Sequence[float] | npt.NDArray[np.float64] | None = None
-    camera_from_world: npt.NDArray[np.float64] = field(default_factory=_identity)
+    K: Float
+    distortion: Sequence[float] | Float | None = None
+    camera_from_world: Float = field(default_factory=_identity)
     name: str = "camera"
-    lens_K: npt.NDArray[np.float64] | None = None
+    lens_K: Float | None = None
     pixel_side: float = 1.0
     __repr__ = field_summary
 
@@ -168,7 +169,7 @@ class Camera:
         return Distortion(np.asarray(self.distortion, np.float64))
 
     @property
-    def distorting_K(self) -> npt.NDArray[np.float64]:
+    def distorting_K(self) -> Float:
         """``lens_K``, or K where there is none."""
         return self.K if self.lens_K is None else self.lens_K
 
@@ -196,7 +197,7 @@ class Camera:
         """
         times = np.array(scale, np.float64)
 
-        def moved(K: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        def moved(K: Float) -> Float:
             result = K.copy()
             result[:2, 2] -= corner
             result[:2] *= times[:, None]
@@ -217,7 +218,7 @@ class Camera:
         up: npt.ArrayLike = (0.0, 0.0, 1.0),
         principal_point_offset_mm: tuple[float, float] = (0.0, 0.0),
         name: str = "camera",
-        distortion: Sequence[float] | npt.NDArray[np.float64] | None = None,
+        distortion: Sequence[float] | Float | None = None,
     ) -> Camera:
         """A camera as a photographer describes it.
 
@@ -248,12 +249,12 @@ class Camera:
         distance = np.linalg.norm(forward)
         if not distance > 0.0:
             raise InputError(f"{where}: eye and target are the same point {eye3.tolist()}")
-        z: npt.NDArray[np.float64] = forward / distance
-        x: npt.NDArray[np.float64] = np.cross(z, up3)
+        z: Float = forward / distance
+        x: Float = np.cross(z, up3)
         if not np.linalg.norm(x) > 1e-9 * np.linalg.norm(up3):
             raise InputError(f"{where} up; got {up3.tolist()}, parallel to the viewing direction")
         x = x / float(np.linalg.norm(x))
-        y: npt.NDArray[np.float64] = np.cross(z, x)
+        y: Float = np.cross(z, x)
         camera_from_world = np.eye(4)
         camera_from_world[:3, :3] = np.stack([x, y, z])
         camera_from_world[:3, 3] = -camera_from_world[:3, :3] @ eye3
@@ -268,18 +269,18 @@ class Camera:
         return Camera(width, height, K, distortion, camera_from_world, name)
 
     @property
-    def eye(self) -> npt.NDArray[np.float64]:
+    def eye(self) -> Float:
         """World position of the projection centre, (3,)."""
         R, t = self.camera_from_world[:3, :3], self.camera_from_world[:3, 3]
         return -R.T @ t
 
-    def to_camera(self, X: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def to_camera(self, X: Float) -> Float:
         """World points (…, 3) in camera coordinates."""
         T = self.camera_from_world
-        result: npt.NDArray[np.float64] = X @ T[:3, :3].T + T[:3, 3]
+        result: Float = X @ T[:3, :3].T + T[:3, 3]
         return result
 
-    def project(self, X: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def project(self, X: npt.ArrayLike) -> Float:
         """World points (…, 3) to pixel coordinates (…, 2); NaN for points not in front."""
         points = real_numbers(X, "project")
         if points.shape[-1:] != (3,):
@@ -292,7 +293,7 @@ class Camera:
         ideal = np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
         return ideal if self.lens is None else self.distort(ideal)
 
-    def undistort(self, pixels: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def undistort(self, pixels: npt.ArrayLike) -> Float:
         """Pixel positions (…, 2) to where the camera without distortion has them, exact to 1e-12 f.
 
         NaN where the lens shows nothing. The same as cv2.undistortPoints(pixels, K, d, P=K).
@@ -302,7 +303,7 @@ class Camera:
             return points.copy()
         return self._to_pixels(self.lens.undistort(self._from_pixels(points)))
 
-    def distort(self, pixels: npt.ArrayLike, beyond: bool = False) -> npt.NDArray[np.float64]:
+    def distort(self, pixels: npt.ArrayLike, beyond: bool = False) -> Float:
         """Ideal pixel positions (…, 2) to where the lens puts them; NaN beyond its domain.
 
         ``beyond``: continued straight outwards there instead, for geometry that leaves the image.
@@ -313,30 +314,30 @@ class Camera:
         flat = self._from_pixels(points)
         return self._to_pixels(self.lens.extended(flat) if beyond else self.lens.distort(flat))
 
-    def _to_pixels(self, flat: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def _to_pixels(self, flat: Float) -> Float:
         K, x, y = self.distorting_K, flat[..., 0], flat[..., 1]
         return np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]], axis=-1)
 
-    def _from_pixels(self, pixels: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    def _from_pixels(self, pixels: Float) -> Float:
         K = self.distorting_K
         y = (pixels[..., 1] - K[1, 2]) / K[1, 1]
         x = (pixels[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0]
         return np.stack([x, y], axis=-1)
 
-    def ray_matrix(self) -> npt.NDArray[np.float64]:
+    def ray_matrix(self) -> Float:
         """(3, 3) matrix D with camera-space direction = D [x, y, 1], of unit depth."""
-        result: npt.NDArray[np.float64] = np.linalg.inv(self.K).astype(np.float64)
+        result: Float = np.linalg.inv(self.K).astype(np.float64)
         return result
 
 
-def _matrix(values: npt.ArrayLike, where: str) -> npt.NDArray[np.float64]:
+def _matrix(values: npt.ArrayLike, where: str) -> Float:
     try:
         return np.asarray(values, np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{where}; got {values!r}; expected a matrix of numbers") from None
 
 
-def _pixels(values: npt.ArrayLike, what: str) -> npt.NDArray[np.float64]:
+def _pixels(values: npt.ArrayLike, what: str) -> Float:
     pixels = real_numbers(values, what)
     if pixels.shape[-1:] != (2,):
         raise InputError(f"{what}; got pixels of shape {pixels.shape}; expected (…, 2)")

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
-
-Array = npt.NDArray[np.float64]
 
 SIZES = (128, 64, 32, 16, 8, 4, 2, 1)
 FINE = 5e-5
@@ -42,14 +40,14 @@ class DistortionMap:
     """
 
     size: int
-    last: npt.NDArray[np.int64]
-    middle: Array
-    coefficients: Array
+    last: Long
+    middle: Float
+    coefficients: Float
     stretch: float
     bend: float
     error: float
 
-    def evaluate(self, pixel: npt.NDArray[np.int64], at: Array) -> tuple[Array, Array]:
+    def evaluate(self, pixel: Long, at: Float) -> tuple[Float, Float]:
         """Shift (n, 2) of positions pixel + ``at``, (n, 2) each, and Jacobian (n, 2, 2).
 
         ``pixel`` says which tile holds; Jacobian [:, :, k] is the change per column or row.
@@ -60,7 +58,7 @@ class DistortionMap:
         shift, jacobian = _cubic(c, w)
         return shift, jacobian + np.eye(2)
 
-    def ideal(self, at: Array) -> tuple[Array, Array]:
+    def ideal(self, at: Float) -> tuple[Float, Float]:
         """Ideal positions (n, 2) of image positions ``at`` (n, 2), and their change (n, 2, 2).
 
         Change [:, :, k] is what a column or a row of the image is in pixels of the ideal image.
@@ -71,7 +69,7 @@ class DistortionMap:
         shift, change = self.evaluate(pixel, at - pixel)
         return at + shift, change
 
-    def texels(self) -> npt.NDArray[np.float32]:
+    def texels(self) -> Single:
         """(5 per tile, 4) float32 as the shader reads them: two coefficients, x and y of each."""
         c = self.coefficients.reshape(-1, 2, 10)
         return np.swapaxes(c, 1, 2).reshape(-1, 4).astype(np.float32)
@@ -86,7 +84,7 @@ class DistortionMap:
         }
 
 
-def _cubic(c: Array, w: Array) -> tuple[Array, Array]:
+def _cubic(c: Float, w: Float) -> tuple[Float, Float]:
     """Value (n, 2) and derivatives (n, 2, 2) of cubics (n, 2, 10) at w (n, 2)."""
     u, v = w[:, :1], w[:, 1:]
     value = c[..., 0] + u * (
@@ -112,7 +110,7 @@ def distortion_map(camera: Camera) -> DistortionMap | None:
     )  # fmt: skip
 
 
-def undistorted(camera: Camera, at: Array) -> tuple[Array, Array]:
+def undistorted(camera: Camera, at: Float) -> tuple[Float, Float]:
     """Ideal positions (n, 2) of image positions ``at`` (n, 2), and the change (n, 2, 2).
 
     Change [:, :, k]: a side of a pixel's sensitive square in pixels of the ideal image.
@@ -161,27 +159,27 @@ class _Tiles:
         powers = np.prod(self.node[:, None] ** POWERS, axis=-1)
         self.solve = np.linalg.pinv(powers) / np.prod(self.half**POWERS, axis=-1)[:, None]
 
-    def some(self) -> npt.NDArray[np.int64]:
+    def some(self) -> Long:
         """At most PROBES tile numbers, evenly over the image with its corners."""
         n = int(np.sqrt(PROBES))
         x = np.unique(np.linspace(0, self.columns - 1, n).astype(np.int64))
         y = np.unique(np.linspace(0, self.rows - 1, n).astype(np.int64))
         return (y[:, None] * self.columns + x).reshape(-1)
 
-    def centre(self, tile: npt.NDArray[np.int64]) -> Array:
+    def centre(self, tile: Long) -> Float:
         """Middle (n, 2) of tiles, px."""
         index = np.stack([tile % self.columns, tile // self.columns], axis=1)
-        result: Array = np.minimum(index * self.size, self.last) + self.middle
+        result: Float = np.minimum(index * self.size, self.last) + self.middle
         return result
 
-    def fit(self, tile: npt.NDArray[np.int64]) -> Array:
+    def fit(self, tile: Long) -> Float:
         """Coefficients (n, 2, 10) of tiles."""
         at = self.centre(tile)[:, None] + self.half * self.node
         shift = self.camera.undistort(at) - at
-        result: Array = np.swapaxes(self.solve @ shift, 1, 2)
+        result: Float = np.swapaxes(self.solve @ shift, 1, 2)
         return result
 
-    def error(self, tile: npt.NDArray[np.int64], coefficients: Array) -> float:
+    def error(self, tile: Long, coefficients: Float) -> float:
         """Largest difference (px) to the exact inverse at the corners, sides and in the middle."""
         worst = 0.0
         for sides in np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), -1).reshape(-1, 2):

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import expand, in_boxes, summed
 from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.visible_polygons import order_overlapping
@@ -23,13 +23,11 @@ from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
 from gpusim.optics.geometry.view import View
 
-Numbers = npt.NDArray[np.int64]
-
 
 class Ranks:
     """Of ``listed`` (n,) linear indices, ascending and below ``size``."""
 
-    def __init__(self, listed: Numbers, size: int) -> None:
+    def __init__(self, listed: Long, size: int) -> None:
         word = listed >> 6
         self._bits = np.zeros((size >> 6) + 1, np.uint64)
         bit = np.uint64(1) << (listed & 63).astype(np.uint64)
@@ -37,7 +35,7 @@ class Ranks:
         many = np.bitwise_count(self._bits)
         self._before = np.cumsum(many, dtype=np.int64) - many
 
-    def of(self, index: Numbers) -> Numbers:
+    def of(self, index: Long) -> Long:
         """(m,): how many come before linear indices 0 … ``size``."""
         result = np.empty(len(index), np.int64)
         one = np.uint64(1)
@@ -68,17 +66,17 @@ class EdgePixels:
     ``pierced`` (E,): bodies cut each other there, so that no order of the triangles is right.
     """
 
-    pixel: npt.NDArray[np.int64]
-    start: npt.NDArray[np.int64]
-    triangle: npt.NDArray[np.int64]
-    pierced: npt.NDArray[np.bool_]
+    pixel: Long
+    start: Long
+    triangle: Long
+    pierced: Bool
 
     @property
-    def depth(self) -> npt.NDArray[np.int64]:
+    def depth(self) -> Long:
         """(E,) number of triangles over each pixel."""
         return np.diff(self.start)
 
-    def select(self, wanted: npt.NDArray[np.bool_] | npt.NDArray[np.int64]) -> EdgePixels:
+    def select(self, wanted: Bool | Long) -> EdgePixels:
         """The pixels that are ``wanted`` (E,), or those of these numbers in their order."""
         depth = self.depth[wanted]
         start = np.concatenate([[0], np.cumsum(depth)])
@@ -86,16 +84,12 @@ class EdgePixels:
         return EdgePixels(self.pixel[wanted], start, self.triangle[entries], self.pierced[wanted])
 
 
-def segment_pixels(
-    segments: npt.NDArray[np.float64], width: int, height: int
-) -> npt.NDArray[np.int64]:
+def segment_pixels(segments: Float, width: int, height: int) -> Long:
     """Sorted linear indices of the pixels whose squares the segments (E, 2, 2) px touch."""
     return distinct(segment_hits(segments, width, height)[0])
 
 
-def segment_hits(
-    segments: npt.NDArray[np.float64], width: int, height: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def segment_hits(segments: Float, width: int, height: int) -> tuple[Long, Long]:
     """Linear index of a pixel and number of a segment (E, 2, 2) px that touches its square, once
     or more for every such pair."""
     a, b = segments[:, 0], segments[:, 1]
@@ -164,10 +158,10 @@ def find_edge_pixels(view: View) -> EdgePixels:
 
 def _sorted(
     view: View,
-    entry: npt.NDArray[np.int64],
-    triangle: npt.NDArray[np.int64],
-    corners: npt.NDArray[np.float64],
-) -> npt.NDArray[np.int64]:
+    entry: Long,
+    triangle: Long,
+    corners: Float,
+) -> Long:
     """The order of triangles (n,) over pixels ``entry``, ascending: by pixel, the nearest first."""
     few = distinct(triangle)
     inverse = (1.0 / view.corners_of(few, DEPTH)[:, :, 0])[np.searchsorted(few, triangle)]
@@ -176,7 +170,7 @@ def _sorted(
     return order_overlapping(order, entry, view.paint[triangle], corners, inverse)
 
 
-def _cuts(view: View) -> npt.NDArray[np.float64]:
+def _cuts(view: View) -> Float:
     """Segments (S, 2, 2) px in which surfaces cut each other ahead of the camera."""
     if not view.count or view.body[0] == view.body[-1]:
         return np.zeros((0, 2, 2))
@@ -191,11 +185,7 @@ def _cuts(view: View) -> npt.NDArray[np.float64]:
     return screen.bent(ideal.reshape(-1, 2)).reshape(ideal.shape)
 
 
-def _near_pixels(
-    pixel: npt.NDArray[np.int64], view: View
-) -> tuple[
-    npt.NDArray[np.int64], npt.NDArray[np.float64], npt.NDArray[np.int64], npt.NDArray[np.int64]
-]:
+def _near_pixels(pixel: Long, view: View) -> tuple[Long, Float, Long, Long]:
     """Numbers (n,) of the triangles in whose boxes a tile holds an edge pixel, where their corners
     are (n, 3, 2), and these boxes: lowest and highest column and row (n, 2) in the image.
 
@@ -229,10 +219,10 @@ def _near_pixels(
 
 
 def _relative(
-    place: npt.NDArray[np.float64],
-    triangle: npt.NDArray[np.int64],
-    at: npt.NDArray[np.float64],
-) -> npt.NDArray[np.float64]:
+    place: Float,
+    triangle: Long,
+    at: Float,
+) -> Float:
     """Corners (n, 3, 2) px of some of the triangles ``place`` (T, 3, 2), from places ``at`` (2, n)
     each."""
     result = np.empty((2, 3, len(triangle)))
@@ -243,7 +233,7 @@ def _relative(
     return result.T
 
 
-def _touches(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+def _touches(corners: Float) -> Bool:
     """Whether triangles (n, 3, 2) overlap the unit square about the origin (separating axes)."""
     x, y = np.asfortranarray(corners).T
     sides = []
@@ -258,9 +248,7 @@ def _touches(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
     return result
 
 
-def _nearest_depth(
-    corners: npt.NDArray[np.float64], inverse: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def _nearest_depth(corners: Float, inverse: Float) -> Float:
     """1 / z where the triangle comes closest to the origin (by clamped barycentrics)."""
     x, y = np.asfortranarray(corners).T
     z = np.asfortranarray(inverse).T
@@ -272,5 +260,5 @@ def _nearest_depth(
     mean = (inside[0] * z[0] + inside[1] * z[1] + inside[2] * z[2]) / np.where(
         total > 0.0, total, 1.0
     )
-    result: npt.NDArray[np.float64] = np.where(total > 0.0, mean, (z[0] + z[1] + z[2]) / 3.0)
+    result: Float = np.where(total > 0.0, mean, (z[0] + z[1] + z[2]) / 3.0)
     return result

@@ -13,8 +13,8 @@ don't end where it does: what stands on the wall is followed piece by piece.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
@@ -42,9 +42,6 @@ from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.color import grey
 
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
-
 CONTACT = 8.0
 """Pixels' sides, at its depth, from a backdrop to what is before it, where lamps cast shadows."""
 
@@ -56,15 +53,13 @@ PIXEL = (1.0, 0.0, 0.0, 1.0 / 12.0, 0.0, 1.0 / 12.0)
 """Area, first and second moments."""
 
 
-def fills(planes: Array) -> npt.NDArray[np.bool_]:
+def fills(planes: Float) -> Bool:
     """(n,) which triangles fill their pixel, by their half planes (n, 3, 3) from its centre."""
     least = planes[..., 2] - 0.5 * (np.abs(planes[..., 0]) + np.abs(planes[..., 1]))
     return np.asarray(np.all(least >= 0.0, axis=1))
 
 
-def backdrops(
-    setup: Setup, edges: EdgePixels, full: npt.NDArray[np.bool_], corners: Array
-) -> npt.NDArray[np.bool_]:
+def backdrops(setup: Setup, edges: EdgePixels, full: Bool, corners: Float) -> Bool:
     """(n,) which of the triangles over edge pixels are such: those of ``full`` ones (n,), which
     fill their pixel, with ``corners`` (n, 3, 2) relative to its centre."""
     count, depth = len(edges.pixel), edges.depth
@@ -97,8 +92,8 @@ def backdrops(
 
 
 def left_open(
-    number: Long, count: int, size: Array, middle: Array, second: Array
-) -> tuple[Array, Array, Array]:
+    number: Long, count: int, size: Float, middle: Float, second: Float
+) -> tuple[Float, Float, Float]:
     """What pieces leave of ``count`` pixels: area (m,), centroid (m, 2) and second moments (m, 3)
     about the pixel's centre, of which pieces have ``size`` (n,), ``middle`` (n, 2) and ``second``
     (n, 3). ``number`` (n,): the pixel of each piece, -1 for none."""
@@ -117,8 +112,8 @@ THIN = 5e-4
 
 
 def corners_over(
-    view: View, edges: EdgePixels, rows: npt.NDArray[np.int64] | None = None
-) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    view: View, edges: EdgePixels, rows: Long | None = None
+) -> tuple[Long, Float, Float]:
     """Of triangles over edge pixels, or some ``rows`` of them: the pixel (n,) of each, where that
     is (n, 2), and the corners (n, 3, 2) from there, in sides of its sensitive square."""
     width = view.camera.width
@@ -133,7 +128,7 @@ def corners_over(
     return pixel, at, corners / view.camera.pixel_side
 
 
-def _cutting(view: View, edges: EdgePixels, pixel: Long, at: Array) -> Cutting:
+def _cutting(view: View, edges: EdgePixels, pixel: Long, at: Float) -> Cutting:
     """Which of two triangles over a pixel, that is ``at`` (n, 2), is in front where."""
     triangle = edges.triangle[: len(pixel)]
     last = np.repeat(edges.start[1:], edges.depth)
@@ -142,7 +137,7 @@ def _cutting(view: View, edges: EdgePixels, pixel: Long, at: Array) -> Cutting:
     return Cutting(edges.pierced[pixel], last, depth)
 
 
-def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Array:
+def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = None) -> Float:
     """Radiance (bands, n) of the edge pixels; ``shares`` tells what is seen of lamps."""
     if not len(edges.pixel):
         return np.zeros((len(setup.bands), 0))
@@ -175,12 +170,12 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
         )
         piece = np.concatenate([piece, pick(polygon, wall)])
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
-    sides: Array | None = None
+    sides: Float | None = None
     if shadowed:
         # each piece by itself: the middle of those round a corner may lie under what hides it
         sides = rectangles(size, middle, second)
     else:
-        area: Array = np.bincount(row, size, len(pixel)).astype(np.float64)
+        area: Float = np.bincount(row, size, len(pixel)).astype(np.float64)
         covered = np.flatnonzero(area > 0.0)
         printed, x, y, *albedos = (
             np.bincount(row, size * values, len(pixel))[covered] / area[covered]
@@ -201,8 +196,8 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
 
 
 def _mean_albedo(
-    setup: Setup, triangle: npt.NDArray[np.int64], at: Array, polygon: Array, centroid: Array
-) -> tuple[Array, Array]:
+    setup: Setup, triangle: Long, at: Float, polygon: Float, centroid: Float
+) -> tuple[Float, Float]:
     """Mean albedo (bands, n) of polygons (n, 8, 2) in pixels ``at``, and the share (n,) that is
     printed."""
     side = setup.view.camera.pixel_side
@@ -213,7 +208,7 @@ def _mean_albedo(
     within = side * np.concatenate([centroid[:, None], polygon], axis=1)
     ideal = _undistorted(setup.view.camera, at, at[:, None] + within)
 
-    def seen(rows: Long) -> tuple[Long, Array, Array, Array]:
+    def seen(rows: Long) -> tuple[Long, Float, Float, Float]:
         """Cell, place, polygons and weights of some rows, on their paint."""
         records = setup.coefficients.of(triangle[rows])
         middle, w0 = _paint_positions(records, ideal[rows, :1])
@@ -238,7 +233,7 @@ def _mean_albedo(
     return albedo, printed
 
 
-def _undistorted(camera: Camera, pixel: Array, at: Array) -> Array:
+def _undistorted(camera: Camera, pixel: Float, at: Float) -> Float:
     """Ideal positions of image positions (n, V, 2) in pixels (n, 2)."""
     bends = distortion_map(camera)
     if bends is None:
@@ -248,7 +243,7 @@ def _undistorted(camera: Camera, pixel: Array, at: Array) -> Array:
     return (flat + bends.evaluate(owner, flat - owner)[0]).reshape(at.shape)
 
 
-def _paint_positions(records: PerTriangle, pixels: Array) -> tuple[Array, Array]:
+def _paint_positions(records: PerTriangle, pixels: Float) -> tuple[Float, Float]:
     """Paint positions (n, V, 2) of ideal positions (n, V, 2), and 1 / z (n, V) to scale."""
     d, planes = pixels - records.anchor[:, None], records.planes[:, :3]
     values = d @ np.swapaxes(planes[:, :, :2], 1, 2) + planes[:, None, :, 2]

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import MARGIN, segment_hits
 from gpusim.optics.frame import Band, write_pixels
@@ -27,9 +27,6 @@ from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.geometry.view import View
 from gpusim.surface.paint import Checker, Plain
 
-Array = npt.NDArray[np.float64]
-
-
 MAX_EDGES = 64
 """Of a plate; where they are more, so are the pixels with two of them."""
 
@@ -40,8 +37,8 @@ MAX_TRIANGLES = 4096
 class Border:
     """All edge pixels of a view: ``pixel`` (n,) linear indices, radiance ``value`` (n,)."""
 
-    pixel: npt.NDArray[np.int64]
-    value: Array
+    pixel: Long
+    value: Float
 
     @staticmethod
     def suits(view: View) -> bool:
@@ -97,7 +94,7 @@ class PlateBorderPass:
         write_pixels(self._device, bands, self._width, self._border.pixel, value)
 
 
-def _covered(view: View, at: Array) -> Array:
+def _covered(view: View, at: Float) -> Float:
     """Share (n,) of the squares of pixels ``at`` (n, 2) that lie under triangles."""
     low, high = view.box
     over = (low < at[:, None] + 0.5).all(axis=2) & (high > at[:, None] - 0.5).all(axis=2)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.arrays.ragged import WORKGROUP, dealt
 from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
@@ -41,7 +42,6 @@ from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
 from gpusim.optics.shadow.scene import Shadows
 
-Array = npt.NDArray[np.float64]
 MAX_DEPTH = 64
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense. As many
 as the shader has bits for."""
@@ -152,7 +152,7 @@ class EdgePixelPass:
         with device.recording("optics.edges") as recording:
             recording.dispatch(kernel, kernel.bind_used(**values), threads=(count,))
 
-    def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
+    def _slots(self, first: int, stop: int) -> tuple[npt.NDArray[np.uint32], Long]:
         """Where the pieces of some pixels are listed, and where groups of them begin: those of a
         tile look past the same."""
         row, column = np.divmod(self.edges.pixel[first:stop], self.buffers.setup.view.camera.width)
@@ -196,7 +196,7 @@ def _range(first: int, stop: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
+def _filled(setup: Setup, edges: EdgePixels) -> Bool:
     """(E,) pixels of which the nearest triangle that fills them is a backdrop, where the device
     would be in doubt about that otherwise: where lamps cast shadows."""
     result = np.zeros(len(edges.pixel), bool)
@@ -217,10 +217,10 @@ def _filled(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.bool_]:
 
 def _alike(
     edges: EdgePixels,
-    deep: npt.NDArray[np.bool_],
-    each: npt.NDArray[np.int64],
+    deep: Bool,
+    each: Long,
     groups: npt.NDArray[np.uint32],
-) -> npt.NDArray[np.int64]:
+) -> Long:
     """Pixels that aren't ``deep`` (E,); those under as many triangles, that take about as many
     turns for ``each`` (E,) and are of equal paint, side by side.
 
@@ -246,9 +246,7 @@ def _alike(
     return dealt(order)
 
 
-def edges_twin(
-    setup: Setup, edges: EdgePixels, radiance: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
+def edges_twin(setup: Setup, edges: EdgePixels, radiance: Single) -> Single:
     """A copy of ``radiance`` (bands, H, W) with the edge pixels resolved."""
     result = radiance.copy()
     result.reshape(len(result), -1)[:, edges.pixel] = resolve_on_host(setup, edges)
@@ -264,7 +262,7 @@ def speckle_turns(table: FeatureGrid) -> int:
     return 6 * max(most**2, EDGE_ROWS) * table.speckle.most_in_a_cell
 
 
-def grazing_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
+def grazing_turns(setup: Setup, edges: EdgePixels) -> Long:
     """The same (E,) for speckle of which some footprints are large: mean of a pixel's triangles.
 
     What is seen of a triangle is no larger than the triangle, and than the pixel's footprint.
@@ -286,11 +284,11 @@ def grazing_turns(setup: Setup, edges: EdgePixels) -> npt.NDArray[np.int64]:
         return np.zeros(len(edges.pixel), np.int64)
     total = np.concatenate([[0], np.cumsum(turns[edges.triangle])])
     sums = np.diff(total[edges.start])
-    result: npt.NDArray[np.int64] = -(-sums // np.maximum(edges.depth, 1))
+    result: Long = -(-sums // np.maximum(edges.depth, 1))
     return result
 
 
-def _widest_part(setup: Setup, triangle: npt.NDArray[np.int64], st: Array) -> Array:
+def _widest_part(setup: Setup, triangle: Long, st: Float) -> Float:
     """How far (n, 2) along s and t a pixel may see of triangles whose corners are ``st``.
 
     One of s and t is bounded by the triangle; that bounds how far a pixel goes along the image,

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import batches, expand
 from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.polygon_clipping import (
@@ -25,9 +26,6 @@ from gpusim.optics.geometry.polygon_clipping import (
     moments,
     pick,
 )
-
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 TOUCH = 2e-5
 """px by which neighbours may overlap from rounding alone."""
@@ -51,12 +49,12 @@ class Cutting:
     affine function of the place from the pixel's centre.
     """
 
-    pierced: npt.NDArray[np.bool_]
+    pierced: Bool
     last: Long
-    depth: Array
+    depth: Float
 
 
-def depth_planes(corners: Array, inverse: Array) -> Array:
+def depth_planes(corners: Float, inverse: Float) -> Float:
     """(n, 3): 1 / z = a x + b y + c through corners (n, 3, 2), where it is ``inverse`` (n, 3)."""
     x, y = np.asfortranarray(corners).T
     z = np.asfortranarray(inverse).T
@@ -70,14 +68,14 @@ def depth_planes(corners: Array, inverse: Array) -> Array:
 
 
 def visible_polygons(
-    polygon: Array,
+    polygon: Float,
     count: Long,
-    planes: Array,
-    corners: Array,
+    planes: Float,
+    corners: Float,
     first: Long,
     cutting: Cutting | None = None,
-    without: npt.NDArray[np.bool_] | None = None,
-) -> tuple[Long, Array]:
+    without: Bool | None = None,
+) -> tuple[Long, Float]:
     """Visible parts of triangles: the row (M,) that each belongs to, and the part (M, 8, 2).
 
     Parameters
@@ -108,7 +106,7 @@ def visible_polygons(
     begin = np.cumsum(many) - many
     owner = np.flatnonzero(vertex_buffers)
     pieces, size = pick(polygon, owner), count[owner]
-    finished: list[tuple[Long, Array]] = []
+    finished: list[tuple[Long, Float]] = []
     turn = 0
     while len(owner):
         due = many[owner] > turn
@@ -135,7 +133,7 @@ def visible_polygons(
 
 
 def _occlusions(
-    polygon: Array, planes: Array, corners: Array, first: Long, fronts: Long
+    polygon: Float, planes: Float, corners: Float, first: Long, fronts: Long
 ) -> tuple[Long, Long]:
     """Pairs of rows of which the second hides a part of the first, by rows: as many as ``fronts``
     (n,) tells from row ``first`` (n,) on are before each."""
@@ -150,9 +148,7 @@ def _occlusions(
     return np.concatenate(behind), np.concatenate(before)
 
 
-def _overlap(
-    polygon: Array, planes: Array, corners: Array, back: Long, front: Long
-) -> npt.NDArray[np.bool_]:
+def _overlap(polygon: Float, planes: Float, corners: Float, back: Long, front: Long) -> Bool:
     """Whether no side of either triangle separates those of rows ``back`` from ``front`` (n,)."""
     near = np.ones(len(back), bool)
     for axis in np.asfortranarray(polygon).T:
@@ -166,7 +162,7 @@ def _overlap(
     return result
 
 
-def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[Long, Array, Long]:
+def _subtracted(owner: Long, pieces: Float, size: Long, planes: Float) -> tuple[Long, Float, Long]:
     """Pieces less the convex shapes with half planes (n, K, 3)."""
     owner, pieces, size, planes = _halved(owner, pieces, size, planes)
     rest, corners, n = pieces, size, len(owner)
@@ -190,8 +186,8 @@ def _subtracted(owner: Long, pieces: Array, size: Long, planes: Array) -> tuple[
 
 
 def _halved(
-    owner: Long, pieces: Array, size: Long, planes: Array
-) -> tuple[Long, Array, Long, Array]:
+    owner: Long, pieces: Float, size: Long, planes: Float
+) -> tuple[Long, Float, Long, Float]:
     """The same with pieces that all the cuts together leave within `CORNERS` corners."""
     most = CORNERS - planes.shape[1]
     large = size > most
@@ -217,7 +213,7 @@ EQUAL = 1e-9
 
 
 def order_overlapping(
-    order: Long, entry: Long, paint: npt.NDArray[np.integer], corners: Array, inverse: Array
+    order: Long, entry: Long, paint: npt.NDArray[np.integer], corners: Float, inverse: Float
 ) -> Long:
     """``order`` with the triangles of touching things put right, pixel by pixel.
 
@@ -277,7 +273,7 @@ def order_overlapping(
     return result
 
 
-def _common(one: Array, two: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+def _common(one: Float, two: Float) -> tuple[Bool, Float]:
     """Whether triangles (n, 3, 2) have a part of the pixel in common, and its middle (n, 2)."""
     planes_one, planes_two = half_planes(one), half_planes(two)
     # neighbours share a side: most pairs are told apart by one line

@@ -13,14 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 MAX_EDGE = 512.0
 """px; longer edges are split so that float32 offsets from the anchor stay exact enough."""
@@ -56,11 +53,11 @@ class ClippedTriangles:
     triangle that each comes from.
     """
 
-    corners: Array
-    shows: Flags
-    source: npt.NDArray[np.int64]
+    corners: Float
+    shows: Bool
+    source: Long
 
-    def __getitem__(self, rows: Flags) -> ClippedTriangles:
+    def __getitem__(self, rows: Bool) -> ClippedTriangles:
         if rows.all():
             return self
         return ClippedTriangles(self.corners[rows], self.shows[rows], self.source[rows])
@@ -100,22 +97,22 @@ class ImagePlane:
             ideal = camera.undistort(np.concatenate(border))
             self.low, self.high = ideal.min(axis=0) - MARGIN, ideal.max(axis=0) + MARGIN
 
-    def ideal(self, points: Array) -> Array:
+    def ideal(self, points: Float) -> Float:
         """Camera-space points (…, 3) with z > 0 to pixels (…, 2) of the ideal lens."""
         K, z = self.camera.K, points[..., 2]
         x, y = points[..., 0] / z, points[..., 1] / z
         columns = np.stack([K[0, 0] * x + K[0, 1] * y + K[0, 2], K[1, 1] * y + K[1, 2]])
         return np.moveaxis(columns, 0, -1)
 
-    def bent(self, ideal: Array) -> Array:
+    def bent(self, ideal: Float) -> Float:
         """Ideal pixels to those of the lens, continued smoothly beyond the image."""
         return self.camera.distort(ideal, beyond=True)
 
-    def inside(self, ideal: Array) -> Flags:
+    def inside(self, ideal: Float) -> Bool:
         """Which triangles (n, 3, 2) of the ideal image may be in view."""
         return _overlaps(ideal, self.low, self.high)
 
-    def beside(self, ideal: Array, place: Array) -> Flags:
+    def beside(self, ideal: Float, place: Float) -> Bool:
         """Which edges from a corner of a triangle to the next (n, 3) lie wholly out of view."""
         result = np.zeros(ideal.shape[:2], bool)
         for at, (low, high) in ((ideal, (self.low, self.high)), (place, self.image)):
@@ -123,13 +120,13 @@ class ImagePlane:
                 result |= (out & out[:, [1, 2, 0]]).any(axis=2)
         return result
 
-    def beyond(self, ideal: Array) -> Flags:
+    def beyond(self, ideal: Float) -> Bool:
         """Which points (n, 2) of the ideal image lie beyond the guard band."""
         x, y = ideal[:, 0], ideal[:, 1]
         (left, top), (right, bottom) = self.low - self.guard, self.high + self.guard
         return np.asarray(~((x >= left) & (x <= right) & (y >= top) & (y <= bottom)))
 
-    def guards(self) -> Array:
+    def guards(self) -> Float:
         """(4, 3) camera-space normals: n . X > 0 inside the guard band."""
         K = self.camera.K
         low, high = self.low - self.guard, self.high + self.guard
@@ -143,7 +140,7 @@ class ImagePlane:
         )
 
 
-def clip(pieces: ClippedTriangles, normal: Array, offset: float) -> ClippedTriangles:
+def clip(pieces: ClippedTriangles, normal: Float, offset: float) -> ClippedTriangles:
     """The parts of triangles where normal . X > offset, X their position in camera space."""
     corners, shows = pieces.corners, pieces.shows
     # no matrix product: its rounding depends on where in the array a corner is
@@ -153,11 +150,11 @@ def clip(pieces: ClippedTriangles, normal: Array, offset: float) -> ClippedTrian
     count = ahead.sum(axis=1)
     parts = [pieces[count == 3]]
 
-    def cut(rows: npt.NDArray[np.int64], i: int, j: int) -> Array:
+    def cut(rows: Long, i: int, j: int) -> Float:
         """Where the edge from corner i (ahead) to corner j (not) meets the plane."""
         a, b = corners[rows, i], corners[rows, j]
         t = height[rows, i] / (height[rows, i] - height[rows, j])
-        result: Array = a + t[:, None] * (b - a)
+        result: Float = a + t[:, None] * (b - a)
         return result
 
     for k in range(3):
@@ -180,7 +177,7 @@ def clip(pieces: ClippedTriangles, normal: Array, offset: float) -> ClippedTrian
     return ClippedTriangles.joined(parts)
 
 
-def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangles, Array]:
+def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangles, Float]:
     """Halve edges until all are short and straight enough; drop what lies outside the image.
 
     Returns the triangles and their positions (n, 3, 2) on the image.
@@ -191,7 +188,7 @@ def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangle
         A lens that bends edges in view so strongly that halving them doesn't end in good time.
     """
     done: list[ClippedTriangles] = []
-    places: list[Array] = []
+    places: list[Float] = []
     most = len(pieces.source) + MAX_PIECES
     for _ in range(MAX_ROUNDS):
         ideal = screen.ideal(pieces.corners[:, :, :3])
@@ -227,7 +224,7 @@ def split(pieces: ClippedTriangles, screen: ImagePlane) -> tuple[ClippedTriangle
     )
 
 
-def edge_excess(ideal: Array, place: Array, shows: Flags, screen: ImagePlane) -> Array:
+def edge_excess(ideal: Float, place: Float, shows: Bool, screen: ImagePlane) -> Float:
     """(n, 3): above 1 where the edge from a corner of a triangle to the next must be halved."""
     side = place[:, [1, 2, 0]] - place
     length = np.sqrt(side[..., 0] ** 2 + side[..., 1] ** 2)
@@ -258,7 +255,7 @@ def edge_excess(ideal: Array, place: Array, shows: Flags, screen: ImagePlane) ->
     return excess
 
 
-def _halved(pieces: ClippedTriangles, k: npt.NDArray[np.int64]) -> ClippedTriangles:
+def _halved(pieces: ClippedTriangles, k: Long) -> ClippedTriangles:
     """Each triangle cut in two at the middle of its edge k."""
     rows = np.arange(len(k))
     i, j = (k + 1) % 3, (k + 2) % 3
@@ -276,19 +273,19 @@ def _halved(pieces: ClippedTriangles, k: npt.NDArray[np.int64]) -> ClippedTriang
     )
 
 
-def joined(parts: list[Array]) -> Array:
+def joined(parts: list[Float]) -> Float:
     """Several arrays in one, in order; a single one that isn't empty as it is."""
     parts = [part for part in parts if len(part)] or parts[:1]
     return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
-def _columns(triangles: Array) -> tuple[list[Array], list[Array]]:
+def _columns(triangles: Float) -> tuple[list[Float], list[Float]]:
     """x and y of the three corners (n, 3, 2), each contiguous: strided passes take many times."""
     x, y = ([np.ascontiguousarray(triangles[:, k, axis]) for k in range(3)] for axis in (0, 1))
     return x, y
 
 
-def extent(triangles: Array) -> float:
+def extent(triangles: Float) -> float:
     """The longest side of a box round any of triangles (n, 3, 2)."""
     most = 0.0
     for a, b, c in _columns(triangles):
@@ -297,13 +294,13 @@ def extent(triangles: Array) -> float:
     return most
 
 
-def without_area(x: list[Array], y: list[Array]) -> Flags:
+def without_area(x: list[Float], y: list[Float]) -> Bool:
     """Which triangles with corners at x and y, three arrays (n,) each, are lines but for
     rounding."""
     return wound(x, y)[1]
 
 
-def wound(x: list[Array], y: list[Array]) -> tuple[Flags, Flags]:
+def wound(x: list[Float], y: list[Float]) -> tuple[Bool, Bool]:
     """Which of these look at the camera, and which are `without_area`."""
     ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
     area = ux * vy
@@ -319,12 +316,12 @@ def wound(x: list[Array], y: list[Array]) -> tuple[Flags, Flags]:
     return front, area <= ux
 
 
-def _twice_area(triangles: Array) -> Array:
+def _twice_area(triangles: Float) -> Float:
     a, b, c = (triangles[:, k] for k in range(3))
     return _cross(b - a, c - a)
 
 
-def _overlaps(triangles: Array, low: Array, high: Array) -> Flags:
+def _overlaps(triangles: Float, low: Float, high: Float) -> Bool:
     """Which triangles (n, 3, 2) aren't wholly beside a box."""
     result = np.ones(len(triangles), bool)
     for (a, b, c), least, most in zip(_columns(triangles), low, high, strict=True):
@@ -333,6 +330,6 @@ def _overlaps(triangles: Array, low: Array, high: Array) -> Flags:
     return result
 
 
-def _cross(a: Array, b: Array) -> Array:
-    result: Array = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+def _cross(a: Float, b: Float) -> Float:
+    result: Float = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return result

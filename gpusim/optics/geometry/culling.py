@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import ImagePlane, wound
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.surface import Surface
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,17 +20,17 @@ class Culled:
     """``front`` (T,): which look at the camera; ``keep`` (T,): which may be seen; ``extent``: px,
     the longest side of a box round any of those, as far as none has a corner behind the camera."""
 
-    front: Flags
-    keep: Flags
+    front: Bool
+    keep: Bool
     extent: float
 
 
 def cull(
-    points: Array,
-    area: Callable[[], Array],
-    triangles: npt.NDArray[np.int64],
-    ideal: Array,
-    ahead: Flags,
+    points: Float,
+    area: Callable[[], Float],
+    triangles: Long,
+    ideal: Float,
+    ahead: Bool,
     closed: bool,
     screen: ImagePlane,
 ) -> Culled:
@@ -79,16 +77,16 @@ def cull(
     return Culled(front, keep, most)
 
 
-def _facing(area: Array, away: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+def _facing(area: Float, away: list[Float], corner: Long) -> Float:
     """(n,): scalar products of normals (3, n) with where their triangles' corners are from the eye;
     ``away``: of all vertices, by axis."""
-    result: Array = area[0] * np.take(away[0], corner, mode="clip")
+    result: Float = area[0] * np.take(away[0], corner, mode="clip")
     for normal, column in zip(area[1:], away[1:], strict=True):
         result += normal * np.take(column, corner, mode="clip")
     return result
 
 
-def _sides(ideal: Array, ahead: Flags, screen: ImagePlane) -> npt.NDArray[np.uint8]:
+def _sides(ideal: Float, ahead: Bool, screen: ImagePlane) -> npt.NDArray[np.uint8]:
     """(P,): a bit for every side of the image that a vertex is beside; one behind the camera is on
     no side."""
     sides = np.zeros(len(ideal), np.uint8)

@@ -5,24 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.topology import Topology
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.int64]
 
-
-def area_normals(points: Array, triangles: npt.NDArray[np.int64]) -> Array:
+def area_normals(points: Float, triangles: Long) -> Float:
     """(3, T): components of the triangles' normals, twice as long as their areas."""
     result = np.empty((3, len(triangles)))
     corner_normals(points, [np.ascontiguousarray(triangles[:, k]) for k in range(3)], result)
     return result
 
 
-def corner_normals(points: Array, corner: list[npt.NDArray[np.int64]], normals: Array) -> Array:
+def corner_normals(points: Float, corner: list[Long], normals: Float) -> Float:
     """Write the normals of triangles with ``corner``s (n,) each into ``normals`` (3, n); (3, n):
     the first corners."""
     p, u, v = np.empty((3, 3, len(corner[0])))
@@ -39,22 +35,22 @@ def corner_normals(points: Array, corner: list[npt.NDArray[np.int64]], normals: 
     return p
 
 
-def unit(vectors: Array) -> Array:
+def unit(vectors: Float) -> Float:
     """(3, T) vectors scaled to length 1; zeros stay."""
     length = np.sqrt(vectors[0] ** 2 + vectors[1] ** 2 + vectors[2] ** 2)
-    result: Array = vectors / np.where(length > 0.0, length, 1.0)
+    result: Float = vectors / np.where(length > 0.0, length, 1.0)
     return result
 
 
 def feature_edges(
     topology: Topology,
-    front: npt.NDArray[np.bool_],
-    region: npt.NDArray[np.int32],
-    creases: Callable[[Numbers | None], Flags],
-    seen: npt.NDArray[np.bool_],
-    sharp: npt.NDArray[np.bool_] | None = None,
+    front: Bool,
+    region: Int,
+    creases: Callable[[Long | None], Bool],
+    seen: Bool,
+    sharp: Bool | None = None,
     patterned: Collection[int] = (),
-) -> npt.NDArray[np.bool_]:
+) -> Bool:
     """(E,): the edges across which the picture may jump; diagonals of a face never are.
 
     Parameters
@@ -91,7 +87,7 @@ def feature_edges(
     return jump
 
 
-def creases(topology: Topology, normal: Array, smooth_angle: float, edges: Numbers | None) -> Flags:
+def creases(topology: Topology, normal: Float, smooth_angle: float, edges: Long | None) -> Bool:
     """Which of ``edges`` (n,), or of all (None), lie between faces whose normals differ by more
     than ``smooth_angle``, rad; ``normal`` (3, T): of the triangles, of any length."""
     numbers = np.arange(len(topology.first)) if edges is None else edges
@@ -118,11 +114,11 @@ def creases(topology: Topology, normal: Array, smooth_angle: float, edges: Numbe
 
 
 def smooth_normals(
-    area: Array,
-    triangles: npt.NDArray[np.int64],
+    area: Float,
+    triangles: Long,
     vertices: int,
     smooth_angle: float,
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+) -> tuple[Float, Bool]:
     """Unit normals (3, vertices), and where corners have their own (vertices,).
 
     They are the mean of the normals ``area`` (3, T) of the triangles at a vertex, weighted by
@@ -150,13 +146,13 @@ def smooth_normals(
 
 
 def sharp_normals(
-    area: Array,
-    triangles: npt.NDArray[np.int64],
-    sharp: npt.NDArray[np.bool_],
-    faces: npt.NDArray[np.int64],
-    vertex: npt.NDArray[np.int64],
+    area: Float,
+    triangles: Long,
+    sharp: Bool,
+    faces: Long,
+    vertex: Long,
     smooth_angle: float,
-) -> Array:
+) -> Float:
     """Normals (n, 3) of triangles ``faces`` at their corners ``vertex``, which are ``sharp``.
 
     The mean, weighted by area, of the normals ``area`` (3, T) of those triangles at the vertex
@@ -179,11 +175,11 @@ def sharp_normals(
     weight = np.where(cosine >= np.cos(smooth_angle), neighbour_area, 0.0)
     total = np.add.reduceat(weight, begin, axis=1)
     defined = np.any(total != 0.0, axis=0)
-    result: Array = np.where(defined, unit(total), direction).T
+    result: Float = np.where(defined, unit(total), direction).T
     return result
 
 
-def border_of(topology: Topology, keep: Flags | None) -> tuple[Numbers, Numbers]:
+def border_of(topology: Topology, keep: Bool | None) -> tuple[Long, Long]:
     """Vertices that sides without a neighbour begin and end at, of all triangles or of those to
     ``keep`` (T,)."""
     edge = np.flatnonzero(~topology.manifold)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.geometry.clipping import (
     CHORD,
     CHORD_INSIDE,
@@ -26,9 +26,6 @@ from gpusim.optics.geometry.clipping import (
 from gpusim.optics.geometry.triangle_corners import CHUNK, at_corners
 from gpusim.surface.frames import used_vertices
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, eq=False)
 class IndexedTriangles:
@@ -40,15 +37,15 @@ class IndexedTriangles:
     ``extent``: px, no box round a triangle has a longer side.
     """
 
-    vertices: Array
-    place: Array
-    corner: Numbers
-    shows: npt.NDArray[np.bool_]
-    source: Numbers
+    vertices: Float
+    place: Float
+    corner: Long
+    shows: Bool
+    source: Long
     extent: float
 
     @staticmethod
-    def of(pieces: ClippedTriangles, place: Array) -> IndexedTriangles:
+    def of(pieces: ClippedTriangles, place: Float) -> IndexedTriangles:
         """Pieces at ``place`` (T, 3, 2) px, none of which share a corner."""
         count = len(pieces.source)
         columns = np.empty((pieces.corners.shape[2], 3 * count))
@@ -77,7 +74,7 @@ class IndexedTriangles:
             max(part.extent for part in parts),
         )
 
-    def some(self, wanted: npt.NDArray[np.bool_], place: Array, extent: float) -> IndexedTriangles:
+    def some(self, wanted: Bool, place: Float, extent: float) -> IndexedTriangles:
         """The triangles that are ``wanted`` (T,), and their vertices, at ``place`` (V, 2) px."""
         if wanted.all():
             return IndexedTriangles(
@@ -92,22 +89,20 @@ class IndexedTriangles:
             self.shows[wanted], self.source[wanted], extent,
         )  # fmt: skip
 
-    def pieces(self, wanted: npt.NDArray[np.bool_]) -> ClippedTriangles:
+    def pieces(self, wanted: Bool) -> ClippedTriangles:
         """Those that are ``wanted`` (T,), corner by corner."""
         corner = self.corner if wanted.all() else self.corner[wanted]
         corners = at_corners(self.vertices, list(corner.T))
         return ClippedTriangles(corners, self.shows[wanted], self.source[wanted])
 
 
-Flags = npt.NDArray[np.bool_]
-
 SHORT = 0.7
 """No edge of a triangle within a box of this side is longer than 1."""
 
 
 def whole_triangles(
-    triangles: IndexedTriangles, screen: ImagePlane, crossing: Flags
-) -> tuple[IndexedTriangles, Flags]:
+    triangles: IndexedTriangles, screen: ImagePlane, crossing: Bool
+) -> tuple[IndexedTriangles, Bool]:
     """What is drawn as it is of triangles on the ideal image, at its place through the lens.
 
     ``crossing`` (n,): which have to be clipped. The flags (n,) tell which are done with: what isn't
@@ -150,9 +145,7 @@ def whole_triangles(
     return triangles.some(drawn, place, extent), done
 
 
-def _twice_area(
-    x: list[npt.NDArray[np.float64]], y: list[npt.NDArray[np.float64]]
-) -> npt.NDArray[np.float64]:
-    result: npt.NDArray[np.float64]
+def _twice_area(x: list[Float], y: list[Float]) -> Float:
+    result: Float
     result = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
     return result

@@ -17,15 +17,12 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import batches, expand
 from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
-
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 PLANE_TOLERANCE = 1e-9
 """Distance from a plane that counts as none, over the size of what is looked at."""
@@ -34,12 +31,12 @@ FINEST = 64
 """Cells of the grid a side, at most."""
 
 
-def piercings(bodies: Sequence[Array]) -> Array:
+def piercings(bodies: Sequence[Float]) -> Float:
     """Segments (S, 2, 3) in which triangles (T, 3, 3) of different ``bodies`` cut each other."""
     return pierced(bodies)[0]
 
 
-def pierced(bodies: Sequence[Array]) -> tuple[Array, Long]:
+def pierced(bodies: Sequence[Float]) -> tuple[Float, Long]:
     """`piercings`, and the two triangles (S, 2) of each, numbered through all bodies."""
     boxes = [
         (triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))) if len(triangles) else None
@@ -66,13 +63,13 @@ def pierced(bodies: Sequence[Array]) -> tuple[Array, Long]:
     return np.concatenate(segments), np.concatenate(numbers)
 
 
-def _inside(triangles: Array, low: Array, high: Array) -> Long:
+def _inside(triangles: Float, low: Float, high: Float) -> Long:
     """Numbers of those whose boxes reach into a box."""
     meets = (triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low)
     return np.flatnonzero(meets.all(axis=1))
 
 
-def _pairs(triangles_a: Array, triangles_b: Array, low: Array, high: Array) -> tuple[Long, Long]:
+def _pairs(triangles_a: Float, triangles_b: Float, low: Float, high: Float) -> tuple[Long, Long]:
     """Numbers of triangles whose boxes overlap."""
     side = int(np.clip(np.sqrt(len(triangles_a) + len(triangles_b)), 1, FINEST))
     size = np.maximum(high - low, 1e-300) / side
@@ -98,7 +95,7 @@ def _pairs(triangles_a: Array, triangles_b: Array, low: Array, high: Array) -> t
     return i[meets], j[meets]
 
 
-def _sections(cutters: Array, crossed: Array) -> tuple[Long, Array]:
+def _sections(cutters: Float, crossed: Float) -> tuple[Long, Float]:
     """Which pairs of triangles (n, 3, 3) cut each other, and the segments (S, 2, 3) in which they
     do."""
     normal = np.cross(cutters[:, 1] - cutters[:, 0], cutters[:, 2] - cutters[:, 0])
@@ -135,9 +132,6 @@ def _sections(cutters: Array, crossed: Array) -> tuple[Long, Array]:
     return np.flatnonzero(cuts)[crossing], np.stack(ends, axis=1)
 
 
-Numbers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
-
 TOUCH = 1e-3
 """Of the size of triangles of sheets, by which these reach what they end at."""
 
@@ -158,15 +152,15 @@ class Discontinuities:
     that cuts begins; ``length`` (S,): where that ends.
     """
 
-    first: Numbers
-    low: Array
-    high: Array
-    planes: Array
-    along: Array
-    length: Array
+    first: Long
+    low: Float
+    high: Float
+    planes: Float
+    along: Float
+    length: Float
 
     @staticmethod
-    def of(view: View, surfaces: Sequence[Surface], corners: Array) -> Discontinuities | None:
+    def of(view: View, surfaces: Sequence[Surface], corners: Float) -> Discontinuities | None:
         """Of triangles with ``corners`` (T, 3, 3) relative to the eye; None where no open surface
         cuts another one."""
         open_ = np.array([not surface.topology.closed for surface in surfaces])
@@ -201,7 +195,7 @@ class Discontinuities:
             np.column_stack([way, -place.min(axis=0)]), np.ptp(place, axis=0),
         )  # fmt: skip
 
-    def behind(self, triangle: Numbers, at: Array) -> Flags:
+    def behind(self, triangle: Long, at: Float) -> Bool:
         """(P, N) which places ``at`` (P, N, 3) in pieces of triangles (P,) are behind something
         that cuts the piece, or on it; none of pieces of which all are."""
         result = np.zeros(at.shape[:2], bool)
@@ -227,7 +221,7 @@ class Discontinuities:
         result[result.all(axis=1)] = False
         return result
 
-    def _beside(self, section: Numbers, at: Array, slack: Array) -> Flags:
+    def _beside(self, section: Long, at: Float, slack: Float) -> Bool:
         """(n, k) which places ``at`` (n, k, 3) are between the ends of what cuts there, or up to
         ``slack`` (n, 1) beyond."""
         along = self.along[section]

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.optics.geometry.triangle_corners import CHUNK
 from gpusim.surface.bitmap import Image
@@ -20,10 +20,6 @@ from gpusim.surface.frames import Atlas, Frame
 from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.topology import Topology
-
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 BEND = 0.006
 """Change of the footprint's sides across an edge, per pixel, over the speckle's diameter."""
@@ -50,9 +46,9 @@ def grain_of(paint: Paint, frame: Frame) -> float:
 
 
 def speckle_jumps(
-    topology: Topology, kept: Numbers, in_region: Flags, st_of: Callable[[Numbers], Array],
-    points: Array, ideal: Array, grain: float, whole: bool,
-) -> Numbers:  # fmt: skip
+    topology: Topology, kept: Long, in_region: Bool, st_of: Callable[[Long], Float],
+    points: Float, ideal: Float, grain: float, whole: bool,
+) -> Long:  # fmt: skip
     """Numbers of the edges in a region with speckle whose pixels are put together.
 
     Parameters
@@ -108,11 +104,11 @@ def speckle_jumps(
         narrow = np.minimum(narrow, np.abs(area) / np.maximum(length, 1e-300))
     jump = np.sqrt(((slopes[0] - slopes[1]) ** 2).sum(axis=(1, 2)))
     bends = jump > BEND * grain * np.clip(narrow, 1e-3, 1.0)
-    result: Numbers = inner[np.concatenate([np.flatnonzero(seam), bent_edges[bends]])]
+    result: Long = inner[np.concatenate([np.flatnonzero(seam), bent_edges[bends]])]
     return result
 
 
-def _turned_away(points: Array, triangles: Numbers, rows: Numbers) -> Flags:
+def _turned_away(points: Float, triangles: Long, rows: Long) -> Bool:
     """Whether triangles ``rows`` (n,) of a surface may be so `STEEP` that edges count."""
     result = np.empty(len(rows), bool)
     columns = [np.ascontiguousarray(points[:, k]) for k in range(3)]
@@ -133,9 +129,7 @@ def _turned_away(points: Array, triangles: Numbers, rows: Numbers) -> Flags:
     return result
 
 
-def _side(
-    topology: Topology, kept: Numbers, rows: Numbers, edge: Numbers
-) -> tuple[Numbers, Numbers]:
+def _side(topology: Topology, kept: Long, rows: Long, edge: Long) -> tuple[Long, Long]:
     """Which side (n,) of triangles an edge is, and its vertices (n, 2) in their order."""
     number = kept[rows]
     k = np.argmax(topology.edge[number] == edge[:, None], axis=1)
@@ -144,16 +138,16 @@ def _side(
     return k, np.stack([v[n, k], v[n, (k + 1) % 3]], axis=1)
 
 
-def _cosine(corners: Array) -> Array:
+def _cosine(corners: Float) -> Float:
     """(n,) between the normals of triangles (n, 3, 3) and the line of sight to them."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     sight = corners.mean(axis=1)
     size = np.linalg.norm(normal, axis=1) * np.linalg.norm(sight, axis=1)
-    result: Array = np.abs((normal * sight).sum(axis=1)) / np.maximum(size, 1e-300)
+    result: Float = np.abs((normal * sight).sum(axis=1)) / np.maximum(size, 1e-300)
     return result
 
 
-def _slope(screen: Array, z: Array, st: Array, ends: Array, depth: Array) -> tuple[Array, Array]:
+def _slope(screen: Float, z: Float, st: Float, ends: Float, depth: Float) -> tuple[Float, Float]:
     """Change (n, 2, 2) of s and t per column and row at the middle of edges, and twice the area.
 
     st / z and 1 / z are affine in the image.
@@ -167,5 +161,5 @@ def _slope(screen: Array, z: Array, st: Array, ends: Array, depth: Array) -> tup
         [(a * v[:, 1:] - b * u[:, 1:]) / safe, (b * u[:, :1] - a * v[:, :1]) / safe], axis=2
     )
     middle = ends.mean(axis=1)
-    result: Array = depth[:, None, None] * (change[:, :2] - middle[:, :, None] * change[:, 2:])
+    result: Float = depth[:, None, None] * (change[:, :2] - middle[:, :, None] * change[:, 2:])
     return result, area

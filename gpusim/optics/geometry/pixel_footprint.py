@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import (
@@ -27,8 +27,6 @@ from gpusim.surface.frames import used_vertices
 from gpusim.surface.paint import Paint
 from gpusim.surface.speckle import Speckle
 from gpusim.surface.surface import Surface
-
-Array = npt.NDArray[np.float64]
 
 MAX_PIECES, MAX_SIDE_PIECES = 144, 12
 """Pieces of a footprint, and on its shorter side; a longer one gets the paint's mean."""
@@ -67,7 +65,7 @@ def may_graze(paint: Speckle, widest: float) -> bool:
 
 
 def grazing_reach(
-    paint: Speckle, half: Array, sides: Array, screen: Array, image: tuple[int, int]
+    paint: Speckle, half: Float, sides: Float, screen: Float, image: tuple[int, int]
 ) -> float | None:
     """Half width of the footprints that a region's tables should suit; None: the widest one.
 
@@ -101,22 +99,20 @@ def grazing_reach(
     return result if widest > result else None
 
 
-def _lesser_axis(sides: Array) -> Array:
+def _lesser_axis(sides: Float) -> Float:
     """The smaller singular value (…,) of 2 x 2 matrices (…, 2, 2)."""
     square = (sides**2).sum(axis=(-2, -1))
     area = np.abs(sides[..., 0, 0] * sides[..., 1, 1] - sides[..., 0, 1] * sides[..., 1, 0])
     root = np.sqrt(np.maximum(square**2 - 4.0 * area**2, 0.0))
-    result: Array = area / np.sqrt(np.maximum(0.5 * (square + root), 1e-300))
+    result: Float = area / np.sqrt(np.maximum(0.5 * (square + root), 1e-300))
     return result
 
 
-def _median(values: Array, weights: Array) -> float:
+def _median(values: Float, weights: Float) -> float:
     order = np.argsort(values)
     total = np.cumsum(weights[order])
     return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])
 
-
-Single = npt.NDArray[np.float32]
 
 MIN_TRIANGLES_FOR_BOUNDS = 2000
 """Triangles of a region from which on bounds tell which may have the largest pixel."""
@@ -141,10 +137,10 @@ class RegionPaint:
     """
 
     paint: Paint
-    low: npt.NDArray[np.float64]
-    high: npt.NDArray[np.float64]
+    low: Float
+    high: Float
     reach: float
-    seen: npt.NDArray[np.float64] | None = None
+    seen: Float | None = None
     grazing: bool = False
 
 
@@ -159,13 +155,13 @@ def regions_of(surface: Surface) -> tuple[RegionPaint, ...]:
 
 def with_reach(
     regions: Sequence[RegionPaint],
-    vertices: Array,
-    place: Array,
-    ideal: Array,
-    corner: npt.NDArray[np.int64],
-    paint: npt.NDArray[np.int32],
+    vertices: Float,
+    place: Float,
+    ideal: Float,
+    corner: Long,
+    paint: Int,
     camera: Camera,
-) -> tuple[tuple[RegionPaint, ...], Array]:
+) -> tuple[tuple[RegionPaint, ...], Float]:
     """Half the largest pixel footprint of every patterned region and (T,) of every triangle.
 
     ``vertices`` (V, 11), ``place`` and ``ideal`` (V, 2), ``corner`` and ``paint`` (T, …) are those
@@ -211,8 +207,8 @@ def with_reach(
 
 
 def _at_corners_of(
-    vertices: Array, corner: npt.NDArray[np.int64], camera: Camera, stretch: float
-) -> tuple[Array, Array]:
+    vertices: Float, corner: Long, camera: Camera, stretch: float
+) -> tuple[Float, Float]:
     """Half the size (n, 3) of pixels at the corners of triangles, and their sides (n, 3, 2, 2)."""
     parts = [corner[first : first + CHUNK] for first in range(0, len(corner), CHUNK)]
     footprints = (_of_corners(vertices, part, camera) for part in parts)
@@ -220,7 +216,7 @@ def _at_corners_of(
     return 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1), slope
 
 
-def _maybe_largest(columns: list[Array], corner: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _maybe_largest(columns: list[Float], corner: Long) -> Long:
     """Those (m,) of triangles (n, 3) that the largest of `_footprint_sizes` may be of."""
     bounds = _bounds_in_float32(columns)
     low, high = np.zeros(len(corner), np.float32), np.full(len(corner), np.inf, np.float32)
@@ -233,31 +229,29 @@ def _maybe_largest(columns: list[Array], corner: npt.NDArray[np.int64]) -> npt.N
     return np.flatnonzero(high >= (1.0 - ROUNDED) * low.max())
 
 
-def _of_corners(
-    vertices: Array, corner: npt.NDArray[np.int64], camera: Camera
-) -> tuple[Array, Array]:
+def _of_corners(vertices: Float, corner: Long, camera: Camera) -> tuple[Float, Float]:
     """Places and paint coordinates (n, 3, 5) at the corners of triangles, and their planes."""
     corners = at_corners(vertices[:, : ST.stop], list(corner.T))
     return corners, barycentric_planes(corners, camera)
 
 
-def _footprints(corners: Array, planes: Array) -> Array:
+def _footprints(corners: Float, planes: Float) -> Float:
     """(n, 3, 2, 2): change of s and t per column and row at the corners of triangles."""
     st = corners[:, :, ST]
     scaled = np.swapaxes(st, 1, 2) @ planes
     slope = scaled[:, None, :, :2] - st[..., None] * planes.sum(axis=1)[:, None, None, :2]
-    result: Array = slope * corners[:, :, 2, None, None]
+    result: Float = slope * corners[:, :, 2, None, None]
     return result
 
 
-def _footprint_columns(vertices: Array, ideal: Array) -> list[Array]:
+def _footprint_columns(vertices: Float, ideal: Float) -> list[Float]:
     """Of vertices (V, 11) at ``ideal`` (V, 2), (V,) each: x, y (px of the ideal image), depth, its
     inverse, s and t."""
     z = vertices[:, POSITION.stop - 1]
     return [np.ascontiguousarray(v) for v in (*ideal.T, z, 1.0 / z, *vertices[:, ST].T)]
 
 
-def _footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Array:
+def _footprint_sizes(columns: list[Float], corner: Long) -> Float:
     """Half the largest pixel in paint coordinates (n,) at the corners of each triangle (n, 3).
 
     ``columns``: of the vertices, as `_footprint_columns` says.
@@ -268,7 +262,7 @@ def _footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Arr
     ux, uy, vx, vy = x[1] - x[0], y[1] - y[0], x[2] - x[0], y[2] - y[0]
     area = np.abs(ux * vy - uy * vx)
 
-    def slope(value: list[Array]) -> tuple[Array, Array]:
+    def slope(value: list[Float]) -> tuple[Float, Float]:
         """How it changes per column and row, times the triangle's area, twice."""
         u, v = value[1] - value[0], value[2] - value[0]
         return u * vy - v * uy, v * ux - u * vx
@@ -283,14 +277,14 @@ def _footprint_sizes(columns: list[Array], corner: npt.NDArray[np.int64]) -> Arr
             size += np.abs(change[1] - s * rate[1])
             size *= z
             np.maximum(most, size, out=most)
-    result: Array = 0.5 * most / area
+    result: Float = 0.5 * most / area
     return result
 
 
-Bounds = tuple[npt.NDArray[np.bool_], Single, Single, Single, Single]
+Bounds = tuple[Bool, Single, Single, Single, Single]
 
 
-def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]], Bounds]:
+def _bounds_in_float32(columns: list[Float]) -> Callable[[Long], Bounds]:
     """A function that finds twice the size of the largest pixel on triangles (n, 3) as a quotient:
     whether (n,) bounds are close, the numerator and what it may be off by, and the denominator
     with what that may.
@@ -307,7 +301,7 @@ def _bounds_in_float32(columns: list[Array]) -> Callable[[npt.NDArray[np.int64]]
     step = [float(np.spacing(np.abs(v).max())) for v in single]
     off, off_w, off_s = max(step[:2]), step[2], max(step[3:])
 
-    def find(corner: npt.NDArray[np.int64]) -> Bounds:
+    def find(corner: Long) -> Bounds:
         vertices = [corner[:, k] for k in range(3)]
         u: list[Single] = []
         v: list[Single] = []

@@ -21,8 +21,8 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
+from gpusim.arrays.array_types import Bool, Float, Long
+
 T = TypeVar("T", bound=np.generic)
 
 MAX_CORNERS = 8
@@ -37,7 +37,7 @@ ON, ROUNDING = 1e-12, 1e-15
 _PLACE = np.arange(MAX_CORNERS)[:, None]
 
 
-def pick(array: npt.NDArray[T], index: Long | npt.NDArray[np.bool_]) -> npt.NDArray[T]:
+def pick(array: npt.NDArray[T], index: Long | Bool) -> npt.NDArray[T]:
     """``array[index]`` for an index (m,) into the first axis, in Fortran's order."""
     if index.dtype == bool:
         index = np.flatnonzero(index)
@@ -45,7 +45,7 @@ def pick(array: npt.NDArray[T], index: Long | npt.NDArray[np.bool_]) -> npt.NDAr
     return result
 
 
-def half_planes(corners: Array) -> Array:
+def half_planes(corners: Float) -> Float:
     """(n, 3, 3): a x + b y + c >= 0 inside the triangles (n, 3, 2), of either orientation."""
     x, y = np.asfortranarray(corners).T
     planes = np.empty((3, 3, len(corners)))
@@ -57,7 +57,7 @@ def half_planes(corners: Array) -> Array:
     return planes.T
 
 
-def beyond(planes: Array, corners: Array, slack: float) -> npt.NDArray[np.bool_]:
+def beyond(planes: Float, corners: Float, slack: float) -> Bool:
     """Whether all ``corners`` (n, V, 2) lie outside one of the half planes (n, K, 3), or no more
     than ``slack`` px inside it."""
     x, y = np.asfortranarray(corners).T
@@ -69,7 +69,7 @@ def beyond(planes: Array, corners: Array, slack: float) -> npt.NDArray[np.bool_]
     return result
 
 
-def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
+def clip(polygon: Float, count: Long, plane: Float) -> tuple[Float, Long]:
     """The parts of polygons where a x + b y + c >= 0, ``plane`` (n, 3), and their corners (n,).
 
     As Sutherland and Hodgman, "Reentrant polygon clipping", CACM 1974; but all corners that stay
@@ -93,7 +93,7 @@ def clip(polygon: Array, count: Long, plane: Array) -> tuple[Array, Long]:
     return clipped.T, size
 
 
-def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
+def _crossed(corners: Float, count: Long, height: Float) -> tuple[Float, Long]:
     """`clip` for polygons (2, 8, n) that a plane crosses, by their corners' heights (8, n)."""
     column = np.arange(len(count))
     inside = height >= 0.0
@@ -102,14 +102,14 @@ def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
     first = rises.argmax(axis=0)
     kept = (inside & (_PLACE < count)).view(np.uint8).sum(axis=0, dtype=np.int64)
 
-    def cut(start: Long, end: Long) -> Array:
+    def cut(start: Long, end: Long) -> Float:
         """Where the side between two corners (n,) is crossed, (2, n)."""
         below, above = height[start, column], height[end, column]
         a, b = corners[:, start, column], corners[:, end, column]
         # where rounding makes a sliver's corners go in and out again, both may lie on one side
         span = below - above
         share = np.clip(below / np.where(span != 0.0, span, 1.0), 0.0, 1.0)
-        result: Array = a + share * (b - a)
+        result: Float = a + share * (b - a)
         return result
 
     def turned(number: Long) -> Long:
@@ -130,19 +130,19 @@ def _crossed(corners: Array, count: Long, height: Array) -> tuple[Array, Long]:
     return clipped, np.minimum(size, MAX_CORNERS)
 
 
-def clip_square(planes: Array) -> tuple[Array, Long]:
+def clip_square(planes: Float) -> tuple[Float, Long]:
     """The pixel's square cut by half planes (n, K, 3), and its corners (n,)."""
     square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
     n = len(planes)
     corners = np.concatenate([square, np.repeat(square[-1:], MAX_CORNERS - 4, axis=0)])
-    polygon: Array = np.repeat(corners.T[:, :, None], n, axis=2).T
+    polygon: Float = np.repeat(corners.T[:, :, None], n, axis=2).T
     count = np.full(n, 4)
     for k in range(planes.shape[1]):
         polygon, count = clip(polygon, count, planes[:, k])
     return polygon, count
 
 
-def moments(polygon: Array) -> tuple[Array, Array]:
+def moments(polygon: Float) -> tuple[Float, Float]:
     """Signed area (n,) and centroid (n, 2)."""
     corners = np.asfortranarray(polygon).T
     away = corners[:, 1:] - corners[:, :1]
@@ -154,7 +154,7 @@ def moments(polygon: Array) -> tuple[Array, Array]:
     return 0.5 * total, (corners[:, 0] + centroid / safe).T
 
 
-def second_moments(polygon: Array) -> Array:
+def second_moments(polygon: Float) -> Float:
     """(n, 3): integrals of x x, x y and y y over polygons, about the pixel's centre."""
     ax, ay = np.asfortranarray(polygon).T
     bx, by = np.roll(ax, -1, axis=0), np.roll(ay, -1, axis=0)
@@ -168,7 +168,7 @@ def second_moments(polygon: Array) -> Array:
     ).T
 
 
-def rectangles(area: Array, centroid: Array, second: Array) -> Array:
+def rectangles(area: Float, centroid: Float, second: Float) -> Float:
     """(n, 2, 2): sides, as columns, of the rectangles with the same area's second moments.
 
     ``second`` (n, 3) as `second_moments` has them. The first side is the one nearer to the rows.
@@ -192,34 +192,34 @@ def rectangles(area: Array, centroid: Array, second: Array) -> Array:
     return np.stack([first, last], axis=2)
 
 
-def _edges(polygon: Array) -> tuple[Array, Array]:
+def _edges(polygon: Float) -> tuple[Float, Float]:
     return polygon, np.roll(polygon, -1, axis=-2)
 
 
-def polygon_area(polygon: Array) -> Array:
+def polygon_area(polygon: Float) -> Float:
     """Signed area of polygons, (…, V, 2) -> (…)."""
     p, q = _edges(polygon - polygon[..., :1, :])
-    result: Array = 0.5 * np.sum(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0], axis=-1)
+    result: Float = 0.5 * np.sum(p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0], axis=-1)
     return result
 
 
-def relu_mean(a: Array, b: Array) -> Array:
+def relu_mean(a: Float, b: Float) -> Float:
     """Mean of max(x, 0) over the segment from a to b."""
     high, low = np.maximum(a, b), np.minimum(a, b)
     width = np.where(high > low, high - low, 1.0)
     crossing = 0.5 * high * (high / width)
-    result: Array = np.where(low >= 0.0, 0.5 * (a + b), np.where(high <= 0.0, 0.0, crossing))
+    result: Float = np.where(low >= 0.0, 0.5 * (a + b), np.where(high <= 0.0, 0.0, crossing))
     return result
 
 
-def half_plane_area(polygon: Array) -> Array:
+def half_plane_area(polygon: Float) -> Float:
     """Area of {x > 0} inside polygons."""
     p, q = _edges(polygon)
-    result: Array = np.sum(relu_mean(p[..., 0], q[..., 0]) * (q[..., 1] - p[..., 1]), axis=-1)
+    result: Float = np.sum(relu_mean(p[..., 0], q[..., 0]) * (q[..., 1] - p[..., 1]), axis=-1)
     return result
 
 
-def quadrant_area(polygon: Array) -> Array:
+def quadrant_area(polygon: Float) -> Float:
     """Area of {x > 0, y > 0} inside polygons."""
     p, q = _edges(polygon)
     px, py, qx, qy = p[..., 0], p[..., 1], q[..., 0], q[..., 1]
@@ -228,11 +228,11 @@ def quadrant_area(polygon: Array) -> Array:
     x0 = np.where(py < 0.0, px + at * (qx - px), px)
     x1 = np.where(qy < 0.0, px + at * (qx - px), qx)
     height = np.maximum(qy, 0.0) - np.maximum(py, 0.0)
-    result: Array = np.sum(relu_mean(x0, x1) * height, axis=-1)
+    result: Float = np.sum(relu_mean(x0, x1) * height, axis=-1)
     return result
 
 
-def half_plane_share(d: Array, gx: Array, gy: Array) -> Array:
+def half_plane_share(d: Float, gx: Float, gy: Float) -> Float:
     """Share of the unit pixel where d + gx x + gy y > 0, x and y in [-1/2, 1/2]."""
     a = np.maximum(np.abs(gx), np.abs(gy))
     b = np.minimum(np.abs(gx), np.abs(gy))
@@ -243,11 +243,11 @@ def half_plane_share(d: Array, gx: Array, gy: Array) -> Array:
     linear = 0.5 + d / np.where(a > 0.0, a, 1.0)
     step = (d > 0.0).astype(np.float64)
     corner = np.where(d > 0.0, 1.0 - rest, rest)
-    result: Array = np.where(x >= far, step, np.where(x <= 0.5 * (a - b), linear, corner))
+    result: Float = np.where(x >= far, step, np.where(x <= 0.5 * (a - b), linear, corner))
     return result
 
 
-def disc_area(polygon: Array, radius: Array) -> Array:
+def disc_area(polygon: Float, radius: Float) -> Float:
     """Area inside the circle of ``radius`` (…,) about the origin, within polygons.
 
     Each edge adds the triangle with the centre where it runs inside the circle and the circular
@@ -256,7 +256,7 @@ def disc_area(polygon: Array, radius: Array) -> Array:
     return swept_area(*_edges(polygon), radius)
 
 
-def swept_area(p: Array, q: Array, radius: Array) -> Array:
+def swept_area(p: Float, q: Float, radius: Float) -> Float:
     """Area that edges (…, V, 2) from p to q sweep, seen from the centre, inside the circle."""
     r = np.broadcast_to(np.asarray(radius, np.float64)[..., None], p.shape[:-1])
     d = q - p
@@ -271,11 +271,11 @@ def swept_area(p: Array, q: Array, radius: Array) -> Array:
     v = p + t1[..., None] * d
     inner = 0.5 * (u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
     outer = 0.5 * r * r * (_angle(p, u) + _angle(v, q))
-    result: Array = np.sum(np.where(a > 0.0, inner + outer, 0.0), axis=-1)
+    result: Float = np.sum(np.where(a > 0.0, inner + outer, 0.0), axis=-1)
     return result
 
 
-def _angle(p: Array, q: Array) -> Array:
+def _angle(p: Float, q: Float) -> Float:
     cross = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
-    result: Array = np.arctan2(cross, np.sum(p * q, axis=-1))
+    result: Float = np.arctan2(cross, np.sum(p * q, axis=-1))
     return result

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
-
-Array = npt.NDArray[np.float64]
 
 POSITION, ST, NORMAL, REFERENCE = slice(0, 3), slice(3, 5), slice(5, 8), slice(8, 11)
 """Columns of the attribute table that travels through clipping and splitting."""
@@ -29,7 +27,7 @@ def parts(count: int) -> Iterator[slice]:
         yield slice(first, min(first + CHUNK, count))
 
 
-def in_camera(camera: Camera, points: Array) -> Array:
+def in_camera(camera: Camera, points: Float) -> Float:
     """World points (n, 3) in camera coordinates, a view of (3, n): no matrix product, whose
     rounding depends on where in the array a point is."""
     T = camera.camera_from_world
@@ -44,7 +42,7 @@ def in_camera(camera: Camera, points: Array) -> Array:
     return columns.T
 
 
-def at_corners(values: Array, corner: list[npt.NDArray[np.int64]]) -> Array:
+def at_corners(values: Float, corner: list[Long]) -> Float:
     """Values (P, V) at the corners of triangles: (n, 3, V), a view of (3, V, n)."""
     columns = np.empty((3, values.shape[1], len(corner[0])))
     for axis in range(values.shape[1]):
@@ -54,7 +52,7 @@ def at_corners(values: Array, corner: list[npt.NDArray[np.int64]]) -> Array:
     return np.moveaxis(columns, 2, 0)
 
 
-def barycentric_planes(corners: Array, camera: Camera) -> Array:
+def barycentric_planes(corners: Float, camera: Camera) -> Float:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
     columns, spare = np.empty((3, 3, len(corners))), np.empty((5, CHUNK))
     D = camera.ray_matrix()
@@ -64,7 +62,7 @@ def barycentric_planes(corners: Array, camera: Camera) -> Array:
     return np.moveaxis(columns, 2, 0)
 
 
-def _barycentric_planes(corners: Array, D: Array, columns: Array, spare: Array) -> None:
+def _barycentric_planes(corners: Float, D: Float, columns: Float, spare: Float) -> None:
     p = [[corners[:, k, axis] for axis in range(3)] for k in range(3)]
     x, y, z, scale, term = spare
     for i in range(3):
@@ -93,19 +91,19 @@ def _barycentric_planes(corners: Array, D: Array, columns: Array, spare: Array) 
             row *= scale
 
 
-def products(vectors: Array, others: Array) -> Array:
+def products(vectors: Float, others: Float) -> Float:
     """Scalar products (n,) of vectors (3, n) with one (3,) or as many (3, n)."""
-    result: Array = vectors[0] * others[0] + vectors[1] * others[1] + vectors[2] * others[2]
+    result: Float = vectors[0] * others[0] + vectors[1] * others[1] + vectors[2] * others[2]
     return result
 
 
-def corner_mean(values: Array) -> Array:
+def corner_mean(values: Float) -> Float:
     """Mean over the corners of (T, 3, …); NumPy's own is slow along so short an axis."""
-    result: Array = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
+    result: Float = (values[:, 0] + values[:, 1] + values[:, 2]) / 3.0
     return result
 
 
-def corner_range(values: Array) -> tuple[Array, Array]:
+def corner_range(values: Float) -> tuple[Float, Float]:
     """Lowest and highest over the corners of (T, 3, …)."""
     a, b, c = values[:, 0], values[:, 1], values[:, 2]
     return np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.geometry.feature_edges import (
     corner_normals,
     creases,
@@ -30,8 +30,6 @@ from gpusim.optics.geometry.triangle_corners import (
 from gpusim.surface.frames import PaintFrame, used_vertices
 from gpusim.surface.surface import Surface
 
-Array = npt.NDArray[np.float64]
-
 
 class SurfaceNormals:
     """A surface's normals, found where somebody asks for them.
@@ -46,7 +44,7 @@ class SurfaceNormals:
         self.points = surface.points.copy()
 
     @cached_property
-    def area(self) -> Array:
+    def area(self) -> Float:
         """(3, T): world normals of the triangles, twice as long as their areas."""
         triangles = self._topology.triangles
         result = np.empty((3, len(triangles)))
@@ -56,18 +54,18 @@ class SurfaceNormals:
             corner_normals(self.points, corner, result[:, part])
         return result
 
-    def creases(self, edges: npt.NDArray[np.int64] | None) -> npt.NDArray[np.bool_]:
+    def creases(self, edges: Long | None) -> Bool:
         """Which edges of the surface are creases: of some (n,), or of all (None)."""
         if edges is None:
             return self._creases
         return creases(self._topology, self.area, self.smooth_angle, edges)
 
     @cached_property
-    def _creases(self) -> npt.NDArray[np.bool_]:
+    def _creases(self) -> Bool:
         return creases(self._topology, self.area, self.smooth_angle, None)
 
     @cached_property
-    def smooth(self) -> tuple[Array, npt.NDArray[np.bool_]]:
+    def smooth(self) -> tuple[Float, Bool]:
         """What `gpusim.optics.geometry.feature_edges.smooth_normals` makes of it: vertices' normals
         in the world, and which corners have their own."""
         triangles, vertices = self._topology.triangles, len(self.points)
@@ -99,14 +97,11 @@ def surface_normals(surfaces: Sequence[Surface]) -> list[SurfaceNormals]:
     return normals
 
 
-Numbers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
-
 MAX_VERTICES_PER_TRIANGLE = 4
 """Vertices per triangle from which on those of other triangles are left out."""
 
 
-def turned_corners(triangles: Numbers, kept: Numbers, turned: Flags) -> Numbers:
+def turned_corners(triangles: Long, kept: Long, turned: Bool) -> Long:
     """(3, n): vertices at each corner of triangles ``kept``, those that are ``turned`` (n,)
     the other way round."""
     away = np.flatnonzero(turned)
@@ -129,13 +124,13 @@ class VertexTable:
     corner the vertices of the triangles; ``origin`` (V,): the surface's vertex that each is.
     """
 
-    def __init__(self, surface: Surface, points: Array, corner: Numbers, only: bool) -> None:
+    def __init__(self, surface: Surface, points: Float, corner: Long, only: bool) -> None:
         """Of triangles with ``corner``s (3, n); ``points`` (P, 3) in camera space.
 
         ``only``: leave out vertices of other triangles even if they are few.
         """
         rest = surface.rest
-        self.origin: Numbers = np.arange(len(points))
+        self.origin: Long = np.arange(len(points))
         self.corner = corner
         if only or len(points) > MAX_VERTICES_PER_TRIANGLE * corner.shape[1]:
             self.origin = used_vertices(corner, len(points))
@@ -145,9 +140,7 @@ class VertexTable:
         self.columns[POSITION], self.columns[REFERENCE] = points.T, rest.T
         self.columns[ST] = self.columns[NORMAL] = 0.0
 
-    def _renumber(
-        self, used: Numbers, count: int, rows: Numbers | None = None, to: int = 0
-    ) -> None:
+    def _renumber(self, used: Long, count: int, rows: Long | None = None, to: int = 0) -> None:
         """Vertex ``used[i]`` of ``count`` becomes ``to + i`` in triangles ``rows``, or all."""
         number = np.zeros(count, np.int64)
         number[used] = np.arange(to, to + len(used))
@@ -157,14 +150,14 @@ class VertexTable:
         self.corner = self.corner.copy()
         self.corner[:, rows] = number[self.corner[:, rows]]
 
-    def _copied(self, vertices: Numbers) -> Numbers:
+    def _copied(self, vertices: Long) -> Long:
         """The numbers of copies of some vertices."""
         first = len(self.origin)
         self.columns = np.concatenate([self.columns, self.columns[:, vertices]], axis=1)
         self.origin = np.concatenate([self.origin, self.origin[vertices]])
         return np.arange(first, len(self.origin))
 
-    def _apart(self, rows: Numbers) -> Numbers:
+    def _apart(self, rows: Long) -> Long:
         """Gives triangles ``rows`` vertices that no others have; the numbers of these."""
         if len(rows) == self.corner.shape[1]:
             return np.arange(len(self.origin))
@@ -174,14 +167,14 @@ class VertexTable:
         self._renumber(used, before, rows, before)
         return copies
 
-    def _own(self, rows: Numbers, k: Numbers) -> Numbers:
+    def _own(self, rows: Long, k: Long) -> Long:
         """Gives corners ``k`` (n,) of triangles ``rows`` (n,) a vertex each; their numbers."""
         copies = self._copied(self.corner[k, rows])
         self.corner = self.corner.copy()
         self.corner[k, rows] = copies
         return copies
 
-    def paint(self, surface: Surface, kept: Numbers, turned: Flags) -> None:
+    def paint(self, surface: Surface, kept: Long, turned: Bool) -> None:
         """Fill in paint coordinates, of triangles ``kept`` (n,) of the surface, some ``turned``."""
         free = True
         for number in surface.extents:
@@ -209,7 +202,7 @@ class VertexTable:
                 vertices = self._own(rows, np.full(len(rows), k))
                 self.columns[ST, vertices] = st[:, k].T
 
-    def paint_at(self, turned: Flags, rows: Numbers) -> Array:
+    def paint_at(self, turned: Bool, rows: Long) -> Float:
         """Paint coordinates (m, 3, 2) at the corners of some triangles ``rows`` (m,), in the
         order that the surface has them in; ``turned``: as in `paint`."""
         st = at_corners(self.columns[ST].T, [np.take(vertices, rows) for vertices in self.corner])
@@ -217,7 +210,7 @@ class VertexTable:
         st[away] = st[away][:, [0, 2, 1]]
         return st
 
-    def smooth(self, surface: Surface, shape: SurfaceNormals, kept: Numbers, turned: Flags) -> None:
+    def smooth(self, surface: Surface, shape: SurfaceNormals, kept: Long, turned: Bool) -> None:
         """Fill in world normals of triangles ``kept`` (n,) of the surface, some ``turned``."""
         normal, sharp = shape.smooth
         self.columns[NORMAL] = (

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.clipping import (
     SURELY_SHORT,
@@ -48,8 +48,6 @@ from gpusim.optics.geometry.vertex_attributes import (
 from gpusim.surface.frames import PaintFrame
 from gpusim.surface.surface import Surface
 
-Array = npt.NDArray[np.float64]
-
 FIXED = 65536
 """Steps of a screen coordinate in fixed point per pixel."""
 
@@ -65,8 +63,7 @@ SAMPLED = 4096
 NO_PLACES, NO_SOURCE = np.zeros((0, 3, 2)), np.zeros(0, np.int64)
 
 ALL = slice(None)
-Rows = slice | npt.NDArray[np.int64]
-Short = npt.NDArray[np.int32]
+Rows = slice | Long
 
 PLANE_TOLERANCE = 1e-9
 """Share of the depth by which corners may lie off a plane."""
@@ -89,19 +86,19 @@ class View:
     """
 
     camera: Camera
-    vertices: Array
-    place: Array
-    corner: npt.NDArray[np.int64]
-    paint: npt.NDArray[np.int32]
-    face: npt.NDArray[np.int32]
+    vertices: Float
+    place: Float
+    corner: Long
+    paint: Int
+    face: Int
     regions: tuple[RegionPaint, ...]
-    edges: npt.NDArray[np.float64]
-    body: npt.NDArray[np.int32]
-    edge_source: npt.NDArray[np.int64]
+    edges: Float
+    body: Int
+    edge_source: Long
     extent: float
-    found: tuple[tuple[RegionPaint, ...], Array] | None = None
-    source: npt.NDArray[np.int64] = field(default_factory=NO_SOURCE.copy)
-    origin: Array = field(default_factory=partial(np.zeros, 3))
+    found: tuple[tuple[RegionPaint, ...], Float] | None = None
+    source: Long = field(default_factory=NO_SOURCE.copy)
+    origin: Float = field(default_factory=partial(np.zeros, 3))
 
     @property
     def count(self) -> int:
@@ -109,7 +106,7 @@ class View:
         return len(self.corner)
 
     @cached_property
-    def _found(self) -> tuple[tuple[RegionPaint, ...], Array]:
+    def _found(self) -> tuple[tuple[RegionPaint, ...], Float]:
         return self.found or with_reach(
             self.regions, self.vertices, self.place, self.ideal_place, self.corner, self.paint,
             self.camera,
@@ -121,47 +118,47 @@ class View:
         return self._found[0]
 
     @property
-    def footprint(self) -> Array:
+    def footprint(self) -> Float:
         """(T,): half the width of the largest pixel on each triangle, in paint coordinates; 0 where
         the paint isn't speckle, or none of many is too large for the usual tables."""
         return self._found[1]
 
     @cached_property
-    def corners(self) -> Array:
+    def corners(self) -> Float:
         """(T, 3, 11): ``vertices`` at every corner; large, see `corners_of`."""
         return self.corners_of(slice(None))
 
-    def corners_of(self, triangles: Rows, columns: slice = ALL) -> Array:
+    def corners_of(self, triangles: Rows, columns: slice = ALL) -> Float:
         """(n, 3, …): those of some triangles, or some ``columns`` of them."""
         return at_corners(self.vertices[:, columns], self._vertices_of(triangles))
 
     @cached_property
-    def screen(self) -> Array:
+    def screen(self) -> Float:
         """(T, 3, 2) px: ``place`` at every corner."""
         return self.screen_of(slice(None))
 
-    def screen_of(self, triangles: Rows) -> Array:
+    def screen_of(self, triangles: Rows) -> Float:
         """(n, 3, 2) px: those of some triangles."""
         return at_corners(self.place, self._vertices_of(triangles))
 
-    def _vertices_of(self, triangles: Rows) -> list[npt.NDArray[np.int64]]:
+    def _vertices_of(self, triangles: Rows) -> list[Long]:
         """The vertices (n,) of some triangles by corner: rows of three take twice as long."""
         if isinstance(triangles, slice):
             return list(self.corner[triangles].T)
         return [np.take(vertices, triangles) for vertices in self.corner.T]
 
-    def planes_of(self, triangles: Rows) -> Array:
+    def planes_of(self, triangles: Rows) -> Float:
         """(n, 3, 3) of some triangles: row i has barycentric i over depth as an affine function of
         the ideal position [x, y, 1]."""
         return barycentric_planes(self.corners_of(triangles, POSITION), self.camera)
 
     @cached_property
-    def ideal(self) -> Array:
+    def ideal(self) -> Float:
         """(T, 3, 2) px: ``screen`` without the lens's distortion."""
         return at_corners(self.ideal_place, list(self.corner.T))
 
     @cached_property
-    def ideal_place(self) -> Array:
+    def ideal_place(self) -> Float:
         """(V, 2) px: ``place`` without the lens's distortion."""
         if self.camera.lens is None:
             return self.place
@@ -180,7 +177,7 @@ class View:
         return bool(max(away) <= PLANE_TOLERANCE * np.linalg.norm(normal) * corners[:, :, 2].min())
 
     @cached_property
-    def box(self) -> tuple[Array, Array]:
+    def box(self) -> tuple[Float, Float]:
         """(T, 2) px: first and last place of every triangle, column by column in memory."""
         low, high = (np.empty((2, self.count)).T for _ in range(2))
         for part in parts(self.count):
@@ -208,7 +205,7 @@ class View:
             source=self.source[in_rows], found=(self.paints, self.footprint[in_rows]),
         )  # fmt: skip
 
-    def some(self, triangles: npt.NDArray[np.int64]) -> View:
+    def some(self, triangles: Long) -> View:
         """The view of some triangles (n,) that share no vertices, without edges."""
         corner = self.corner[triangles].reshape(-1)
         return replace(
@@ -218,26 +215,26 @@ class View:
             edge_source=self.edge_source[:0], source=self.source[:0],
         )  # fmt: skip
 
-    def inverse_depth(self, triangles: npt.NDArray[np.int64] | None = None) -> Array:
+    def inverse_depth(self, triangles: Long | None = None) -> Float:
         """1 / z of every corner, (T, 3), or of those of some ``triangles`` (n,), (n, 3)."""
         if triangles is not None:
             depth = self.vertices[:, 2]
             return 1.0 / np.stack([np.take(depth, v) for v in self._vertices_of(triangles)]).T
         return np.take(1.0 / self.vertices[:, 2], self.corner)
 
-    def raster_depth(self) -> tuple[float, npt.NDArray[np.float32]]:
+    def raster_depth(self) -> tuple[float, Single]:
         """What 1 / z is scaled by to stay below 1 in a depth buffer, and 1 / z of every vertex."""
         if not self.count:
             return 1.0, np.zeros(1, np.float32)
         inverse = 1.0 / self.vertices[:, 2]
         return 0.999 / float(inverse.max()), inverse.astype(np.float32)
 
-    def rays(self) -> Array:
+    def rays(self) -> Float:
         """(3, 3): columns x, y, 1 of the world-space ray of unit depth through a pixel."""
-        result: Array = self.camera.camera_from_world[:3, :3].T @ self.camera.ray_matrix()
+        result: Float = self.camera.camera_from_world[:3, :3].T @ self.camera.ray_matrix()
         return result
 
-    def fixed(self) -> npt.NDArray[np.int32]:
+    def fixed(self) -> Int:
         """Screen positions of the vertices in fixed point, (V, 2), one at least."""
         result = np.zeros((max(len(self.place), 1), 2), np.int32)
         for fixed_column, column in zip(result.T, self.place.T, strict=True):
@@ -255,10 +252,10 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     far = max((float(points[:, 2].max()) for points in at), default=0.0)
     none = ClippedTriangles(np.zeros((0, 3, 11)), np.zeros((0, 3), bool), NO_SOURCE)
     parts = [IndexedTriangles.of(none, NO_PLACES)]
-    paint_ids: list[Short] = []
-    face_ids: list[Short] = []
+    paint_ids: list[Int] = []
+    face_ids: list[Int] = []
     paints: list[RegionPaint] = []
-    body_ids: list[Short] = []
+    body_ids: list[Int] = []
     sources, first, first_face = [NO_SOURCE], 0, 0
     shapes = surface_normals(surfaces)
     for number, (surface, shape, points) in enumerate(zip(surfaces, shapes, at, strict=True)):
@@ -287,7 +284,7 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     )  # fmt: skip
 
 
-def _joined(parts: list[Short]) -> Short:
+def _joined(parts: list[Int]) -> Int:
     """Several in one; one alone as it is."""
     return parts[0] if len(parts) == 1 else np.concatenate([np.zeros(0, np.int32), *parts])
 
@@ -295,7 +292,7 @@ def _joined(parts: list[Short]) -> Short:
 def _seen_of(
     surface: Surface,
     shape: SurfaceNormals,
-    points: Array,
+    points: Float,
     screen: ImagePlane,
     near: float,
     lit: bool,
@@ -347,7 +344,7 @@ def _seen_of(
 
 
 def _clipped(
-    triangles: IndexedTriangles, screen: ImagePlane, near: float, crossing: npt.NDArray[np.bool_]
+    triangles: IndexedTriangles, screen: ImagePlane, near: float, crossing: Bool
 ) -> IndexedTriangles:
     """What is within the view frustum, at its place through the lens; ``crossing`` (T,): which
     have to be clipped."""

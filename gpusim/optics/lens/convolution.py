@@ -7,8 +7,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Real, Single
 from gpusim.gpu import Buffer, Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.lens.psf import SampledKernel
@@ -23,7 +23,7 @@ class Target:
     stride: int
 
 
-def _table(weights: npt.NDArray[np.float64], n: int) -> npt.NDArray[np.float32]:
+def _table(weights: Float, n: int) -> Single:
     """(taps + 3 n, 4): what a value counts for in each of four neighbouring outputs."""
     table = np.zeros((len(weights) + 3 * n, 4), np.float32)
     for k in range(4):
@@ -86,9 +86,7 @@ class ConvolvePass:
                 texels.release()
 
 
-def convolve_twin(
-    kernel: SampledKernel, cells: npt.NDArray[np.floating]
-) -> npt.NDArray[np.float64]:
+def convolve_twin(kernel: SampledKernel, cells: Real) -> Float:
     """The same in float64: cells (rows n + 2 halo, columns n + 2 halo) to pixels."""
     n, taps = kernel.n, kernel.taps
     rows, columns = ((side - 2 * kernel.halo) // n for side in cells.shape)
@@ -129,12 +127,12 @@ def accumulate(
 
 
 def accumulate_twin(
-    sums: npt.NDArray[np.float64],
-    values: npt.NDArray[np.floating],
+    sums: Float,
+    values: Real,
     weight: float = 1.0,
     gain: bool = False,
-) -> npt.NDArray[np.float64]:
+) -> Float:
     """The same in float64, as a new array."""
     scaled = weight * values.astype(np.float64)
-    result: npt.NDArray[np.float64] = sums * scaled if gain else sums + scaled
+    result: Float = sums * scaled if gain else sums + scaled
     return result

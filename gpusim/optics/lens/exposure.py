@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
@@ -52,7 +52,6 @@ from gpusim.validation import checked
 
 __all__ = ["Exposure", "photograph", "plan_exposure"]
 
-Array = npt.NDArray[np.float64]
 PLACE_ERROR = 1.0 / 8.0
 """Over w n^2: how far the centroid of what is w px wide moves at most, as cells of 1 / n px that it
 fills in part on one side don't tell where."""
@@ -300,7 +299,7 @@ def _point_spread(
     return SAME_IMAGE, side
 
 
-def _at(camera: Camera, point: Array, lens: Lens) -> Camera:
+def _at(camera: Camera, point: Float, lens: Lens) -> Camera:
     if lens.focus_distance is None or not point.any():
         return camera
     return seen_through(camera, point, lens.focus_distance)
@@ -346,11 +345,11 @@ def _combine(
 
 def _combine_twin(
     exposure: Exposure, shoot: Callable[[Sequence[Surface], Camera], Frame]
-) -> list[npt.NDArray[np.float32]]:
+) -> list[Single]:
     camera, kernel = exposure.sight[1], exposure.kernel
     whole = Tile(0, camera.width, 0, camera.height)
     size = whole.cells(camera, kernel)
-    sums: list[Array] = []
+    sums: list[Float] = []
     for weight, what, whence in exposure.parts:
         planes = shoot(what, whole.cells(whence, kernel)).planes
         sums = sums or [np.zeros((size.height, size.width)) for _ in planes]

@@ -16,9 +16,9 @@ from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.validation import checked, unmasked
@@ -35,7 +35,6 @@ __all__ = [
     "sample",
 ]
 
-Array = npt.NDArray[np.float64]
 
 SIGMAS = 5.0
 AIRY_LOST = 0.04  # energy outside the sampled part of an Airy pattern, spread evenly over it
@@ -60,10 +59,10 @@ class Psf(Protocol):
     def __hash__(self) -> int:
         """Equal ones have the same."""
 
-    def transfer(self, fx: Array, fy: Array) -> Array:
+    def transfer(self, fx: Float, fy: Float) -> Float:
         """Real optical transfer function at frequencies in cycles per pixel."""
 
-    def cells(self, n: int) -> Array:
+    def cells(self, n: int) -> Float:
         """(2m + 1, 2m + 1) weights of sum 1 on a grid of pitch 1 / n px."""
 
 
@@ -83,11 +82,11 @@ class Gaussian:
     def __post_init__(self) -> None:
         _positive("Gaussian sigma", self.sigma, "px")
 
-    def transfer(self, fx: Array, fy: Array) -> Array:
+    def transfer(self, fx: Float, fy: Float) -> Float:
         """exp(-2 pi^2 sigma^2 f^2)."""
         return np.asarray(np.exp(-2.0 * (np.pi * self.sigma) ** 2 * (fx**2 + fy**2)))
 
-    def cells(self, n: int) -> Array:
+    def cells(self, n: int) -> Float:
         """Samples out to 5 sigma."""
         k = _grid(SIGMAS * self.sigma, n, "Gaussian")
         row = np.exp(-0.5 * (k / self.sigma) ** 2)
@@ -121,12 +120,12 @@ class Airy:
         """wavelength x f_number in px; the cut-off is at its inverse."""
         return self.wavelength * self.f_number / self.pitch
 
-    def transfer(self, fx: Array, fy: Array) -> Array:
+    def transfer(self, fx: Float, fy: Float) -> Float:
         """(2 / pi) (acos v - v sqrt(1 - v^2)), v = f / cut-off; zero above the cut-off."""
         v = np.minimum(np.hypot(fx, fy) * self.width, 1.0)
         return np.asarray((2.0 / np.pi) * (np.arccos(v) - v * np.sqrt(1.0 - v * v)))
 
-    def cells(self, n: int) -> Array:
+    def cells(self, n: int) -> Float:
         """Samples within the radius beyond which 4 % of the energy lie, which is spread over them.
 
         An Airy pattern's tail falls as r^-3: cut off and scaled up, it would raise the transfer
@@ -158,12 +157,12 @@ class Disc:
     def __post_init__(self) -> None:
         _positive("Disc radius", self.radius, "px")
 
-    def transfer(self, fx: Array, fy: Array) -> Array:
+    def transfer(self, fx: Float, fy: Float) -> Float:
         """2 J1(u) / u, u = 2 pi radius f."""
         u = np.maximum(2.0 * np.pi * self.radius * np.hypot(fx, fy), 1e-9)
         return np.asarray(2.0 * scipy.special.j1(u) / u)
 
-    def cells(self, n: int) -> Array:
+    def cells(self, n: int) -> Float:
         """The share of each cell that the disc covers.
 
         Covering cells widens the disc by a cell's own variance, 1 / 12 n^2 along each axis; the
@@ -194,7 +193,7 @@ class MeasuredPsf:
     1.0
     """
 
-    kernel: Array
+    kernel: Float
     samples_per_px: float = 1.0
     __repr__ = field_summary
 
@@ -209,7 +208,7 @@ class MeasuredPsf:
         _positive("MeasuredPsf samples_per_px", self.samples_per_px, "")
         object.__setattr__(self, "kernel", kernel / kernel.sum())
 
-    def transfer(self, fx: Array, fy: Array) -> Array:
+    def transfer(self, fx: Float, fy: Float) -> Float:
         """Real part of the Fourier sum of the samples."""
         rows, columns = (
             (np.arange(side) - side // 2) / self.samples_per_px for side in self.kernel.shape
@@ -219,7 +218,7 @@ class MeasuredPsf:
         across = np.exp(-2j * np.pi * fy[..., None] * rows)
         return np.asarray(np.einsum("...r,rc,...c->...", across, self.kernel, along).real)
 
-    def cells(self, n: int) -> Array:
+    def cells(self, n: int) -> Float:
         """The interpolated kernel at the cells."""
         half = max(self.kernel.shape) // 2 / self.samples_per_px
         k = _grid(half, n, "MeasuredPsf") * self.samples_per_px
@@ -243,11 +242,11 @@ class Convolved:
     first: Psf
     second: Psf
 
-    def transfer(self, fx: Array, fy: Array) -> Array:
+    def transfer(self, fx: Float, fy: Float) -> Float:
         """The product of both transfer functions."""
         return self.first.transfer(fx, fy) * self.second.transfer(fx, fy)
 
-    def cells(self, n: int) -> Array:
+    def cells(self, n: int) -> Float:
         """The convolution of both sets of weights."""
         a, b = self.first.cells(n), self.second.cells(n)
         shape = [m + k - 1 for m, k in zip(a.shape, b.shape, strict=True)]
@@ -264,7 +263,7 @@ def _positive(what: str, value: float, unit: str) -> None:
         raise InputError(f"{what}; got {value}; expected a number above 0 {unit}".rstrip())
 
 
-def _grid(radius: float, n: int, what: str) -> Array:
+def _grid(radius: float, n: int, what: str) -> Float:
     """Cell positions in px from -m / n to m / n, m / n >= radius."""
     m = int(np.ceil(radius * n - 1e-9))
     if not 2 * m + 1 <= MAX_CELLS:
@@ -291,7 +290,7 @@ class SampledKernel:
 
     n: int
     halo: int
-    terms: tuple[tuple[Array, Array], ...]
+    terms: tuple[tuple[Float, Float], ...]
     edge_error: float
     __repr__ = field_summary
 
@@ -360,7 +359,7 @@ def _sampled(psf: Psf | None, side: float, n: int) -> SampledKernel:
     return SampledKernel(n, halo, terms, _edge_error(line, psf, side, n))
 
 
-def _edge_error(line: Array, psf: Psf | None, side: float, n: int) -> float:
+def _edge_error(line: Float, psf: Psf | None, side: float, n: int) -> float:
     """RMS difference of edge profiles within 2 px: cells of weight ``line`` against the exact."""
     ends = (np.arange(len(line) + 1) - 0.5 * len(line)) / n
     x = np.linspace(-2.0, 2.0, 129)
@@ -369,7 +368,7 @@ def _edge_error(line: Array, psf: Psf | None, side: float, n: int) -> float:
 
 
 @unmasked()
-def edge_profile(psf: Psf | None, side: float, x: Array) -> Array:
+def edge_profile(psf: Psf | None, side: float, x: Float) -> Float:
     """Image of a step edge at 0 along the rows, (n,) at distances ``x`` px.
 
     1/2 + integral of H(f) sin(2 pi f x) / (pi f), H = transfer x aperture of width ``side``.

@@ -14,14 +14,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-Array = npt.NDArray[np.float64]
 SurfacesAt = Callable[[float], Sequence[Surface]]
 CameraAt = Callable[[float], Camera]
 
@@ -63,7 +62,7 @@ def motion(surfaces: SurfacesAt, camera: CameraAt, start: float, length: float) 
     """The longest way in px that a vertex in view goes on the image within a time."""
     times = start + length * np.linspace(0.0, 1.0, 5)
     longest = np.zeros(0)
-    before: list[Array] | None = None
+    before: list[Float] | None = None
     for time in times:
         lens = camera(float(time))
         at = [lens.project(s.points) for s in surfaces(float(time))]
@@ -75,7 +74,7 @@ def motion(surfaces: SurfacesAt, camera: CameraAt, start: float, length: float) 
     return float(longest.max(initial=0.0))
 
 
-def _seen_step(a: Array, b: Array, camera: Camera) -> Array:
+def _seen_step(a: Float, b: Float, camera: Camera) -> Float:
     """Lengths (n,) of steps; 0 where a point isn't in front, and no more than the image's size."""
     with np.errstate(invalid="ignore"):
         step = np.hypot(*(b - a).T)
@@ -87,7 +86,7 @@ def moments_for(travel: float) -> int:
     return 1 if travel <= STILL else int(np.ceil(POINTS_PER_PX * travel)) + 2
 
 
-def moments(shutter: Shutter, travel: float) -> tuple[Array, Array]:
+def moments(shutter: Shutter, travel: float) -> tuple[Float, Float]:
     """Shares of the exposure (K,) and weights (K,) for a motion of ``travel`` px.
 
     Gauss-Legendre points, which integrate a motion's transfer function to 1e-6 up to the Nyquist
@@ -138,7 +137,7 @@ def rolled(
         margin = 0.1 * (high - low) + 4.0
         times = (start + line_time * (low - margin), start + line_time * (high + margin))
 
-        def seen(time: float, index: int = index, where: str = where) -> Array:
+        def seen(time: float, index: int = index, where: str = where) -> Float:
             points = surfaces(time)[index].points
             if points.shape != at_middle[index].points.shape:
                 raise InputError(
@@ -165,7 +164,7 @@ def rolled(
 class _Path:
     """Camera-space positions of a surface's vertices as polynomials in time."""
 
-    def __init__(self, nodes: Array, positions: Array, camera: Camera, where: str) -> None:
+    def __init__(self, nodes: Float, positions: Float, camera: Camera, where: str) -> None:
         self.nodes, self.positions, self.camera, self.where = nodes, positions, camera, where
         sign = (-1.0) ** np.arange(len(nodes))
         sign[[0, -1]] *= 0.5  # barycentric weights of Chebyshev points (Berrut, Trefethen 2004)
@@ -173,7 +172,7 @@ class _Path:
 
     @staticmethod
     def through(
-        seen: Callable[[float], Array], times: tuple[float, float], camera: Camera, where: str
+        seen: Callable[[float], Float], times: tuple[float, float], camera: Camera, where: str
     ) -> _Path:
         span = times[1] - times[0]
         for count in NODES:
@@ -192,12 +191,12 @@ class _Path:
             f"{NODES[-1]} moments; expected a smooth motion"
         )
 
-    def over(self, mean: Callable[[Array], Array]) -> _Path:
+    def over(self, mean: Callable[[Float], Float]) -> _Path:
         """The same for vertices that are means of these."""
         positions = np.stack([mean(p) for p in self.positions])
         return _Path(self.nodes, positions, self.camera, self.where)
 
-    def at(self, times: Array) -> Array:
+    def at(self, times: Float) -> Float:
         """Positions (P, 3), each vertex at its own time (P,)."""
         difference = times[None, :] - self.nodes[:, None]
         hit = difference == 0.0
@@ -206,18 +205,18 @@ class _Path:
         factor /= factor.sum(axis=0)
         return np.asarray(np.einsum("mp,mpa->pa", factor, self.positions))
 
-    def project(self, positions: Array) -> Array:
+    def project(self, positions: Float) -> Float:
         """Pixels (P, 2) of camera-space positions."""
         T = self.camera.camera_from_world
         return self.camera.project((positions - T[:3, 3]) @ T[:3, :3])
 
-    def gap(self, a: Array, b: Array) -> float:
+    def gap(self, a: Float, b: Float) -> float:
         """Largest distance in px between two sets of positions, of those in front."""
         with np.errstate(invalid="ignore"):
             distance = np.hypot(*(self.project(a) - self.project(b)).T)
         return float(np.nan_to_num(distance, nan=0.0).max(initial=0.0))
 
-    def turn(self, positions: Array, start: float, line_time: float) -> Array:
+    def turn(self, positions: Float, start: float, line_time: float) -> Float:
         """Positions at the times of the rows that ``positions`` are in.
 
         A position that is off by e px is off by e times motion over rows read afterwards: less.
@@ -227,7 +226,7 @@ class _Path:
         own = np.clip(start + line_time * row, low, high)
         return self.at(np.where(np.isfinite(row), own, 0.5 * (low + high)))
 
-    def rolled(self, start: float, line_time: float) -> Array:
+    def rolled(self, start: float, line_time: float) -> Float:
         """Positions (P, 3) of the vertices at their own times."""
         with np.errstate(invalid="ignore"):
             rows = np.stack([self.project(p)[:, 1] for p in self.positions])
@@ -248,7 +247,7 @@ class _Path:
         return positions
 
 
-def divided(surface: Surface) -> tuple[Surface, Callable[[Array], Array]]:
+def divided(surface: Surface) -> tuple[Surface, Callable[[Float], Float]]:
     """Every face cut into four, and how values at vertices go over to the new ones.
 
     Vertices keep their numbers; middles of edges and of quadrilaterals follow.
@@ -284,7 +283,7 @@ def divided(surface: Surface) -> tuple[Surface, Callable[[Array], Array]]:
     )
     new = np.where(quads[:, None, None], four, three).reshape(-1, 4).astype(np.int32)
 
-    def mean(values: Array) -> Array:
+    def mean(values: Float) -> Float:
         at_edges = 0.5 * (values[edges[:, 0]] + values[edges[:, 1]])
         return np.concatenate([values, at_edges, values[faces[quads]].mean(axis=1)])
 

@@ -12,16 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.psf import Psf, edge_profile
 from gpusim.validation import checked
-
-Array = npt.NDArray[np.float64]
 
 
 @checked
@@ -46,7 +44,7 @@ class Vignetting:
 
     cos4: bool = True
     polynomial: tuple[float, ...] = ()
-    map: Array | None = None
+    map: Float | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
@@ -60,7 +58,7 @@ class Vignetting:
                 )
             object.__setattr__(self, "map", gains)
 
-    def gains(self, camera: Camera, row0: int, rows: int) -> Array:
+    def gains(self, camera: Camera, row0: int, rows: int) -> Float:
         """(rows, width) factors of rows ``row0`` … of an image."""
         x = np.arange(camera.width, dtype=np.float64)
         y = np.arange(row0, row0 + rows, dtype=np.float64)[:, None]
@@ -170,13 +168,13 @@ class Focus:
     blur diameter in view. ``edge_error``: RMS of a full-contrast edge at that diameter.
     """
 
-    points: Array
+    points: Float
     disc: float
     largest: float
     edge_error: float
 
 
-def aperture_points(count: int, blades: int = 0, angle: float = 0.0) -> Array:
+def aperture_points(count: int, blades: int = 0, angle: float = 0.0) -> Float:
     """``count`` points (about as many for an iris with blades) spread evenly over the unit disc.
 
     A sunflower (Vogel 1979), moved and stretched so that its mean is the centre and its second
@@ -196,24 +194,24 @@ def aperture_points(count: int, blades: int = 0, angle: float = 0.0) -> Array:
         moment = np.cov(dense[_in_polygon(dense, blades, angle)].T, bias=True)
     points = points - points.mean(axis=0)
     own = np.linalg.cholesky(np.cov(points.T, bias=True))
-    result: Array = points @ np.linalg.inv(own).T @ np.linalg.cholesky(moment).T
+    result: Float = points @ np.linalg.inv(own).T @ np.linalg.cholesky(moment).T
     return result
 
 
-def _sunflower(count: int) -> Array:
+def _sunflower(count: int) -> Float:
     k = np.arange(count)
     r, phi = np.sqrt((k + 0.5) / count), k * GOLDEN
     return np.stack([r * np.cos(phi), r * np.sin(phi)], axis=1)
 
 
-def _in_polygon(points: Array, blades: int, angle: float) -> npt.NDArray[np.bool_]:
+def _in_polygon(points: Float, blades: int, angle: float) -> Bool:
     sector = 2.0 * np.pi / blades
     phi = (np.arctan2(points[:, 1], points[:, 0]) - angle) % sector - 0.5 * sector
     inside = np.hypot(points[:, 0], points[:, 1]) * np.cos(phi) <= np.cos(0.5 * sector)
     return np.asarray(inside)
 
 
-def edge_error(points: Array, diameter: float, psf: Psf | None = None, side: float = 1.0) -> float:
+def edge_error(points: Float, diameter: float, psf: Psf | None = None, side: float = 1.0) -> float:
     """RMS error of a full-contrast edge blurred by ``points`` x diameter / 2, at its worst angle.
 
     Against an even disc of that diameter, over the blur and a pixel on either side; the pixel's
@@ -236,7 +234,7 @@ def edge_error(points: Array, diameter: float, psf: Psf | None = None, side: flo
     return worst
 
 
-def focus_of(lens: Lens, camera: Camera, depths: Array, tolerance: float) -> Focus:
+def focus_of(lens: Lens, camera: Camera, depths: Float, tolerance: float) -> Focus:
     """Lens positions for what lies at ``depths`` (n,); points behind the camera don't count."""
     centre = np.zeros((1, 2))
     z = depths[depths > 0.0]
@@ -265,7 +263,7 @@ def focus_of(lens: Lens, camera: Camera, depths: Array, tolerance: float) -> Foc
     return Focus(0.5 * lens.aperture * unit, 0.0, largest, error)
 
 
-def seen_through(camera: Camera, point: Array, focus_distance: float) -> Camera:
+def seen_through(camera: Camera, point: Float, focus_distance: float) -> Camera:
     """The camera at ``point`` (2,) of the lens, its image of the plane of focus unmoved.
 
     A ray is distorted by where it would meet the plane of focus, as if from the lens' centre: the

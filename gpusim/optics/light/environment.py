@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.optics.light.lights import EnvironmentLight, Light
 
-Array = npt.NDArray[np.float64]
 HEIGHT = 32
 """Rows of a blurred map; columns are twice as many, or one where all columns are equal."""
 
@@ -34,11 +33,11 @@ class Environment:
     ``irradiance``: c, b (3,), m (3, 3) with E(n) = c + b . n + n . m n, in world axes.
     """
 
-    axes: Array
-    image: Array
+    axes: Float
+    image: Float
     constant: float
-    linear: Array
-    quadratic: Array
+    linear: Float
+    quadratic: Float
 
     @staticmethod
     def of(lights: Sequence[Light]) -> Environment | None:
@@ -83,10 +82,10 @@ class Environment:
         trace = two - np.eye(3) * zero / 3.0
         return Environment(axes, image, 0.25 * zero, 0.5 * one, 15.0 / 32.0 * trace)
 
-    def diffuse(self, normal: Array) -> Array:
+    def diffuse(self, normal: Float) -> Float:
         """Irradiance (n,) of faces with unit normals (n, 3)."""
         square = np.einsum("ni,ij,nj->n", normal, self.quadratic, normal)
-        result: Array = np.maximum(self.constant + normal @ self.linear + square, 0.0)
+        result: Float = np.maximum(self.constant + normal @ self.linear + square, 0.0)
         return result
 
     @property
@@ -94,18 +93,18 @@ class Environment:
         """Rows and columns of the blurred maps."""
         return HEIGHT, 1 if self.image.shape[1] == 1 else 2 * HEIGHT
 
-    def blurred(self, alpha: float) -> Array:
+    def blurred(self, alpha: float) -> Float:
         """The map (H, W) as the lobe of GGX with ``alpha`` sees it around each direction."""
         if alpha not in self._blurred:
             self._blurred[alpha] = self._blur(alpha)
         return self._blurred[alpha]
 
     @cached_property
-    def _blurred(self) -> dict[float, Array]:
+    def _blurred(self) -> dict[float, Float]:
         """By alpha: finding them takes longer than many a picture."""
         return {}
 
-    def _blur(self, alpha: float) -> Array:
+    def _blur(self, alpha: float) -> Float:
         rows, columns = self.shape
         target, _ = _directions(rows, columns)
         fine = self.image if columns > 1 else np.repeat(self.image, 2 * FINE, axis=1)
@@ -125,7 +124,7 @@ class Environment:
             result[k : k + 16] = sums[:, 0] / sums[:, 1]
         return result.reshape(rows, columns)
 
-    def mirrored(self, maps: Array, which: npt.NDArray[np.int32], direction: Array) -> Array:
+    def mirrored(self, maps: Float, which: Int, direction: Float) -> Float:
         """Values (n,) of blurred maps (M, H, W) in unit directions (n, 3), between four texels."""
         rows, columns = maps.shape[1:]
         local = direction @ self.axes.T
@@ -138,11 +137,11 @@ class Environment:
         a, b = i % columns, (i + 1) % columns
         top = maps[which, j, a] * (1.0 - s) + maps[which, j, b] * s
         low = maps[which, j + 1, a] * (1.0 - s) + maps[which, j + 1, b] * s
-        result: Array = top * (1.0 - t) + low * t
+        result: Float = top * (1.0 - t) + low * t
         return result
 
 
-def _directions(rows: int, columns: int) -> tuple[Array, Array]:
+def _directions(rows: int, columns: int) -> tuple[Float, Float]:
     """Unit vectors (right, forward, up) of the texels of a map, and their solid angles."""
     theta = (np.arange(rows) + 0.5) / rows * np.pi
     phi = ((np.arange(columns) + 0.5) / columns - 0.5) * 2.0 * np.pi
@@ -153,15 +152,15 @@ def _directions(rows: int, columns: int) -> tuple[Array, Array]:
     return direction.reshape(-1, 3), weight
 
 
-def _resized(image: Array, rows: int, columns: int) -> Array:
+def _resized(image: Float, rows: int, columns: int) -> Float:
     """Mean over the areas of another grid, whatever the ratio of the sizes."""
 
-    def matrix(count: int, wanted: int) -> Array:
+    def matrix(count: int, wanted: int) -> Float:
         low = np.arange(wanted)[:, None] * count / wanted
         high = (np.arange(wanted)[:, None] + 1) * count / wanted
         own = np.arange(count)[None]
-        share: Array = np.clip(np.minimum(high, own + 1) - np.maximum(low, own), 0.0, None)
+        share: Float = np.clip(np.minimum(high, own + 1) - np.maximum(low, own), 0.0, None)
         return share * wanted / count
 
-    result: Array = matrix(image.shape[0], rows) @ image @ matrix(image.shape[1], columns).T
+    result: Float = matrix(image.shape[0], rows) @ image @ matrix(image.shape[1], columns).T
     return result

@@ -16,8 +16,8 @@ from os import PathLike
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
@@ -233,7 +233,7 @@ class EnvironmentLight(ColoredLight):
     strengths = ("sky", "ground")
     sky: float = 0.0
     ground: float = 0.0
-    image: npt.NDArray[np.float64] | None = None
+    image: Float | None = None
     up: Vector = (0.0, 0.0, 1.0)
     forward: Vector = (0.0, 1.0, 0.0)
     occlusion: bool = False

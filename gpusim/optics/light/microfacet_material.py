@@ -15,20 +15,19 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.light.environment import Environment
 
-Array = npt.NDArray[np.float64]
 DIELECTRIC = 0.04
 SAMPLES = 64
 """Nodes of a reflectance table: cosines (i + 1/2) / 64."""
 
 
-def facet_terms(alpha: Array, normal: Array, view: Array, light: Array) -> tuple[Array, Array]:
+def facet_terms(alpha: Float, normal: Float, view: Float, light: Float) -> tuple[Float, Float]:
     """Microfacets between unit vectors (n, 3): their reflection without Fresnel, and Schlick's
     (1 - v . h)^5; the BRDF is terms[0] x (F0 + (1 - F0) terms[1]) per sr.
     """
@@ -45,7 +44,7 @@ def facet_terms(alpha: Array, normal: Array, view: Array, light: Array) -> tuple
 
 
 @lru_cache(maxsize=64)
-def reflectance_table(alpha: float) -> Array:
+def reflectance_table(alpha: float) -> Float:
     """(64, 2), read only: a and b at cosines (i + 1/2) / 64; even light of radiance L is reflected
     as L (F0 a + b) (the directional albedo, split as in Karis, SIGGRAPH 2013 course).
 
@@ -76,14 +75,14 @@ def reflectance_table(alpha: float) -> Array:
     return result
 
 
-def reflectance(table: Array, cosine: Array) -> Array:
+def reflectance(table: Float, cosine: Float) -> Float:
     """(n, 2) a and b at cosines (n,), linear between the nodes; ``table`` (n, 64, 2) or (64, 2)."""
     at = np.clip(cosine * SAMPLES - 0.5, 0.0, SAMPLES - 1.0)
     low = np.minimum(at.astype(np.int64), SAMPLES - 2)
     t = (at - low)[:, None]
     rows = np.arange(len(low))
     if table.ndim == 2:
-        result: Array = table[low] * (1.0 - t) + table[low + 1] * t
+        result: Float = table[low] * (1.0 - t) + table[low + 1] * t
         return result
     result = table[rows, low] * (1.0 - t) + table[rows, low + 1] * t
     return result
@@ -100,9 +99,9 @@ class Reflection:
     A matte print of albedo a: a ``matte``. The ground of a paint with albedo g: g ``p`` + ``q``.
     """
 
-    matte: Array
-    p: Array
-    q: Array
+    matte: Float
+    p: Float
+    q: Float
 
 
 def finish(region: RegionPaint) -> tuple[float, float]:
@@ -122,11 +121,11 @@ class Gloss:
     ``maps`` (P, H, W) of the surroundings blurred by its lobe (all alike without an environment).
     """
 
-    glossy: npt.NDArray[np.bool_]
-    alpha: Array
-    metallic: Array
-    table: Array
-    maps: Array
+    glossy: Bool
+    alpha: Float
+    metallic: Float
+    table: Float
+    maps: Float
     environment: Environment | None
     even: float
 
@@ -161,9 +160,7 @@ class Gloss:
         """Texels of the device's table per paint."""
         return SAMPLES + int(self.maps.shape[1] * self.maps.shape[2])
 
-    def surroundings(
-        self, paint: npt.NDArray[np.int32], normal: Array, view: Array, diffuse: Array
-    ) -> Reflection:
+    def surroundings(self, paint: Int, normal: Float, view: Float, diffuse: Float) -> Reflection:
         """Reflection of the surroundings; ``diffuse`` (n,) their irradiance."""
         nv = np.clip(np.sum(normal * view, axis=1), 0.0, 1.0)
         a, b = reflectance(self.table[paint], nv).T
@@ -179,12 +176,12 @@ class Gloss:
 
     def from_lamp(
         self,
-        paint: npt.NDArray[np.int32],
-        normal: Array,
-        view: Array,
-        light: Array,
-        irradiance: Array,
-        widened: Array | float = 0.0,
+        paint: Int,
+        normal: Float,
+        view: Float,
+        light: Float,
+        irradiance: Float,
+        widened: Float | float = 0.0,
     ) -> Reflection:
         """Reflection of light from unit directions ``light`` (n, 3) of given irradiance (n,).
 
@@ -202,7 +199,7 @@ class Gloss:
         return Reflection(irradiance / np.pi, p, mirrored * coat)
 
     @staticmethod
-    def _base(a: Array, b: Array) -> Array:
+    def _base(a: Float, b: Float) -> Float:
         """What a dielectric's coat leaves to the base under it."""
         return 1.0 - DIELECTRIC * a - b
 

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
@@ -18,9 +18,7 @@ __all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
 PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 
 
-def read_panorama(
-    path: str | os.PathLike[str] | InputFile, channels: str = "rgb"
-) -> npt.NDArray[np.float64]:
+def read_panorama(path: str | os.PathLike[str] | InputFile, channels: str = "rgb") -> Float:
     """A picture of radiances as float64: (H, W) if it is grey, else (H, W, 3) of red, green, blue.
 
     Radiance (.hdr, .pic), OpenEXR and TIFF files of floats, and .npy arrays (H, W) or (H, W, 3) of
@@ -55,7 +53,7 @@ def read_panorama(
             f"{file}: no radiances; got {pixels.dtype} of shape {pixels.shape}; expected floats, "
             "grey or of three colours"
         )
-    values: npt.NDArray[np.float64] = pixels.astype(np.float64)
+    values: Float = pixels.astype(np.float64)
     if not (np.isfinite(values).all() and (values >= 0.0).all()):
         raise InputError(f"{file}: radiances; got values below 0 or not finite; expected from 0 up")
     if channels == "rgb" and values.ndim == 3 and (values != values[..., :1]).any():

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import (
@@ -36,7 +36,6 @@ __all__ = [
     "lamps_of",
 ]
 
-Array = npt.NDArray[np.float64]
 MOST_ACROSS = 8
 """Emitting points along one side of a lamp; shadows have samples of their own, `sample_mask`."""
 
@@ -54,10 +53,10 @@ class Lamp:
     """
 
     light: PointLight | SpotLight | AreaLight | SunLight
-    centre: Array
-    u: Array
-    v: Array
-    axis: Array
+    centre: Float
+    u: Float
+    v: Float
+    axis: Float
     round: bool
     far: bool
 
@@ -66,7 +65,7 @@ class Lamp:
         """Whether it has a size, and so casts soft shadows."""
         return bool(np.any(self.u) or np.any(self.v))
 
-    def relative_to(self, origin: Array) -> Lamp:
+    def relative_to(self, origin: Float) -> Lamp:
         """The same in a frame with another ``origin``; a direction stays."""
         return self if self.far else replace(self, centre=self.centre - origin)
 
@@ -110,7 +109,7 @@ def lamps_of(lights: Sequence[Light]) -> list[Lamp]:
     return sorted(lamps, key=lambda lamp: not lamp.light.shadows)
 
 
-def _square_to(axis: Array) -> tuple[Array, Array]:
+def _square_to(axis: Float) -> tuple[Float, Float]:
     """Two unit vectors square to ``axis`` and each other; the first is level where possible."""
     x, y, z = axis
     # axis x (0, 0, 1), or x (0, 1, 0) where it is nearly upright; NumPy's own takes a hundred times
@@ -121,7 +120,7 @@ def _square_to(axis: Array) -> tuple[Array, Array]:
     return across, np.array([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
-def emitters(lights: Sequence[Light], points: Array, sharpness: float = np.inf) -> Array:
+def emitters(lights: Sequence[Light], points: Float, sharpness: float = np.inf) -> Float:
     """Table (E, 12): one row per point of a lamp's face, lamp by lamp.
 
     Columns: position (of the sun: direction to it), intensity along the axis (W/sr; of the sun:
@@ -185,7 +184,7 @@ def _face_points(lamp: Lamp, count: int) -> list[tuple[float, float, float]]:
     return result
 
 
-def closest_points(lights: Sequence[Light], triangles: Array, camera: Camera) -> Array:
+def closest_points(lights: Sequence[Light], triangles: Float, camera: Camera) -> Float:
     """World points of camera-space triangles (T, 3, 3) nearest to each area lamp, (L, 3)."""
     R, t = camera.camera_from_world[:3, :3], camera.camera_from_world[:3, 3]
     result = [
@@ -196,7 +195,7 @@ def closest_points(lights: Sequence[Light], triangles: Array, camera: Camera) ->
     return np.array(result, np.float64).reshape(-1, 3)
 
 
-def _closest(position: Array, triangles: Array) -> Array:
+def _closest(position: Float, triangles: Float) -> Float:
     # only triangles whose first corner is nearly as close as any, by the lengths of their sides
     p = [[np.ascontiguousarray(triangles[:, k, axis]) for axis in range(3)] for k in range(3)]
     distance = np.sqrt(sum((p[0][axis] - position[axis]) ** 2 for axis in range(3)))
@@ -215,7 +214,7 @@ def _closest(position: Array, triangles: Array) -> Array:
     candidates = np.concatenate(
         [(a + np.clip(t, 0.0, 1.0)[..., None] * edges).reshape(-1, 3), foot[inside]]
     )
-    nearest: Array = candidates[np.argmin(np.sum((candidates - position) ** 2, axis=1))]
+    nearest: Float = candidates[np.argmin(np.sum((candidates - position) ** 2, axis=1))]
     return nearest
 
 
@@ -231,7 +230,7 @@ def _points_across(ratio: float, lobes: float) -> int:
     return MOST_ACROSS
 
 
-def irradiance(table: Array, points: Array, normals: Array) -> Array:
+def irradiance(table: Float, points: Float, normals: Float) -> Float:
     """Irradiance (N, E) in W per square unit from every emitter at points (N, 3), normals (N, 3).
 
     It is zero where the emitter is below the face's horizon.
@@ -242,7 +241,7 @@ def irradiance(table: Array, points: Array, normals: Array) -> Array:
     return result
 
 
-def emitter_light(row: Array, points: Array, normals: Array) -> tuple[Array, Array, Array]:
+def emitter_light(row: Float, points: Float, normals: Float) -> tuple[Float, Float, Float]:
     """Of one emitter: irradiance (N,), unit directions to it (N, 3), cosine of incidence (N,)."""
     near = row[8]
     to = row[:3] - near * points

@@ -7,9 +7,8 @@ here each of its sides finds a gradient. Nothing in it is sharper than the maps 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from gpusim.arrays.array_types import Float
 
 ROWS = 96
 
@@ -28,7 +27,7 @@ in degrees, and radiance. A camera that looks at the middle has two of them behi
 ahead to the sides, which flat faces along the line of sight mirror."""
 
 
-def studio() -> Array:
+def studio() -> Float:
     """Radiances (H, W) in all directions, equirectangular, of mean 1 over the sphere.
 
     Examples
@@ -48,16 +47,16 @@ def studio() -> Array:
         a, b = _edge(np.abs(across) / wide), _edge(np.abs(height - over) / tall)
         result += radiance * b[:, None] * a[None]
     weight = np.cos(np.radians(height))[:, None]
-    mean: Array = result / float((result * weight).sum() / (weight.sum() * 2 * ROWS))
+    mean: Float = result / float((result * weight).sum() / (weight.sum() * 2 * ROWS))
     return mean
 
 
-def _step(x: Array) -> Array:
+def _step(x: Float) -> Float:
     x = np.clip(x, 0.0, 1.0)
-    result: Array = x * x * (3.0 - 2.0 * x)
+    result: Float = x * x * (3.0 - 2.0 * x)
     return result
 
 
-def _edge(x: Array) -> Array:
+def _edge(x: Float) -> Float:
     """1 within, 0 from a third beyond the border on."""
     return 1.0 - _step((x - 2.0 / 3.0) * 1.5)

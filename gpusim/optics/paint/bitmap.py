@@ -16,12 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long, Single
 from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.surface.bitmap import MARGIN, Image, Level
-
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 BITMAP = 4
 """Value of a paint record's ``featured`` for bitmaps."""
@@ -66,7 +64,7 @@ class BitmapTable:
             header += len(image.levels)
         return BitmapTable(images)
 
-    def texel_positions(self, paint: npt.NDArray[np.int32], st: Array) -> Array:
+    def texel_positions(self, paint: Int, st: Float) -> Float:
         """Paint coordinates (n, …, 2), of bitmap regions turned into texels."""
         for number, image in self.images.items():
             rows = paint == number
@@ -74,7 +72,7 @@ class BitmapTable:
             st[rows] = image.texel_position(st[rows])
         return st
 
-    def texels(self) -> npt.NDArray[np.float32]:
+    def texels(self) -> Single:
         """(n, 4) float32: per level (first row, texels a row, texels a band, -), then the
         coefficients.
 
@@ -101,7 +99,7 @@ class BitmapTable:
         return table
 
 
-def pieces_needed(ex: Array, ey: Array) -> float:
+def pieces_needed(ex: Float, ey: Float) -> float:
     """The largest number of pieces that any of the footprints (n, 2) takes, not rounded up."""
     turn = np.maximum(_turn(ex), _turn(ey))
     width = np.minimum(WIDEST, np.sqrt(np.sqrt(TURNED / np.maximum(turn, 1e-8))))
@@ -110,8 +108,8 @@ def pieces_needed(ex: Array, ey: Array) -> float:
 
 
 def mean_over_pixels(
-    image: Image, ground: float, cell: Long, at: Array, ex: Array, ey: Array, q: Array
-) -> Array:
+    image: Image, ground: float, cell: Long, at: Float, ex: Float, ey: Float, q: Float
+) -> Float:
     """Mean albedo (n,) over whole pixels.
 
     Parameters
@@ -140,8 +138,8 @@ def mean_over_pixels(
 
 
 def mean_over_polygons(
-    image: Image, ground: float, cell: Long, at: Array, polygon: Array, weight: Array
-) -> Array:
+    image: Image, ground: float, cell: Long, at: Float, polygon: Float, weight: Float
+) -> Float:
     """Mean albedo (n,) over convex polygons (n, V, 2) in texels relative to ``cell`` + ``at``.
 
     ``weight`` (n, V) is 1 / z at the corners relative to that at ``at``.
@@ -162,13 +160,13 @@ def mean_over_polygons(
         seen = (polygon - corner[:, None]) * weight[..., None]
         area = polygon_clipping.polygon_area(seen)
         share += sign * polygon_clipping.quadrant_area(seen) / np.where(area != 0.0, area, 1.0)
-    result: Array = ground + (np.clip(value, 0.0, 1.0) - ground) * np.clip(share, 0.0, 1.0)
+    result: Float = ground + (np.clip(value, 0.0, 1.0) - ground) * np.clip(share, 0.0, 1.0)
     return result
 
 
 def _in_pieces(
-    image: Image, count: list[int], cell: Long, at: Array, ex: Array, ey: Array, q: Array
-) -> Array:
+    image: Image, count: list[int], cell: Long, at: Float, ex: Float, ey: Float, q: Float
+) -> Float:
     """Mean over parallelograms cut into ``count`` (columns, rows) pieces."""
     nx, ny = count
     total, weight = np.zeros(len(at)), np.zeros(len(at))
@@ -188,7 +186,7 @@ def _in_pieces(
     return total / np.maximum(weight, TINY)
 
 
-def _in_triangles(image: Image, cell: Long, at: Array, polygon: Array) -> Array:
+def _in_triangles(image: Image, cell: Long, at: Float, polygon: Float) -> Float:
     """Mean over polygons, by the triangles of a fan, each cut into equal smaller ones."""
     total, area = np.zeros(len(at)), np.zeros(len(at))
     first = polygon[:, 0]
@@ -218,7 +216,7 @@ def _small_triangles(n: int) -> list[tuple[int, int, float]]:
     return upright + [(i, j, 2.0 / 3.0) for j in range(n) for i in range(n - j - 1)]
 
 
-def _in_window(image: Image, cell: Long, at: Array, polygon: Array) -> Array:
+def _in_window(image: Image, cell: Long, at: Float, polygon: Float) -> Float:
     """Mean over convex polygons (n, V, 2) about ``cell`` + ``at`` that span many texels.
 
     A coefficient's weight is the integral of its spline over the polygon, taken as the product over
@@ -271,34 +269,34 @@ def _in_window(image: Image, cell: Long, at: Array, polygon: Array) -> Array:
     return value
 
 
-def _parallelogram(ex: Array, ey: Array) -> Array:
+def _parallelogram(ex: Float, ey: Float) -> Float:
     return np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
 
 
-def _turn(e: Array) -> Array:
+def _turn(e: Float) -> Float:
     """Squared sine of twice the angle between vectors (n, 2) and the nearest axis."""
     square = np.sum(e * e, axis=1)
     sine = 2.0 * e[:, 0] * e[:, 1] / np.where(square > 0.0, square, 1.0)
-    result: Array = sine * sine
+    result: Float = sine * sine
     return result
 
 
-def _pieces(reach: Array) -> Long:
+def _pieces(reach: Float) -> Long:
     result: Long = np.maximum(np.ceil(np.minimum(reach, 1e6)), 1.0).astype(np.int64)
     return result
 
 
-def _on_level(level: Level, base: Long, p: Array) -> Array:
+def _on_level(level: Level, base: Long, p: Float) -> Float:
     """Positions (n, 2) from ``base`` relative to the coefficients, kept near the bitmap.
 
     Mirrored as it is, the surface beyond the border is much like the nearest place on it.
     """
     limit = np.array([level.columns, level.rows]) - base
-    result: Array = np.clip(p, -base - 1.0, limit + 1.0) - 0.5
+    result: Float = np.clip(p, -base - 1.0, limit + 1.0) - 0.5
     return result
 
 
-def _share_of_pixel(image: Image, cell: Long, at: Array, ex: Array, ey: Array) -> Array:
+def _share_of_pixel(image: Image, cell: Long, at: Float, ex: Float, ey: Float) -> Float:
     """Share of pixels that lies on the bitmap; at its corners the product of both sides' shares."""
     share = np.ones(len(at))
     for axis, length in ((0, image.pixels.shape[1]), (1, image.pixels.shape[0])):
@@ -310,7 +308,7 @@ def _share_of_pixel(image: Image, cell: Long, at: Array, ex: Array, ey: Array) -
     return share
 
 
-def _piece(level: Level, cell: Long, at: Array, square: Array, mixed: Array) -> tuple[Array, Array]:
+def _piece(level: Level, cell: Long, at: Float, square: Float, mixed: Float) -> tuple[Float, Float]:
     """Integral (n,) of level 0 over pieces at ``cell`` + ``at`` (texels), each of area 1 if it lies
     on the bitmap, and the area that does.
 
@@ -347,18 +345,18 @@ def _piece(level: Level, cell: Long, at: Array, square: Array, mixed: Array) -> 
     return total, ((high - low) / width).prod(axis=1)
 
 
-def cumulative(y: Array) -> Array:
+def cumulative(y: Float) -> Float:
     """Integral of the quintic B-spline from -3 to y."""
     z = 3.0 - np.minimum(np.abs(y), 3.0)
     a, b = np.maximum(z - 1.0, 0.0), np.maximum(z - 2.0, 0.0)
     tail = (z**6 - 6.0 * a**6 + 15.0 * b**6) / 720.0
-    result: Array = np.where(y > 0.0, 1.0 - tail, tail)
+    result: Float = np.where(y > 0.0, 1.0 - tail, tail)
     return result
 
 
-def quintic(y: Array) -> Array:
+def quintic(y: Float) -> Float:
     """The quintic B-spline."""
     z = 3.0 - np.minimum(np.abs(y), 3.0)
     a, b = np.maximum(z - 1.0, 0.0), np.maximum(z - 2.0, 0.0)
-    result: Array = (z**5 - 6.0 * a**5 + 15.0 * b**5) / 120.0
+    result: Float = (z**5 - 6.0 * a**5 + 15.0 * b**5) / 120.0
     return result

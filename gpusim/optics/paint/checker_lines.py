@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
 from gpusim.arrays.ragged import expand
 from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.polygon_clipping import MAX_CORNERS, clip, half_planes
@@ -22,8 +22,6 @@ from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.light.microfacet_material import Gloss
 from gpusim.surface.paint import Checker
 
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 MARGIN = 1.05
 """Of half of the largest pixel, how far from a line its pixels may be."""
 
@@ -60,17 +58,17 @@ class BoardLines:
     (n, 3, 2) px and ``inverse_depth`` (n, 3).
     """
 
-    member: npt.NDArray[np.bool_]
+    member: Bool
     parent: Long
-    screen: Array
-    inverse_depth: Array
+    screen: Float
+    inverse_depth: Float
 
-    def fixed(self) -> npt.NDArray[np.int32]:
+    def fixed(self) -> Int:
         """Screen positions in fixed point, (n, 3, 2)."""
         return np.rint(self.screen * FIXED).astype(np.int32)
 
     @staticmethod
-    def of(view: View, printed: npt.NDArray[np.bool_]) -> BoardLines | None:
+    def of(view: View, printed: Bool) -> BoardLines | None:
         """Those of a view; None where there are none, and behind lenses that bend lines.
 
         ``printed`` (T,): `gpusim.optics.shading.triangle_traits.TriangleTraits.printed`.
@@ -90,7 +88,7 @@ class BoardLines:
         return BoardLines(member, *(np.concatenate(parts) for parts in zip(*boards, strict=True)))
 
 
-def _boards(view: View, printed: npt.NDArray[np.bool_]) -> Iterator[tuple[Checker, float, Long]]:
+def _boards(view: View, printed: Bool) -> Iterator[tuple[Checker, float, Long]]:
     """The boards of a view with large fields, half of the largest pixel on each, and the numbers of
     their triangles near lines."""
     for number, region in enumerate(view.paints):
@@ -99,19 +97,19 @@ def _boards(view: View, printed: npt.NDArray[np.bool_]) -> Iterator[tuple[Checke
             yield paint, region.reach, np.flatnonzero(printed & (view.paint == number))
 
 
-def _spread(st: Array) -> npt.NDArray[np.bool_]:
+def _spread(st: Float) -> Bool:
     """Whether triangles (n, 3, 2) have an area in paint coordinates, which their sides don't where
     the paint is thrown on from the front."""
     a, b = st[:, 1] - st[:, 0], st[:, 2] - st[:, 0]
     cross = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     longest = np.maximum(*(side[:, 0] ** 2 + side[:, 1] ** 2 for side in (a, b)))
-    result: npt.NDArray[np.bool_] = cross > FLATTEST * longest
+    result: Bool = cross > FLATTEST * longest
     return result
 
 
 def _strips(
     view: View, rows: Long, paint: Checker, reach: float
-) -> tuple[Long, Array, Array] | None:
+) -> tuple[Long, Float, Float] | None:
     """Parents, screen positions and 1 / depth of the strips of one paint on triangles ``rows``;
     None if they are too many."""
     st = view.corners_of(rows, ST) - np.array(paint.origin)
@@ -145,7 +143,7 @@ def _strips(
     return rows[owner[which]], screen, (1.0 + in_front[owner[which], None]) / depth
 
 
-def _steepness(view: View, rows: Long) -> Array:
+def _steepness(view: View, rows: Long) -> Float:
     """By what share of itself 1 / depth changes per pixel on triangles ``rows``, (R,)."""
     (ax, ay), (bx, by) = (edge.T for edge in np.diff(view.screen_of(rows), axis=1).swapaxes(0, 1))
     inverse = view.inverse_depth(rows)
@@ -155,7 +153,7 @@ def _steepness(view: View, rows: Long) -> Array:
     return np.asarray(np.minimum(change, twice) / np.maximum(twice, 1e-300))
 
 
-def _seen(view: View, rows: Long, st: Array, owner: Long, places: Array) -> tuple[Array, Array]:
+def _seen(view: View, rows: Long, st: Float, owner: Long, places: Float) -> tuple[Float, Float]:
     """Screen positions (n, 3, 2) and depths (n, 3) of ``places`` (n, 3, 2) in paint coordinates.
 
     ``st`` (R, 3, 2): those of the corners of triangles ``rows``; ``owner`` (n,): which of them.
@@ -164,7 +162,7 @@ def _seen(view: View, rows: Long, st: Array, owner: Long, places: Array) -> tupl
     (a, b), (c, d) = ((st[:, k] - st[:, 0]).T for k in (1, 2))
     twice = a * d - b * c
 
-    def of_owners(values: Array) -> Array:
+    def of_owners(values: Float) -> Float:
         return np.asarray(np.take(values, owner)[:, None])
 
     s, t = (places[..., axis] - of_owners(st[:, 0, axis]) for axis in range(2))
@@ -181,7 +179,7 @@ def _seen(view: View, rows: Long, st: Array, owner: Long, places: Array) -> tupl
     return np.stack(image, axis=-1), depth
 
 
-def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[Array, Array]:
+def lines_near(paint: Checker, reach: float, low: Float, high: Float) -> tuple[Float, Float]:
     """First and last line of a board across either axis, (n, 2) each, that pixels on pieces may
     reach over; none where the last one is before the first.
 
@@ -197,11 +195,11 @@ def lines_near(paint: Checker, reach: float, low: Array, high: Array) -> tuple[A
 
 def field_of(
     paint: Checker,
-    albedos: Array,
+    albedos: Float,
     reach: float,
-    st: Array,
-    corner: npt.NDArray[np.int64],
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float32]]:
+    st: Float,
+    corner: Long,
+) -> tuple[Bool, Single]:
     """Whether pixels on triangles of a board may reach over a line, and the albedo of those that
     can't, (n,) each.
 
@@ -258,9 +256,9 @@ def matte_boards(paints: Sequence[RegionPaint], gloss: Gloss | None) -> list[int
 def within_fields(
     view: View,
     number: int,
-    albedos: Array,
-    near: npt.NDArray[np.bool_],
-    albedo: npt.NDArray[np.float32],
+    albedos: Float,
+    near: Bool,
+    albedo: Single,
 ) -> None:
     """Correct ``near`` and ``albedo`` (T,) on the triangles of the board of paint ``number``, whose
     ``albedos`` (3,) are as for `field_of`."""

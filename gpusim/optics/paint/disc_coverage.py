@@ -10,15 +10,12 @@ off row by row, each row being exact; rows run where they meet the edges squarel
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.geometry.pixel_footprint import MAX_PIECES, MAX_ROW_PIECES, MAX_SIDE_PIECES
 from gpusim.optics.paint.disc_grid import DiscGrid, SpeckleGrid
 from gpusim.surface.speckle import edge_opacity
-
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 ROWS = 8
 """Rows in which a piece's doubly covered area is measured."""
@@ -31,8 +28,8 @@ WEIGHT = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 def speckle_cover(
-    table: DiscGrid, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
-) -> Array:
+    table: DiscGrid, number: int, at: Long, local: Float, ex: Float, ey: Float, q: Float
+) -> Float:
     """Share (n,) of footprints that discs of region ``number`` cover.
 
     ``at`` (n, 2) cell, counted from the region's lowest; ``local`` (n, 2) the footprint's centre
@@ -60,7 +57,7 @@ def speckle_cover(
 
 
 def _cuts_under(
-    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array
+    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, centre: Float, ex: Float, ey: Float
 ) -> Long:
     """How often footprints (n,) are cut a side, by the smallest disc whose edge crosses each."""
     reach = 0.5 * np.sqrt(np.maximum(((ex + ey) ** 2).sum(axis=1), ((ex - ey) ** 2).sum(axis=1)))
@@ -76,8 +73,8 @@ def _cuts_under(
 
 
 def grazing_cover(
-    table: DiscGrid, number: int, at: Long, local: Array, ex: Array, ey: Array, q: Array
-) -> Array:
+    table: DiscGrid, number: int, at: Long, local: Float, ex: Float, ey: Float, q: Float
+) -> Float:
     """The same for footprints that may be large: in pieces, each with the list of its own cell.
 
     ``q`` (n, 2) is the relative change of 1 / z per column and row: pieces are equal in the image.
@@ -111,8 +108,8 @@ def grazing_cover(
 
 
 def _looked_up(
-    table: DiscGrid, grid: SpeckleGrid, at: Long, place: Array
-) -> tuple[Array, tuple[Long, Long, Long, Array]]:
+    table: DiscGrid, grid: SpeckleGrid, at: Long, place: Float
+) -> tuple[Float, tuple[Long, Long, Long, Float]]:
     """Mean coverage (n,), for where there are no cells, and the lists of those that there are.
 
     ``place`` (n, 2) is relative to cells ``at``; the last is relative to its own.
@@ -123,27 +120,25 @@ def _looked_up(
     return np.full(len(place), grid.coverage), (start, stop, inside, local)
 
 
-def _lists(
-    table: DiscGrid, grid: SpeckleGrid, at: Long
-) -> tuple[Long, Long, npt.NDArray[np.int64]]:
+def _lists(table: DiscGrid, grid: SpeckleGrid, at: Long) -> tuple[Long, Long, Long]:
     """Where the lists of cells (n, 2) start and stop, and which cells exist."""
     inside = np.flatnonzero(((at >= 0) & (at < grid.shape)).all(axis=1))
     slot = grid.first + at[inside, 1] * grid.shape[0] + at[inside, 0]
     return table.start[slot], table.start[slot + 1], inside
 
 
-def _soft(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array) -> Array:
+def _soft(table: DiscGrid, start: Long, stop: Long, centre: Float, ex: Float, ey: Float) -> Float:
     points = (
         centre[:, None, None]
         + GAUSS[None, :, None] * ex[:, None, None]
         + GAUSS[:, None, None] * ey[:, None, None]
     )
     uncovered = _uncovered(table, start, stop, points.reshape(-1, 9, 2))
-    result: Array = 1.0 - uncovered.reshape(-1, 3, 3) @ WEIGHT @ WEIGHT
+    result: Float = 1.0 - uncovered.reshape(-1, 3, 3) @ WEIGHT @ WEIGHT
     return result
 
 
-def _uncovered(table: DiscGrid, start: Long, stop: Long, points: Array) -> Array:
+def _uncovered(table: DiscGrid, start: Long, stop: Long, points: Float) -> Float:
     """What soft discs leave open at points (n, P, 2)."""
     uncovered = np.ones(points.shape[:2])
     for k in range(int((stop - start).max(initial=0))):
@@ -154,7 +149,7 @@ def _uncovered(table: DiscGrid, start: Long, stop: Long, points: Array) -> Array
     return uncovered
 
 
-def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array) -> Array:
+def _hard(table: DiscGrid, start: Long, stop: Long, centre: Float, ex: Float, ey: Float) -> Float:
     corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
     area = polygon_clipping.polygon_area(corners)
     reach = np.sqrt((corners**2).sum(axis=2).max(axis=1))
@@ -172,13 +167,13 @@ def _hard(table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey
         seen = corners[footprints] + (centre[footprints] - disc[:, :2])[:, None]
         total[footprints] += polygon_clipping.disc_area(seen, disc[:, 2]) / area[footprints]
         rows.add(footprints, disc)
-    twice: Array = (rows.total - rows.union()).mean(axis=1)
+    twice: Float = (rows.total - rows.union()).mean(axis=1)
     return np.where(whole, 1.0, np.clip(total - twice, 0.0, 1.0))
 
 
 def _by_steepness(
-    table: DiscGrid, start: Long, stop: Long, centre: Array, ex: Array, ey: Array, reach: Array
-) -> tuple[Array, Array]:
+    table: DiscGrid, start: Long, stop: Long, centre: Float, ex: Float, ey: Float, reach: Float
+) -> tuple[Float, Float]:
     """The sides (n, 2) along and across which rows run: they meet the circles' edges squarely.
 
     What two discs share is a wedge; rows along one of its edges would jump over it. The first 32
@@ -203,13 +198,13 @@ class _Rows:
     Discs over a segment's start, over its end, and between them are kept as one interval each.
     """
 
-    def __init__(self, first: Array, along: Array) -> None:
+    def __init__(self, first: Float, along: Float) -> None:
         self.first, self.along = first, np.broadcast_to(along, first.shape)
         shape = first.shape[:2]
         self.left, self.right = np.zeros(shape), np.ones(shape)
         self.low, self.high, self.total = np.ones(shape), np.zeros(shape), np.zeros(shape)
 
-    def add(self, lines: Long, disc: Array) -> None:
+    def add(self, lines: Long, disc: Float) -> None:
         """Put a disc each (m, 4) over segments ``lines`` (m,)."""
         m, d = self.first[lines] - disc[:, None, :2], self.along[lines]
         a, b = (d * d).sum(axis=-1), (m * d).sum(axis=-1)
@@ -232,17 +227,17 @@ class _Rows:
         span = np.minimum(high, 1.0) - np.maximum(low, 0.0)
         self.total[lines] += np.where(meets, span, 0.0)
 
-    def union(self) -> Array:
+    def union(self) -> Float:
         """Covered share (n, R) of the segments."""
         middle = np.minimum(self.high, self.right) - np.maximum(self.low, self.left)
         gap = np.maximum(self.right - self.left, 0.0)
-        result: Array = 1.0 - gap + np.maximum(middle, 0.0)
+        result: Float = 1.0 - gap + np.maximum(middle, 0.0)
         return result
 
 
 def polygon_cover(
-    table: DiscGrid, number: int, at: Long, local: Array, polygon: Array, weight: Array
-) -> Array:
+    table: DiscGrid, number: int, at: Long, local: Float, polygon: Float, weight: Float
+) -> Float:
     """Share (n,) that discs cover of what is seen of polygons (n, V, 2), relative to ``local``.
 
     ``weight`` (n, V) is 1 / z at their corners. The polygon is cut into triangles, each of them
@@ -276,8 +271,8 @@ def polygon_cover(
 
 
 def _grazing_polygon(
-    table: DiscGrid, grid: SpeckleGrid, at: Long, corner: Array, weight: Array
-) -> Array:
+    table: DiscGrid, grid: SpeckleGrid, at: Long, corner: Float, weight: Float
+) -> Float:
     """The same where polygons may be large: rows in pieces, each with the list of its own cell."""
     cover, whole = np.zeros(len(at)), np.zeros(len(at))
     origin, first = corner[:, 0], weight[:, 0]
@@ -305,11 +300,11 @@ def _grazing_polygon(
     return result
 
 
-def _homogeneous(point: Array, weight: Array) -> Array:
+def _homogeneous(point: Float, weight: Float) -> Float:
     return np.concatenate([point, np.ones((len(point), 1))], axis=1) * weight[:, None]
 
 
-def _count(grid: SpeckleGrid, length: Array) -> Long:
+def _count(grid: SpeckleGrid, length: Float) -> Long:
     """Pieces of rows of a length (n,)."""
     assert grid.pieces is not None
     side = grid.pieces.usual * (1.0 if grid.soft else 2.0)
@@ -318,19 +313,19 @@ def _count(grid: SpeckleGrid, length: Array) -> Long:
     return np.clip(wanted, 1, most).astype(np.int64)
 
 
-def _rows_over(grid: SpeckleGrid, length: Array) -> Long:
+def _rows_over(grid: SpeckleGrid, length: Float) -> Long:
     """Rows (n,) of triangles up to a length (n,)."""
     if grid.soft:
         return 3 * _count(grid, length)
     return np.full(len(length), EDGE_ROWS)
 
 
-def row_turns(grid: SpeckleGrid, length: Array) -> Long:
+def row_turns(grid: SpeckleGrid, length: Float) -> Long:
     """Rows times their pieces (n,) of polygons up to a length (n,)."""
     return _count(grid, length) * _rows_over(grid, length)
 
 
-def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Array, Array]:
+def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Float, Float]:
     """Position in 0 … 1 and weight of row ``j`` of ``rows`` (n,)."""
     if not grid.soft:
         return (j + 0.5) / rows, 1.0 / rows
@@ -338,7 +333,7 @@ def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Array, Array]:
     return (j // 3 + 0.5 + GAUSS[j % 3]) / n, WEIGHT[j % 3] / n
 
 
-def _grazing_row(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Array, last: Array) -> Array:
+def _grazing_row(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Float, last: Float) -> Float:
     """Covered share (n,) of rows between homogeneous points (n, 3)."""
     assert grid.pieces is not None
     length = np.linalg.norm(last[:, :2] / last[:, 2:] - first[:, :2] / first[:, 2:], axis=1)
@@ -378,15 +373,15 @@ def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
 
 
 def _row_cover(
-    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, first: Array, last: Array
-) -> Array:
+    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, first: Float, last: Float
+) -> Float:
     """Covered share (n,) of the segments from ``first`` to ``last`` (n, 2)."""
     if grid.soft:
         steps = _steps(grid)
         x = np.array([step[0] for step in steps])
         points = first[:, None] + x[:, None] * (last - first)[:, None]
         share = np.array([step[1] for step in steps])
-        result: Array = 1.0 - _uncovered(table, start, stop, points) @ share
+        result: Float = 1.0 - _uncovered(table, start, stop, points) @ share
         return result
     rows = _Rows(first[:, None], (last - first)[:, None])
     for k in range(int((stop - start).max(initial=0))):

@@ -13,16 +13,13 @@ from functools import lru_cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.pixel_footprint import MAX_CUTS, SAFETY, Pieces, pieces_of
 from gpusim.surface.speckle import EDGE, Speckle, outer_radius
-
-Array = npt.NDArray[np.float64]
-Long = npt.NDArray[np.int64]
 
 CELL = 0.42
 """Side of a cell over a disc's outer radius, before it is rounded to a power of two."""
@@ -70,7 +67,7 @@ class DiscGrid:
 
     grids: tuple[SpeckleGrid, ...]
     start: Long
-    disc: Array
+    disc: Float
 
     @property
     def most_in_a_cell(self) -> int:
@@ -104,7 +101,7 @@ _uploaded: WeakKeyDictionary[Device, OrderedDict[int, tuple[DiscGrid, Texels]]] 
 Request = tuple[Speckle, tuple[float, float], tuple[float, float], float, bool]
 
 
-def speckle_table(regions: Sequence[tuple[Speckle, Array, Array, float, bool]]) -> DiscGrid:
+def speckle_table(regions: Sequence[tuple[Speckle, Float, Float, float, bool]]) -> DiscGrid:
     """Tables for regions (paint, low, high, reach, grazing), kept for equal ones.
 
     Extents and reach are rounded up, so that the frames of a series share one table.
@@ -149,8 +146,8 @@ def _table(requests: tuple[Request, ...]) -> DiscGrid:
 
 
 def _region(
-    paint: Speckle, low: Array, high: Array, reach: float, grazing: bool, first: int
-) -> tuple[SpeckleGrid, Long, Array]:
+    paint: Speckle, low: Float, high: Float, reach: float, grazing: bool, first: int
+) -> tuple[SpeckleGrid, Long, Float]:
     """One region's cells, where each cell's list starts (C + 1,), and the lists (E, 4)."""
     half = EDGE * paint.softness
     # a power of two: cell corners are then exact in float32
@@ -203,7 +200,7 @@ def _region(
     return grid, np.concatenate([[0], np.cumsum(counts)]), disc
 
 
-def _texels(paint: Speckle, extent: Array, outer: float, cell: float) -> float:
+def _texels(paint: Speckle, extent: Float, outer: float, cell: float) -> float:
     """About how many texels a region takes: its cells, and each disc in those that it meets."""
     meets = (np.pi * outer**2 + 4.0 * outer * cell + cell**2) / cell**2
     area = float(np.prod(extent + 2.0 * outer))

@@ -16,6 +16,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import in_boxes, summed
 from gpusim.errors import InputError
 from gpusim.gpu import Device
@@ -28,8 +29,6 @@ from gpusim.optics.paint.feature_overlap import refuse_overlap
 from gpusim.surface.color import Colored
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.speckle import Speckle
-
-Array = npt.NDArray[np.float64]
 
 PAINT = np.dtype(
     [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
@@ -65,10 +64,10 @@ class FeatureGrid:
 
     paints: npt.NDArray[np.void]
     cell_start: npt.NDArray[np.uint32]
-    features: Array
+    features: Float
     speckle: DiscGrid
-    grid_of_paint: npt.NDArray[np.int64]
-    filed: tuple[tuple[int, slice, npt.NDArray[np.int64]], ...]
+    grid_of_paint: Long
+    filed: tuple[tuple[int, slice, Long], ...]
 
     @staticmethod
     def build(regions: Sequence[RegionPaint], extent: float = np.inf) -> FeatureGrid:
@@ -125,7 +124,7 @@ class FeatureGrid:
             features[rows, 8:10] = own.albedo[which]
         return replace(self, paints=paints, features=features)
 
-    def fields(self, number: int) -> Array:
+    def fields(self, number: int) -> Float:
         """(3,): albedo of the even and of the odd fields of a board, and of its ground."""
         rows = next(rows for filed, rows, _ in self.filed if filed == number)
         return np.append(self.features[rows.start, 8:10], self.paints["ground"][number])
@@ -172,7 +171,7 @@ class FeatureGrid:
         texels.write(data)
         return texels
 
-    def near_features(self, view: View, taken: Collection[int] = ()) -> npt.NDArray[np.bool_]:
+    def near_features(self, view: View, taken: Collection[int] = ()) -> Bool:
         """Whether any cell under the triangles (T,) of a view has features.
 
         Counts come from a summed-area table per paint; of the paints ``taken`` all are.
@@ -190,7 +189,7 @@ class FeatureGrid:
                 result[part] = self._filled(number, low, high) > 0
         return result
 
-    def _filled(self, number: int, low: Array, high: Array) -> npt.NDArray[np.int64]:
+    def _filled(self, number: int, low: Float, high: Float) -> Long:
         """Features on file in the cells under boxes ``low`` to ``high`` (n, 2) of a paint."""
         record = self.paints[number]
         total = self._sums(number)
@@ -204,7 +203,7 @@ class FeatureGrid:
         left, right, top, bottom = ends
         return in_boxes(total, left, top, right, bottom)
 
-    def _sums(self, number: int) -> npt.NDArray[np.int64]:
+    def _sums(self, number: int) -> Long:
         """The summed-area table of a paint's cells, one row and column more."""
         if number not in self._summed:
             record = self.paints[number]
@@ -214,7 +213,7 @@ class FeatureGrid:
         return self._summed[number]
 
     @cached_property
-    def _summed(self) -> dict[int, npt.NDArray[np.int64]]:
+    def _summed(self) -> dict[int, Long]:
         return {}
 
 
@@ -229,9 +228,9 @@ class _RegionCells:
     cell: float
     lowest: tuple[int, int]
     shape: tuple[int, int]
-    counts: npt.NDArray[np.int64]
-    records: Array
-    which: npt.NDArray[np.int64]
+    counts: Long
+    records: Float
+    which: Long
 
 
 def _file(region: RegionPaint, extent: float) -> _RegionCells | None:
@@ -288,9 +287,9 @@ def _file_features(region: RegionPaint, longest: float) -> _RegionCells | None:
 
 def _file_speckle(
     regions: Sequence[RegionPaint], paints: npt.NDArray[np.void]
-) -> tuple[DiscGrid, npt.NDArray[np.int64]]:
+) -> tuple[DiscGrid, Long]:
     """The table of the regions with speckle; their records in ``paints`` are filled in."""
-    requests: list[tuple[Speckle, Array, Array, float, bool]] = []
+    requests: list[tuple[Speckle, Float, Float, float, bool]] = []
     grid_of_paint = np.full(len(paints), -1)
     for number, region in enumerate(regions):
         if isinstance(region.paint, Speckle) and region.reach > 0.0:
@@ -330,7 +329,7 @@ def _cell_size(features: Features, region: RegionPaint, longest: float) -> float
     return float(2.0 ** np.ceil(np.log2(size)))
 
 
-def _records(features: Features, which: npt.NDArray[np.int64], origin: Array) -> Array:
+def _records(features: Features, which: Long, origin: Float) -> Float:
     """(n, 16) records of features relative to the corners (n, 2) of the cells they are filed in."""
     kind = features.kind[which]
     table = np.zeros((len(which), 16))

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.surface.features import Features
 
-Array = npt.NDArray[np.float64]
 
-
-def refuse_overlap(features: Features, low: Array, high: Array) -> None:
+def refuse_overlap(features: Features, low: Float, high: Float) -> None:
     """Raises InputError if two features, whose boxes are ``low`` to ``high`` (F, 2), overlap.
 
     Those of higher layers may.
@@ -65,7 +63,7 @@ def _apart(features: Features, i: int, j: int) -> bool:
     return False
 
 
-def _turn(points: Array, angle: float) -> Array:
+def _turn(points: Float, angle: float) -> Float:
     """Points (…, 2) turned about the origin by ``angle``."""
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = points[..., 0], points[..., 1]

@@ -7,26 +7,25 @@ forms that edge pixels take.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.optics.geometry import polygon_clipping
 from gpusim.optics.paint.disc_coverage import grazing_cover, polygon_cover, speckle_cover
 from gpusim.optics.paint.feature_grid import FINEST, FeatureGrid
 
-Array = npt.NDArray[np.float64]
-Pixel = tuple[Array, Array, Array]
+Pixel = tuple[Float, Float, Float]
 
 
 def mean_albedo(
     table: FeatureGrid,
-    paint: npt.NDArray[np.int32],
-    cell: npt.NDArray[np.int64],
-    st: Array,
-    polygon: Array,
-    weight: Array,
+    paint: Int,
+    cell: Long,
+    st: Float,
+    polygon: Float,
+    weight: Float,
     pixel: Pixel | None = None,
-    grazing: npt.NDArray[np.bool_] | None = None,
-) -> Array:
+    grazing: Bool | None = None,
+) -> Float:
     """Mean albedo (n,) over footprints.
 
     Parameters
@@ -91,13 +90,13 @@ def mean_albedo(
 def _speckle(
     table: FeatureGrid,
     number: int,
-    cell: npt.NDArray[np.int64],
-    st: Array,
-    polygon: Array,
-    weight: Array,
+    cell: Long,
+    st: Float,
+    polygon: Float,
+    weight: Float,
     pixel: Pixel | None,
-    grazing: npt.NDArray[np.bool_] | None,
-) -> Array:
+    grazing: Bool | None,
+) -> Float:
     record = table.paints[number]
     size, grid = float(record["cell"]), int(table.grid_of_paint[number])
     step = np.floor(st / size)
@@ -119,10 +118,10 @@ def _speckle(
     return ground + (dot - ground) * cover
 
 
-def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
+def _disc(feature: Float, centre: Float, polygon: Float) -> Float:
     reach = np.sqrt(np.max(np.sum(polygon**2, axis=-1), axis=-1))
     distance, radius = np.linalg.norm(centre, axis=1), feature[:, 2]
-    share: Array = (distance < radius).astype(np.float64)
+    share: Float = (distance < radius).astype(np.float64)
     near = np.abs(distance - radius) < reach
     if near.any():
         inside = polygon_clipping.disc_area(polygon[near] + centre[near, None], radius[near])
@@ -134,14 +133,14 @@ def _disc(feature: Array, centre: Array, polygon: Array) -> Array:
     return share
 
 
-def _divisor(area: Array) -> Array:
+def _divisor(area: Float) -> Float:
     """Areas of polygons to divide by; slivers may have none left after rounding."""
     return np.where(area != 0.0, area, np.inf)
 
 
 def _sector(
-    feature: Array, centre: Array, polygon: Array, weight: Array, pixel: Pixel | None
-) -> Array:
+    feature: Float, centre: Float, polygon: Float, weight: Float, pixel: Pixel | None
+) -> Float:
     """Share of polygons in sectors of discs with apex at -``centre``.
 
     Seen from the apex, an edge of the polygon sweeps over an area; the sector's straight sides
@@ -166,7 +165,7 @@ def _sector(
         across = straight[..., 1] * normal[:, :1] - straight[..., 0] * normal[:, 1:]
         sides.append(polygon_clipping.half_plane_area(np.stack([along, across], axis=2)) / area)
     parts = np.clip(np.stack([disc, *sides]), 0.0, 1.0)
-    share: Array = parts.prod(axis=0)
+    share: Float = parts.prod(axis=0)
     # whole in two of them: the third one's share is the answer
     undecided = (share > 0.0) & ((parts < 1.0 - 1e-9).sum(axis=0) > 1)
     if undecided.any():
@@ -186,11 +185,11 @@ def _sector(
 
 
 def _checker(
-    feature: Array, centre: Array, polygon: Array, weight: Array, pixel: Pixel | None
-) -> tuple[Array, Array]:
+    feature: Float, centre: Float, polygon: Float, weight: Float, pixel: Pixel | None
+) -> tuple[Float, Float]:
     cos, sin = feature[:, 2], feature[:, 3]
 
-    def turn(p: Array, c: Array, s: Array) -> Array:
+    def turn(p: Float, c: Float, s: Float) -> Float:
         return np.stack([c * p[..., 0] + s * p[..., 1], c * p[..., 1] - s * p[..., 0]], axis=-1)
 
     centre = turn(centre, cos, sin)
@@ -227,7 +226,7 @@ def _checker(
     return value, share
 
 
-def _as_one_square(feature: Array) -> tuple[Array, Array]:
+def _as_one_square(feature: Float) -> tuple[Float, Float]:
     """Patches as one square of their mean albedo, and the shift to their first corner."""
     result = feature.copy()
     shift = feature[:, 12:14] * feature[:, 4:6]
@@ -238,7 +237,7 @@ def _as_one_square(feature: Array) -> tuple[Array, Array]:
     return result, shift
 
 
-def _squares(feature: Array, polygon: Array, weight: Array) -> tuple[Array, Array]:
+def _squares(feature: Float, polygon: Float, weight: Float) -> tuple[Float, Float]:
     """Patches over any convex polygons (patch axes), square by square."""
     spans = (polygon.max(axis=1) - polygon.min(axis=1)) / feature[:, 4:6]
     fine = spans.max(axis=1) > FINEST
@@ -268,7 +267,7 @@ def _squares(feature: Array, polygon: Array, weight: Array) -> tuple[Array, Arra
     return value, total
 
 
-def _corner(feature: Array, centre: Array, ex: Array, ey: Array, q: Array) -> tuple[Array, Array]:
+def _corner(feature: Float, centre: Float, ex: Float, ey: Float, q: Float) -> tuple[Float, Float]:
     """Albedo * share and share of the squares around the lattice corner nearest to ``centre``.
 
     A line of the pattern at distance d from the centre is straight on screen, with gradient

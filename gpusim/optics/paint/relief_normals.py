@@ -14,17 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.geometry.triangle_corners import REFERENCE, corner_mean
 from gpusim.optics.geometry.view import View
 from gpusim.surface.features import PERIOD, WAVES, Bump, bump_waves
-
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 
 def bump_of(region: RegionPaint) -> Bump | None:
@@ -39,13 +36,13 @@ class Bumps:
     depth, affine in the offset (dx, dy, 1) from the anchor; ``amplitude`` (T,): of each wave.
     ``side``: px, of a pixel's sensitive square."""
 
-    member: npt.NDArray[np.bool_]
-    planes: Array
-    amplitude: Array
+    member: Bool
+    planes: Float
+    amplitude: Float
     side: float
 
     @staticmethod
-    def build(view: View, anchor: Array, mean_inverse: Array) -> Bumps:
+    def build(view: View, anchor: Float, mean_inverse: Float) -> Bumps:
         """``anchor`` (T, 2) and ``mean_inverse`` (T,) as of `optics.shading.coefficients`."""
         member = np.zeros(view.count, bool)
         planes, amplitude = np.zeros((view.count, 3, 3)), np.zeros(view.count)
@@ -65,7 +62,7 @@ class Bumps:
             planes[rows] = slopes
         return Bumps(member, planes, amplitude, view.camera.pixel_side)
 
-    def texels(self) -> npt.NDArray[np.float32]:
+    def texels(self) -> Single:
         """(3 T, 4) as lib/paint/relief_normals.wgsl reads them."""
         rows = np.zeros((max(len(self.member), 1), 12), np.float32)
         rows[: len(self.member), :9] = self.planes[:, :, [2, 0, 1]].reshape(-1, 9)
@@ -74,14 +71,14 @@ class Bumps:
 
     def leaning(
         self,
-        triangle: Numbers,
-        d: Array,
-        w: Array,
-        rate: Array,
-        normal: Array,
-        across: Array,
-        down: Array,
-    ) -> tuple[Array, Array]:
+        triangle: Long,
+        d: Float,
+        w: Float,
+        rate: Float,
+        normal: Float,
+        across: Float,
+        down: Float,
+    ) -> tuple[Float, Float]:
         """Unit normals (n, 3) under the relief, and what alpha^2 grows by (n,).
 
         ``d`` (n, 2): offsets from the anchors; ``w`` (n,), ``rate`` (n, 2): the reciprocal depth
@@ -117,7 +114,7 @@ class Bumps:
         return normal, widened
 
 
-def bump_uniform(bumps: Bumps | None) -> dict[str, Array | int]:
+def bump_uniform(bumps: Bumps | None) -> dict[str, Float | int]:
     """The waves as the shaders' uniform ``relief``."""
     return {"waves": np.zeros((WAVES, 4)) if bumps is None else bump_waves(), "count": WAVES}
 

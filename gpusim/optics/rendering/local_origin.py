@@ -14,8 +14,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight
@@ -23,7 +23,6 @@ from gpusim.surface.surface import Surface
 
 __all__ = ["Local", "local", "local_view", "origin_near", "seen_from_origin"]
 
-Array = npt.NDArray[np.float64]
 
 NEAR = 4.0
 """Sizes of a scene: as far from zero is near enough."""
@@ -38,7 +37,7 @@ class Local(NamedTuple):
     surfaces: Sequence[Surface]
     camera: Camera
     lights: Sequence[Light] | None
-    origin: Array
+    origin: Float
 
 
 def local(
@@ -65,12 +64,12 @@ def local_view(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     return seen_from_origin(look(surfaces, camera, lit), origin)
 
 
-def seen_from_origin(view: View, origin: Array) -> View:
+def seen_from_origin(view: View, origin: Float) -> View:
     """The view of what has its zero at ``origin`` (3,) in the world."""
     return replace(view, origin=origin) if origin.any() else view
 
 
-def origin_near(points: Sequence[Array]) -> Array:
+def origin_near(points: Sequence[Float]) -> Float:
     """(3,): an origin near all of these ``points`` (P, 3); zero where that is near enough.
 
     It lies on a grid as wide as a power of two, so that it stays where points move a little and
@@ -83,11 +82,11 @@ def origin_near(points: Sequence[Array]) -> Array:
     if not size > 0.0:
         return np.zeros(3)
     step = 2.0 ** np.ceil(np.log2(2.0 * NEAR * size))
-    origin: Array = step * np.rint(0.5 * (low + high) / step)
+    origin: Float = step * np.rint(0.5 * (low + high) / step)
     return origin + 0.0  # no negative zeros
 
 
-def _moved(light: Light, origin: Array) -> Light:
+def _moved(light: Light, origin: Float) -> Light:
     """The same lamp; what has no place stays."""
 
     def at(place: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from types import UnionType
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
@@ -207,7 +207,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
     return bands
 
 
-def _frame_twin(view: View, scene: _Scene) -> npt.NDArray[np.float32]:
+def _frame_twin(view: View, scene: _Scene) -> Single:
     """Radiance (planes, H, W) in NumPy."""
     setup = Setup.build(view, scene.lights, scene.background, scene.surfaces)
     interior = shade_twin(setup, visibility_twin(view))

@@ -18,6 +18,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
+
 TILES = {"RGGB": (0, 1, 1, 2), "BGGR": (2, 1, 1, 0), "GRBG": (1, 0, 2, 1), "GBRG": (1, 2, 0, 1)}
 """Channels (0 red, 1 green, 2 blue) of the four pixels of a tile, row by row."""
 
@@ -27,12 +29,12 @@ class Filters:
     """5 x 5 weights: of green at a red or blue pixel; of red or blue at a green pixel between two
     of them in its ``row`` (transposed: in its column); of blue at red, and the other way round."""
 
-    green: npt.NDArray[np.float64]
-    row: npt.NDArray[np.float64]
-    opposite: npt.NDArray[np.float64]
+    green: Float
+    row: Float
+    opposite: Float
 
 
-def _filter(rows: list[list[float]], divisor: float) -> npt.NDArray[np.float64]:
+def _filter(rows: list[list[float]], divisor: float) -> Float:
     """With its last two rows, which mirror the first two."""
     return np.array([*rows, rows[1], rows[0]]) / divisor
 
@@ -51,7 +53,7 @@ METHODS = {
 }
 
 
-def demosaiced(mosaic: npt.NDArray[Any], bayer: str, method: str) -> npt.NDArray[np.float32]:
+def demosaiced(mosaic: npt.NDArray[Any], bayer: str, method: str) -> Single:
     """(H, W, 3) red, green, blue of a mosaic (H, W) with the pattern ``bayer``, by one of
     `METHODS`; values may lie outside of the mosaic's range."""
     values, tile, filters = mosaic.astype(np.float32), TILES[bayer], METHODS[method]

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Single
 from gpusim.arrays.srgb import encoded
 from gpusim.errors import InputError
 from gpusim.optics.sensor.demosaicing import TILES, demosaiced
 from gpusim.validation import real_numbers
 
-F32 = npt.NDArray[np.float32]
 RAW_BITS = 16
 RAW_FULL = 2**RAW_BITS - 1
 _ROWS = 64  # at a time: what a curve needs meanwhile isn't held for a whole picture
@@ -56,7 +56,7 @@ class Development:
             result[rows] = np.rint(stored(share[rows], self.gamma) * full)
         return result
 
-    def _channels(self, share: F32) -> Iterator[tuple[F32, float]]:
+    def _channels(self, share: Single) -> Iterator[tuple[Single, float]]:
         """What belongs to a channel, and its gain."""
         if share.ndim == 3:
             for channel, gain in enumerate(self.gains):
@@ -66,7 +66,7 @@ class Development:
                 yield share[place // 2 :: 2, place % 2 :: 2], self.gains[channel]
 
 
-def at_least(image: npt.NDArray[Any], tops: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+def at_least(image: npt.NDArray[Any], tops: npt.NDArray[Any]) -> Bool:
     """Which pixels of an image reach those of a tile ``tops``, (2, 2) or (2, 2, 3)."""
     if (tops == tops.flat[0]).all():
         return np.asarray(image >= tops.flat[0])
@@ -93,7 +93,7 @@ def check_gains(given: object, filtered: bool) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def stored(share: F32, gamma: float | str) -> F32:
+def stored(share: Single, gamma: float | str) -> Single:
     """Shares of full scale, 0 to 1, as they are stored: share^(1 / gamma), or by the curve of sRGB
     (IEC 61966-2-1)."""
     if gamma == "srgb":

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
@@ -71,7 +72,7 @@ def _scaled_in_place(sensor: Scale, bands: Sequence[Band], width: int) -> npt.ND
     return image
 
 
-def scaled_twin(sensor: Scale, radiance: npt.NDArray[np.float32]) -> npt.NDArray[Any]:
+def scaled_twin(sensor: Scale, radiance: Single) -> npt.NDArray[Any]:
     """The same in NumPy float32; values that aren't finite become full scale."""
     full = np.float32(2**sensor.bits - 1)
     values = np.clip(np.rint(radiance * sensor.scale), 0.0, full)

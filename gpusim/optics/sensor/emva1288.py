@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
-F32 = npt.NDArray[np.float32]
 U32 = npt.NDArray[np.uint32]
 SMALL = 12.0
 MOST_SUMMED = 60
@@ -77,7 +77,7 @@ def philox(counter: U32, key: U32) -> U32:
     return np.stack(c, axis=-1).astype(np.uint32)
 
 
-def uniform_of(words: U32) -> F32:
+def uniform_of(words: U32) -> Single:
     """Words as numbers in (0, 1): multiples of 2^-24 plus half of one."""
     return ((words >> np.uint32(8)).astype(np.float32) + np.float32(0.5)) * np.float32(2.0**-24)
 
@@ -89,25 +89,25 @@ _TAIL = (-0.000200214257, 0.000100950558, 0.00134934322, -0.00367342844, 0.00573
          -0.0076224613, 0.00943887047, 1.00167406, 2.83297682)  # fmt: skip
 
 
-def _horner(coefficients: tuple[float, ...], x: F32) -> F32:
+def _horner(coefficients: tuple[float, ...], x: Single) -> Single:
     result = np.full_like(x, np.float32(coefficients[0]))
     for value in coefficients[1:]:
         result = result * x + np.float32(value)
     return result
 
 
-def normal_quantile(p: F32) -> F32:
+def normal_quantile(p: Single) -> Single:
     """The p-quantile of the normal distribution, sqrt(2) erfinv(2 p - 1), in float32 (Giles)."""
     one = np.float32(1.0)
     w = -np.log(np.float32(4.0) * p * (one - p))
     central = _horner(_CENTRAL, w - np.float32(2.5))
     tail = _horner(_TAIL, np.sqrt(np.maximum(w, np.float32(0.0))) - np.float32(3.0))
     x = np.float32(2.0) * p - one
-    result: F32 = np.float32(np.sqrt(2.0)) * x * np.where(w < 5.0, central, tail)
+    result: Single = np.float32(np.sqrt(2.0)) * x * np.where(w < 5.0, central, tail)
     return result
 
 
-def poisson_quantile(mean: F32, u: F32) -> F32:
+def poisson_quantile(mean: Single, u: Single) -> Single:
     """The u-quantile of the Poisson distribution of ``mean``, float32 whole numbers."""
     one = np.float32
     z = normal_quantile(u)
@@ -134,7 +134,7 @@ def poisson_quantile(mean: F32, u: F32) -> F32:
     return result
 
 
-def emva_twin(signal: Signal, radiance: F32, row0: int = 0) -> npt.NDArray[np.uint32]:
+def emva_twin(signal: Signal, radiance: Single, row0: int = 0) -> npt.NDArray[np.uint32]:
     """Grey values of radiance (rows, width), rows from ``row0`` of the image on; in float32."""
     rows, width = radiance.shape
     one = np.float32

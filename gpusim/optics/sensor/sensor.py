@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool
 from gpusim.errors import InputError
 from gpusim.optics.frame import Frame
 from gpusim.optics.sensor.channels import (
@@ -269,7 +270,7 @@ class Sensor:
             return self._development.picture(np.full(shape, share * (2**RAW_BITS - 1)))
         return np.full(shape, round(full * float(share ** (1.0 / float(self.gamma)))))
 
-    def saturated(self, image: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    def saturated(self, image: npt.NDArray[Any]) -> Bool:
         """Which pixels of an image that it took are as bright as they get, of the image's shape."""
         return at_least(image, self._tops)
 

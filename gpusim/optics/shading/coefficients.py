@@ -12,8 +12,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.geometry.triangle_corners import (
@@ -27,7 +27,6 @@ from gpusim.optics.geometry.view import View
 from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 
-Array = npt.NDArray[np.float64]
 BLOCK = 4096
 
 
@@ -37,10 +36,10 @@ class Coefficients:
     ``mean_inverse`` (n,), as in `PerTriangle` but for the order of the axes."""
 
     part: slice
-    planes: Array
-    anchor: Array
-    cell: Array
-    mean_inverse: Array
+    planes: Float
+    anchor: Float
+    cell: Float
+    mean_inverse: Float
 
 
 def coefficients(
@@ -63,7 +62,7 @@ def coefficients(
         ideal = at_corners(view.ideal_place, list(view.corner[part].T))
         at = np.rint(corner_mean(ideal)).T
         cell = np.zeros_like(at)
-        values: dict[int, list[Array]] = {}
+        values: dict[int, list[Float]] = {}
         if patterned:
             paint = view.paint[part]
             size, printed = cell_of_paint[paint], featured[paint]
@@ -110,10 +109,10 @@ class PerTriangle(NamedTuple):
     cell that s and t are relative to; ``mean_inverse`` (T,): 1 / depth that w is relative to.
     """
 
-    planes: Array
-    anchor: Array
-    cell: npt.NDArray[np.int64]
-    mean_inverse: Array
+    planes: Float
+    anchor: Float
+    cell: Long
+    mean_inverse: Float
 
 
 class CoefficientCache:
@@ -126,7 +125,7 @@ class CoefficientCache:
         self._row = np.zeros(view.count, np.int64)
         self._found = _none(0)
 
-    def of(self, triangles: npt.NDArray[np.int64]) -> PerTriangle:
+    def of(self, triangles: Long) -> PerTriangle:
         """Of some triangles (n,), again and again where they are."""
         new = distinct(triangles[self._row[triangles] == 0])
         if len(new):
@@ -143,8 +142,8 @@ class CoefficientCache:
         return PerTriangle(planes[row], anchor[row], cell[row], mean_inverse[row])
 
     def footprint(
-        self, triangle: npt.NDArray[np.int64], x: Array, y: Array
-    ) -> tuple[npt.NDArray[np.int64], Array, Array, Array, Array]:
+        self, triangle: Long, x: Float, y: Float
+    ) -> tuple[Long, Float, Float, Float, Float]:
         """At pixel positions, (n, 2) each: pattern cell, paint position in it, the change of this
         along the sides of a pixel's sensitive square, and the relative change of 1 / z along these.
         """

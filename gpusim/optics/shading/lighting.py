@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
@@ -25,10 +25,9 @@ from gpusim.optics.light.quadrature import closest_points, emitter_light, emitte
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.surface import Surface
 
-Array = npt.NDArray[np.float64]
 MAX_EMITTERS = 256
 
-SharesOf = Callable[[Array, Array, Array, Array, Array, Array, npt.NDArray[np.int64]], Array]
+SharesOf = Callable[[Float, Float, Float, Float, Float, Float, Long], Float]
 """As `Shadows.shares`."""
 
 
@@ -49,7 +48,7 @@ def find_shadows(
     return Shadows.of(view, lamps_of(lights), surfaces, device)
 
 
-def emitting_points(view: View, lights: Sequence[Light]) -> Array:
+def emitting_points(view: View, lights: Sequence[Light]) -> Float:
     """The points that ``lights`` are divided into for ``view``: rows (E, 12) of `emitters`."""
     triangles = np.zeros((0, 3, 3))
     if any(isinstance(light, AreaLight) for light in lights):
@@ -72,7 +71,7 @@ class Lighting:
     ``shadows``: None where no lamp casts any. ``openness``: None where nothing hides surroundings.
     """
 
-    emitters: Array
+    emitters: Float
     ambient: float
     environment: Environment | None
     gloss: Gloss | None
@@ -117,7 +116,7 @@ class Lighting:
         shadows = find_shadows(view, lights, surfaces, device)
         return Lighting(rows, even, environment, gloss, shadows, openness)
 
-    def with_strengths_of(self, lights: Sequence[Light], share: Array) -> Lighting:
+    def with_strengths_of(self, lights: Sequence[Light], share: Float) -> Lighting:
         """The same with the strengths of lights that differ from its own in nothing else; ``share``
         (lamps,): by how much the lamps'."""
         rows, even = self.emitters.copy(), ambient(lights)
@@ -136,7 +135,7 @@ class Lighting:
             "sheltered": float(self.openness is not None),
         }
 
-    def uniform(self) -> dict[str, Array]:
+    def uniform(self) -> dict[str, Float]:
         """The emitters as the shaders' uniform ``lamps``."""
         rows = np.zeros((MAX_EMITTERS, 12))
         rows[: len(self.emitters)] = self.emitters
@@ -157,12 +156,12 @@ class Lighting:
 
     def reflect(
         self,
-        triangle: npt.NDArray[np.int64],
-        paint: npt.NDArray[np.int32],
-        at: Array,
-        normal: Array,
-        widened: Array,
-        seen: Array | None,
+        triangle: Long,
+        paint: Int,
+        at: Float,
+        normal: Float,
+        widened: Float,
+        seen: Float | None,
     ) -> Reflection:
         """What surfaces at (n, 3) relative to the eye send towards it.
 

@@ -6,25 +6,23 @@ Twin of ``shaders/lib/light/surface.wgsl``.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.shading.lighting import SharesOf
 from gpusim.optics.shading.setup import Setup
 
-Array = npt.NDArray[np.float64]
-
 
 def radiance_of(
     setup: Setup,
-    triangle: npt.NDArray[np.int64],
-    x: Array,
-    y: Array,
-    albedo: Array,
-    printed: Array,
-    sides: Array | None = None,
+    triangle: Long,
+    x: Float,
+    y: Float,
+    albedo: Float,
+    printed: Float,
+    sides: Float | None = None,
     shares: SharesOf | None = None,
-) -> Array:
+) -> Float:
     """Radiance (bands, n) towards the eye at pixel positions; the mean ``albedo`` (bands, n) itself
     if unlit.
 

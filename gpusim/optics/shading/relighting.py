@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.gpu import Bound, Device, Texture
 from gpusim.optics.frame import Band
 from gpusim.optics.shading.scene_buffers import SceneBuffers
@@ -29,8 +29,6 @@ from gpusim.optics.shadow.receivers import (
 )
 from gpusim.optics.shadow.scene import Shadows
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 NEEDED = "shadow.capacity"
 WORDS = {"r32uint": 1, "rg32uint": 2, "rgba32uint": 4}
 
@@ -56,7 +54,7 @@ def _kept_receivers(shadows: Shadows, label: str) -> DeviceReceivers | None:
     return found.receivers if isinstance(found, VisibleShares) else None
 
 
-def _listed(shadows: Shadows, starts: Numbers, label: str) -> VisibleShares:
+def _listed(shadows: Shadows, starts: Long, label: str) -> VisibleShares:
     """What those see that are listed in groups which begin at ``starts`` (G + 1,)."""
     receivers = _kept_receivers(shadows, label)
     assert shadows.trees is not None
@@ -171,7 +169,7 @@ class PieceShares:
     """What pieces of pixels see, which a program lists: there is a place for each in groups of
     neighbours that begin at ``starts`` (G + 1,)."""
 
-    def __init__(self, buffers: SceneBuffers, shadows: Shadows, starts: Numbers) -> None:
+    def __init__(self, buffers: SceneBuffers, shadows: Shadows, starts: Long) -> None:
         device = buffers.device
         self._device, self._spaces, self._planes = device, shadows.spaces, buffers.planes
         self._found = _listed(shadows, starts, "pieces")
@@ -216,14 +214,14 @@ class ListedShares:
 
     def __call__(
         self,
-        x: Array,
-        y: Array,
-        at: Array,
-        normal: Array,
-        across: Array,
-        down: Array,
-        triangle: Numbers,
-    ) -> Array:
+        x: Float,
+        y: Float,
+        at: Float,
+        normal: Float,
+        across: Float,
+        down: Float,
+        triangle: Long,
+    ) -> Float:
         """As `Shadows.shares`."""
         shadows = self._shadows
         result = np.ones((len(x), len(shadows.lamps)))

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.gpu import Device, Recording, Uniform
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.ambient.sky_visibility import sky_visibility_texels
@@ -34,8 +35,6 @@ from gpusim.optics.shading.triangle_records import TRIANGLE, paint_traits, recor
 from gpusim.optics.shading.triangle_traits import TriangleTraits
 from gpusim.optics.shadow.receivers import PixelReceivers
 from gpusim.optics.visibility_buffer import VertexBuffers
-
-Array = npt.NDArray[np.float64]
 
 STEPS = 65536
 """Of a pixel, and of one of these."""
@@ -123,7 +122,7 @@ class SceneBuffers:
             **self._color,
         }
 
-    def rays(self) -> dict[str, npt.NDArray[np.float64]]:
+    def rays(self) -> dict[str, Float]:
         """The ray matrix as uniform columns."""
         columns = np.zeros((3, 4))
         columns[:, :3] = self.setup.view.rays().T
@@ -261,7 +260,7 @@ def vertex_blocks(
         yield first, records, all(bool(np.isfinite(real[rows]).all()) for rows in REAL)
 
 
-def _sides(view: View, table: FeatureGrid) -> Array:
+def _sides(view: View, table: FeatureGrid) -> Float:
     """(V,): side of the cells of the pattern that each vertex has; 1 without."""
     paints = table.paints
     side = np.ones(len(view.place))
@@ -273,7 +272,7 @@ def _sides(view: View, table: FeatureGrid) -> Array:
     return side
 
 
-def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels:
+def planes_on_device(buffers: SceneBuffers, on: Int) -> Texels:
     """Of each triangle n / d of its plane n x = d, and its `plane_words`; ``on`` (T,): the occluder
     that it is part of, -1 for none."""
     device, camera = buffers.device, buffers.setup.view.camera
@@ -292,7 +291,7 @@ def planes_on_device(buffers: SceneBuffers, on: npt.NDArray[np.int32]) -> Texels
     return texels
 
 
-def planes_twin(view: View) -> tuple[Array, Array]:
+def planes_twin(view: View) -> tuple[Float, Float]:
     """(T, 3): n / d of the triangles of a view; (T,): how far normals for shading are from n."""
     planes = PixelReceivers.planes_of(view)
     normals = view.corners_of(slice(None), NORMAL)

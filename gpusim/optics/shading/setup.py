@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
@@ -45,7 +45,7 @@ class Setup:
     background: float
     lit: bool
     bands: tuple[SpectralBand, ...]
-    palette: npt.NDArray[np.float32] | None
+    palette: Single | None
     coefficients: CoefficientCache
 
     @staticmethod

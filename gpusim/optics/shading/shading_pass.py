@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Raster, Recording, Texture
 from gpusim.optics.frame import Band
@@ -306,7 +307,7 @@ def _check_loops(setup: Setup) -> None:
         )
 
 
-def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:
+def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> Single:
     """Radiance (bands, H, W) float32 of the interior pixels, from ids (H, W)."""
     radiance = np.empty((len(setup.bands), *ids.shape), np.float32)
     for plane, band in zip(radiance, setup.bands, strict=True):

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.optics.geometry.pixel_footprint import RegionPaint
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
@@ -22,8 +22,6 @@ from gpusim.optics.paint.bitmap import BitmapTable
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.lighting import MAX_EMITTERS, Lighting
 from gpusim.surface.color import BANDS, Color, in_band, is_colored
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +67,7 @@ def regions_in_band(regions: Sequence[RegionPaint], band: int) -> list[RegionPai
     return [replace(region, paint=in_band(region.paint, band)) for region in regions]
 
 
-def indexed(bands: Sequence[SpectralBand]) -> tuple[FeatureGrid, npt.NDArray[np.float32]]:
+def indexed(bands: Sequence[SpectralBand]) -> tuple[FeatureGrid, Single]:
     """The bands' patterns with numbers of colours for albedos, and the palette (n, 4) of these."""
     tables = [band.table for band in bands]
     first = tables[0]
@@ -90,10 +88,10 @@ def indexed(bands: Sequence[SpectralBand]) -> tuple[FeatureGrid, npt.NDArray[np.
     return replace(first, paints=paints, features=features), palette
 
 
-def tints(mean: Lighting, bands: Sequence[SpectralBand]) -> dict[str, Array]:
+def tints(mean: Lighting, bands: Sequence[SpectralBand]) -> dict[str, Float]:
     """The uniform ``tints``: by what each band's light differs from that of ``mean``."""
 
-    def by_band(values: Sequence[float], of: float) -> Array:
+    def by_band(values: Sequence[float], of: float) -> Float:
         share = np.zeros(4)
         share[:3] = np.array(values) / of if of else 0.0
         return share

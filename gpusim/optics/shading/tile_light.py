@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import expand
 from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
@@ -25,8 +26,6 @@ from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 TILE = 8
 """px, side of the tiles."""
 
@@ -55,7 +54,7 @@ class LightTiles:
     ``owner``: per square of `SQUARE` px, number + 1 of a triangle of the plane seen there, or 0.
     """
 
-    member: npt.NDArray[np.bool_]
+    member: Bool
     owner: npt.NDArray[np.uint32]
 
     @staticmethod
@@ -98,7 +97,7 @@ def _has_spots(lighting: Lighting) -> bool:
     return bool((lighting.emitters[:, 9] > -1.5).any())
 
 
-def _squares(low: Array, high: Array, columns: int) -> tuple[Numbers, Numbers]:
+def _squares(low: Float, high: Float, columns: int) -> tuple[Long, Long]:
     """Numbers of boxes (n, 2) px and of the squares under them, pair by pair."""
     first = np.floor((low + 0.5) / SQUARE).astype(np.int64)
     last = np.floor((np.maximum(high, low) + 0.5) / SQUARE - 1e-9).astype(np.int64)
@@ -108,16 +107,14 @@ def _squares(low: Array, high: Array, columns: int) -> tuple[Numbers, Numbers]:
     return box, row * columns + first[box, 0] + offset % wide[box]
 
 
-def _flat(view: View, triangles: Numbers) -> npt.NDArray[np.bool_]:
+def _flat(view: View, triangles: Long) -> Bool:
     """Whether the normals at a triangle's corners are one."""
     low, high = corner_range(view.corners_of(triangles, NORMAL))
     x, y, z = (high - low <= 1e-9).T
     return np.asarray(x & y & z)
 
 
-def _smooth(
-    view: View, lighting: Lighting, triangles: Numbers, tolerance: float
-) -> npt.NDArray[np.bool_]:
+def _smooth(view: View, lighting: Lighting, triangles: Long, tolerance: float) -> Bool:
     """Whether light is linear over the tiles of flat triangles, by their distance from the lamps.
 
     With both cosines over the square of the distance r, the second derivative along a plane is
@@ -144,7 +141,7 @@ def _smooth(
     return np.asarray(11.0 / 8.0 * squares <= tolerance * near**2)
 
 
-def _in_plane(view: View, first: np.int64, triangles: Numbers) -> npt.NDArray[np.bool_]:
+def _in_plane(view: View, first: np.int64, triangles: Long) -> Bool:
     """Which triangles lie in the plane of the first one and have its normal."""
     corners, one = view.corners_of(triangles), view.corners_of(np.array([first]))[0]
     a, b, c = one[:, :3]
@@ -196,7 +193,7 @@ class TileLightPass:
         recording.dispatch(kernel, bindings, threads=(self.shape[0] * self.shape[1],))
 
 
-def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Array:
+def light_tiles_twin(setup: Setup, tiles: LightTiles) -> Float:
     """(rows, columns, bands, 4) coefficients in a view without shadows; 0 where a tile has no
     owner."""
     camera = setup.view.camera

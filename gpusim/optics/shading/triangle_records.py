@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Single
 from gpusim.errors import InputError
 from gpusim.optics.light.microfacet_material import Gloss
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.shading.coefficients import BLOCK, coefficients
 from gpusim.optics.shading.setup import Setup
 
-Array = npt.NDArray[np.float64]
 TRIANGLE = np.dtype(
     [("n0", "<f4", 4), ("nx", "<f4", 4), ("ny", "<f4", 4), ("w", "<f4", 2), ("anchor", "<i4", 2),
      ("st", "<f4", 4), ("t", "<f4", 2), ("cell", "<i4", 2), ("more", "<f4", 4)]
@@ -39,7 +39,7 @@ def triangle_records(setup: Setup) -> npt.NDArray[np.void]:
     return result
 
 
-def record_blocks(setup: Setup) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
+def record_blocks(setup: Setup) -> Iterator[tuple[int, Single]]:
     """The same block by block: the first triangle's number and words (n, 28), used again."""
     words = np.empty((BLOCK, TRIANGLE.itemsize // 4), np.float32)
     whole, rough, metallic, _ = paint_traits(setup.table, setup.lighting.gloss).T
@@ -65,7 +65,7 @@ def record_blocks(setup: Setup) -> Iterator[tuple[int, npt.NDArray[np.float32]]]
         yield part.start, words[: len(paint)]
 
 
-def paint_traits(table: FeatureGrid, gloss: Gloss | None) -> Array:
+def paint_traits(table: FeatureGrid, gloss: Gloss | None) -> Float:
     """Per paint (n, 4): what "near a feature" counts, 2 where a pattern is one material with
     its ground; GGX alpha, 1 if matte; metallic; 0."""
     paints = table.paints
@@ -76,7 +76,7 @@ def paint_traits(table: FeatureGrid, gloss: Gloss | None) -> Array:
     return result
 
 
-def _refuse(triangle: int, columns: npt.NDArray[np.float32], first: int) -> None:
+def _refuse(triangle: int, columns: Single, first: int) -> None:
     word = int(np.r_[REAL][np.argmin(np.isfinite(columns[np.r_[REAL], triangle]))])
     name = [n for n, (_, at, *_) in (TRIANGLE.fields or {}).items() if at <= 4 * word][-1]
     word //= 4

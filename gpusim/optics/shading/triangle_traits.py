@@ -8,14 +8,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Single
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.microfacet_material import Gloss
 from gpusim.optics.paint.checker_lines import matte_boards, within_fields
 from gpusim.optics.paint.feature_grid import FeatureGrid
 from gpusim.optics.paint.relief_normals import Bumps, bump_of
 from gpusim.optics.shading.coefficients import CoefficientCache
-
-Flags = npt.NDArray[np.bool_]
 
 GRAZING = 4
 """Added to the number of a group of triangles whose speckle is cut pixel by pixel."""
@@ -36,7 +35,7 @@ class TriangleTraits:
     coefficients: CoefficientCache
 
     @cached_property
-    def _near_and_albedo(self) -> tuple[Flags, npt.NDArray[np.float32]]:
+    def _near_and_albedo(self) -> tuple[Bool, Single]:
         view = self.view
         boards = matte_boards(view.paints, self.gloss)
         near = self.table.near_features(view, boards)
@@ -46,12 +45,12 @@ class TriangleTraits:
         return near, albedo
 
     @property
-    def near_feature(self) -> Flags:
+    def near_feature(self) -> Bool:
         """(T,): whether a pixel in it can reach a feature of its pattern, or shows a bitmap."""
         return self._near_and_albedo[0]
 
     @property
-    def albedo(self) -> npt.NDArray[np.float32]:
+    def albedo(self) -> Single:
         """(T,): of what isn't near a feature."""
         return self._near_and_albedo[1]
 
@@ -85,20 +84,20 @@ class TriangleTraits:
         return Bumps.build(self.view, triangles.anchor, triangles.mean_inverse)
 
     @cached_property
-    def bumpy(self) -> Flags:
+    def bumpy(self) -> Bool:
         """(T,) whether a triangle has a fine relief."""
         return np.zeros(self.view.count, bool) if self.bumps is None else self.bumps.member
 
     @property
-    def printed(self) -> Flags:
+    def printed(self) -> Bool:
         """(T,) whether a triangle is near a feature of a print without a relief."""
-        result: Flags = (self.groups == 1) & ~self.bumpy
+        result: Bool = (self.groups == 1) & ~self.bumpy
         return result
 
     @cached_property
-    def shiny(self) -> Flags:
+    def shiny(self) -> Bool:
         """(T,) whether a triangle's paint is glossy and lit."""
         if self.gloss is None or not self.lit:
             return np.zeros(self.view.count, bool)
-        result: Flags = self.gloss.glossy[self.view.paint]
+        result: Bool = self.gloss.glossy[self.view.paint]
         return result

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.shadow.light_space import TOLERANCE, LightSpace, lamp_numbers
 from gpusim.optics.shadow.occluders import Occluders, planes_of, single_sheets
@@ -23,9 +24,6 @@ from gpusim.optics.shadow.sample_mask import COLUMNS, ROWS, STEP_A, STEP_B, lamp
 
 __all__ = ["EdgeFunctions", "edge_functions", "shares_of", "shares_twin", "visible_footprint"]
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-Numbers = npt.NDArray[np.int64]
 
 AGAINST = -0.5
 """Cosine between the normals of face and receiver below which they may lie against each other."""
@@ -42,8 +40,8 @@ PAIRS = 1 << 16
 
 
 def shares_twin(
-    occluders: Occluders, points: Array, spaces: Sequence[LightSpace], receivers: Receivers
-) -> Array:
+    occluders: Occluders, points: Float, spaces: Sequence[LightSpace], receivers: Receivers
+) -> Float:
     """(n, L): what receivers see of each lamp that ``spaces`` are of, 0 where they don't ask;
     ``points`` (V, 3) relative to the eye."""
     corners = points[occluders.triangles]
@@ -68,12 +66,12 @@ def shares_twin(
 def shares_of(
     space: LightSpace,
     occluders: Occluders,
-    corners: Array,
-    planes: Array,
+    corners: Float,
+    planes: Float,
     receivers: Receivers,
-    faces: Numbers,
-    single: Numbers,
-) -> Array:
+    faces: Long,
+    single: Long,
+) -> Float:
     """(n,): what ``receivers`` see of a lamp past some occluders, of which all have ``corners``,
     ``planes`` and ``single`` (`single_sheets`)."""
     lamp, masks = space.lamp, lamp_masks(space.lamp)
@@ -115,11 +113,11 @@ def above_horizon(lamp: Lamp, receivers: Receivers) -> npt.NDArray[np.uint32]:
 def visible_footprint(
     lamp: Lamp,
     occluders: Occluders,
-    corners: Array,
-    planes: Array,
+    corners: Float,
+    planes: Float,
     receivers: Receivers,
-    face: Numbers,
-) -> Array:
+    face: Long,
+) -> Float:
     """(P,): how much of their pixels ``receivers`` look from past occluders ``face`` (P,);
     ``corners`` (T, 3, 3) and ``planes`` (T, 4) of all.
 
@@ -152,7 +150,7 @@ def visible_footprint(
     rows = rows[~before & (own[:, :, None] == other[:, None]).any(axis=(1, 2))]
     triangle, places = corners[on[rows]], corners[face[rows]]
 
-    def over_lamp(normal: Array, to: Array) -> tuple[Array, Array]:
+    def over_lamp(normal: Float, to: Float) -> tuple[Float, Float]:
         return _dot(normal, to), np.abs(normal @ lamp.u) + np.abs(normal @ lamp.v)
 
     normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
@@ -179,7 +177,7 @@ def visible_footprint(
     return result
 
 
-def _passes(height: Array, normal: Array, receivers: Receivers) -> Flags:
+def _passes(height: Float, normal: Float, receivers: Receivers) -> Bool:
     """Whether planes with ``normal`` (P, 3) at a ``height`` (P,) over the middle of a pixel pass
     through it, or close by."""
     wide = np.abs(_dot(normal, receivers.across)) + np.abs(_dot(normal, receivers.down))
@@ -192,10 +190,10 @@ class EdgeFunctions:
     be positive, their value in its middle and what they change by per a, b, and pixel in x and y;
     ``may_hide`` (P,): whether some samples may be behind the occluder."""
 
-    edges: Array
-    may_hide: Flags
+    edges: Float
+    may_hide: Bool
 
-    def hidden(self, lamp: Lamp, some: Numbers) -> npt.NDArray[np.uint32]:
+    def hidden(self, lamp: Lamp, some: Long) -> npt.NDArray[np.uint32]:
         """(n, 16) words: the samples that occluders hide, of pairs ``some`` (n,)."""
         rows = lattice().T
         result = np.full((len(some), ROWS), 0xFFFFFFFF, np.uint32)
@@ -220,10 +218,10 @@ class EdgeFunctions:
 def edge_functions(
     space: LightSpace,
     receivers: Receivers,
-    corners: Array,
-    planes: Array,
-    is_open: Flags,
-    looks_from: Array,
+    corners: Float,
+    planes: Float,
+    is_open: Bool,
+    looks_from: Float,
 ) -> EdgeFunctions:
     """How ``receivers`` see occluders, pair by pair: ``corners`` (P, 3, 3), their ``planes``
     (P, 4), and how much of the pixel each ``looks_from`` (P,) past them, by `visible_footprint`."""
@@ -278,5 +276,5 @@ def edge_functions(
     return EdgeFunctions(edges, counts & (most >= 0.0))
 
 
-def _dot(a: Array, b: Array) -> Array:
+def _dot(a: Float, b: Float) -> Float:
     return np.asarray(np.einsum("pa,pa->p", a, b))

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Single
 from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu import Bound, Buffer, Device, Recording, Uniform
 from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
@@ -141,10 +142,10 @@ class VisibleShares:
 
     def find(
         self,
-        points: npt.NDArray[np.float32],
+        points: Single,
         spaces: Sequence[LightSpace],
         until: str = STAGES[-1],
-    ) -> npt.NDArray[np.float32]:
+    ) -> Single:
         """(n, L): the share of each lamp that every pixel, or listed receiver, sees; 0 where it is
         turned away from a lamp or behind it.
 
@@ -162,9 +163,7 @@ class VisibleShares:
         self.trees.move(points)
         return self.found(spaces, until)
 
-    def found(
-        self, spaces: Sequence[LightSpace], until: str = STAGES[-1]
-    ) -> npt.NDArray[np.float32]:
+    def found(self, spaces: Sequence[LightSpace], until: str = STAGES[-1]) -> Single:
         """`find` where vertices are now."""
         self.record(spaces, until)
         while self.enlarged(spaces):

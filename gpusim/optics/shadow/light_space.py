@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Real
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.shadow.sample_mask import lamp_masks
 
@@ -27,7 +27,6 @@ __all__ = [
     "light_spaces",
 ]
 
-Array = npt.NDArray[np.float64]
 TOLERANCE = 2e-6
 """A face begins no shadow nearer to its plane than this times the distance from the eye."""
 
@@ -60,16 +59,16 @@ class LightSpace:
 
     lamp: Lamp
     number: int
-    across: Array
-    along: Array
-    axis: Array
+    across: Float
+    along: Float
+    axis: Float
     half: tuple[float, float]
     scale: float
     terminator: float = 0.0
     sheets: int = 0
 
     @property
-    def centre(self) -> Array:
+    def centre(self) -> Float:
         """(3,), zero of a far lamp."""
         return np.zeros(3) if self.lamp.far else self.lamp.centre
 
@@ -88,11 +87,11 @@ class LightSpace:
         """Distance before the lamp's plane at which the space begins."""
         return BEGIN * self.scale
 
-    def ahead(self, x: Array) -> Array:
+    def ahead(self, x: Float) -> Float:
         """(n,): distance of points (n, 3) along the axis."""
         return np.asarray((x - self.centre) @ self.axis)
 
-    def place(self, x: Array) -> Array:
+    def place(self, x: Float) -> Float:
         """(n, 3): p, q and s of points (n, 3)."""
         y = x - self.centre
         beside = np.stack([y @ self.across, y @ self.along], axis=1)
@@ -102,7 +101,7 @@ class LightSpace:
         s = 1.0 / np.maximum(w, 1e-3 * self.begin)
         return np.column_stack([beside * s[:, None], s])
 
-    def rounding_at(self, place: Array) -> Array:
+    def rounding_at(self, place: Float) -> Float:
         """(n, 3): how far rounding moves places (n, 3) of the space."""
         if self.lamp.far:
             return np.full(place.shape, self.rounding)
@@ -111,7 +110,7 @@ class LightSpace:
         result[:, 2] = place[:, 2]
         return self.rounding * place[:, 2:] * result
 
-    def planes(self, planes: Array) -> Array:
+    def planes(self, planes: Float) -> Float:
         """(n, 4): planes (n, 4), unit normal and offset, as functions of p, q, s and 1. The third
         is how high the lamp's middle is over each."""
         u, v, a = (planes[:, :3] @ way for way in (self.across, self.along, self.axis))
@@ -119,13 +118,13 @@ class LightSpace:
             return np.stack([u, v, -a, -planes[:, 3]], axis=1)
         return np.stack([u, v, planes[:, :3] @ self.centre - planes[:, 3], a], axis=1)
 
-    def extent(self, planes: Array) -> Array:
+    def extent(self, planes: Float) -> Float:
         """(n,): how much the height of the lamp's points over `planes` (n, 4) differs from that of
         its middle at most."""
         u, v = np.abs(planes[:, :2]).T
         return np.asarray(self.half[0] * u + self.half[1] * v)
 
-    def asks(self, x: Array, normal: Array) -> npt.NDArray[np.bool_]:
+    def asks(self, x: Float, normal: Float) -> Bool:
         """(n,): which receivers at (n, 3) are before the lamp and turned to it."""
         planes = self.planes(np.column_stack([normal, np.sum(normal * x, axis=1)]))
         height = planes[:, 2] + self.extent(planes)
@@ -168,8 +167,8 @@ def lamp_numbers(spaces: Sequence[LightSpace]) -> list[int]:
 
 def light_spaces(
     lamps: Sequence[Lamp],
-    points: npt.NDArray[np.floating],
-    eye: Array,
+    points: Real,
+    eye: Float,
     terminator: float = 0.0,
 ) -> list[LightSpace]:
     """The spaces of all ``lamps`` that cast shadows; ``points`` (V, 3 or more): vertices, relative
@@ -195,7 +194,7 @@ def light_spaces(
     return result
 
 
-def _box(points: npt.NDArray[np.floating]) -> Array:
+def _box(points: Real) -> Float:
     """(2, 3): ends of the box round ``points`` (V, 3), one at least."""
     # in long rows: NumPy takes twenty times as long for those of three
     even = len(points) // 64 * 64
@@ -205,11 +204,11 @@ def _box(points: npt.NDArray[np.floating]) -> Array:
     return np.array([low, high], np.float64)
 
 
-def _axes(lamp: Lamp, points: npt.NDArray[np.floating], box: Array) -> list[Array]:
+def _axes(lamp: Lamp, points: Real, box: Float) -> list[Float]:
     """The ways that a lamp without size looks: one or, from inside the scene, two; ``box`` as
     `_box` finds it."""
 
-    def ahead(way: npt.NDArray[np.floating]) -> bool:
+    def ahead(way: Real) -> bool:
         along = way @ axis.astype(way.dtype)
         return bool((along > AROUND * np.sqrt(np.einsum("va,va->v", way, way))).all())
 
@@ -227,7 +226,7 @@ def _axes(lamp: Lamp, points: npt.NDArray[np.floating], box: Array) -> list[Arra
     return [axis, -axis]
 
 
-def _beside(lamp: Lamp, axis: Array, points: npt.NDArray[np.floating]) -> tuple[Array, Array]:
+def _beside(lamp: Lamp, axis: Float, points: Real) -> tuple[Float, Float]:
     """Unit vectors across an ``axis`` and each other: the first is that along which the scene is
     longest, so that boxes around what is built in lines are small."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
 from gpusim.optics.geometry.triangle_corners import CHUNK, parts
@@ -41,8 +42,6 @@ __all__ = [
     "single_sheets",
 ]
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 NO_OCCLUDER = 0xFFFFFFFF
 """What lies across an edge that isn't shared by two triangles, one each way."""
@@ -64,10 +63,10 @@ class Occluders:
     ``rank`` (T,): place in this order of each triangle of all surfaces.
     """
 
-    triangles: Numbers
+    triangles: Long
     neighbours: npt.NDArray[np.uint32]
-    sheet: Numbers
-    rank: Numbers
+    sheet: Long
+    rank: Long
 
     @staticmethod
     def of(surfaces: Sequence[Surface]) -> Occluders:
@@ -108,12 +107,12 @@ class Occluders:
         return len(self.triangles)
 
     @cached_property
-    def open(self) -> npt.NDArray[np.bool_]:
+    def open(self) -> Bool:
         """(T,): whether they are of open surfaces."""
         return self.sheet > 0
 
     @cached_property
-    def owner(self) -> npt.NDArray[np.int32]:
+    def owner(self) -> Int:
         """(T,): ``rank`` of triangles of open surfaces, -1 of closed ones."""
         return np.where(self.open[self.rank], self.rank, -1).astype(np.int32)
 
@@ -124,7 +123,7 @@ class Occluders:
         return 1 << max(self.count.bit_length(), 7)
 
 
-def relative_points(surfaces: Sequence[Surface], eye: Array) -> npt.NDArray[np.float32]:
+def relative_points(surfaces: Sequence[Surface], eye: Float) -> Single:
     """(V, 3): vertices of all surfaces relative to the ``eye``, subtracted in float64."""
     result = np.empty(3 * sum(len(surface.points) for surface in surfaces), np.float32)
     eyes = np.tile(eye, CHUNK)
@@ -139,7 +138,7 @@ def relative_points(surfaces: Sequence[Surface], eye: Array) -> npt.NDArray[np.f
     return result.reshape(-1, 3)
 
 
-def _across(topology: Topology) -> Numbers:
+def _across(topology: Topology) -> Long:
     """(T, 3): see `Occluders.neighbours`, -1 for none."""
     own = np.arange(len(topology.triangles))[:, None]
     edge = topology.edge
@@ -156,7 +155,7 @@ def _across(topology: Topology) -> Numbers:
     return np.where(shared[edge], np.where(is_first, second, first), -1)
 
 
-def _morton_codes(places: Array) -> npt.NDArray[np.uint64]:
+def _morton_codes(places: Float) -> npt.NDArray[np.uint64]:
     """(n,): bits of x, y and z of ``places`` (n, 3) in turn."""
     low = places.min(axis=0)
     size = max(float((places.max(axis=0) - low).max()), 1e-300)
@@ -187,7 +186,7 @@ class DeviceOccluders:
         self.neighbours.write(beside)
         self.records: Texels = device.texels(4 * count, "rgba32float", "shadow.occluders")
 
-    def move(self, points: npt.NDArray[np.float32]) -> None:
+    def move(self, points: Single) -> None:
         """Put the vertices at ``points`` (V, 3), relative to the eye."""
         used = self.vertices.nbytes // 12
         if len(points) < used or points.shape[1:] != (3,):
@@ -233,7 +232,7 @@ class OccluderBVH:
         self.notes: dict[str, object] = {}
         """What others keep with these from one frame to the next."""
 
-    def move(self, points: npt.NDArray[np.float32]) -> None:
+    def move(self, points: Single) -> None:
         """Put the vertices at ``points`` (V, 3), relative to the eye."""
         self.placed.move(points)
         self._gathered = False
@@ -293,7 +292,7 @@ class _Tree:
         return own is not None and own.lamp is space.lamp and bool((own.axis == space.axis).all())
 
 
-def planes_of(corners: Array) -> Array:
+def planes_of(corners: Float) -> Float:
     """(T, 4): unit normals, zero of what has no area, and offsets of triangles (T, 3, 3)."""
     a, b, c = (corners[:, k] for k in range(3))
     normal = np.cross(b - a, c - a)
@@ -302,7 +301,7 @@ def planes_of(corners: Array) -> Array:
     return np.column_stack([normal, np.sum(normal * corners.mean(axis=1), axis=1)])
 
 
-def facing(space: LightSpace, corners: Array, is_open: npt.NDArray[np.bool_]) -> Numbers:
+def facing(space: LightSpace, corners: Float, is_open: Bool) -> Long:
     """(T,): the way that triangles (T, 3, 3) face a lamp."""
     planes = space.planes(planes_of(corners))
     slack = ANGLE if space.lamp.far else space.on_face
@@ -320,7 +319,7 @@ def facing(space: LightSpace, corners: Array, is_open: npt.NDArray[np.bool_]) ->
     return np.where(behind.any(axis=1) & (result != HIDES_NOTHING), crossing, result)
 
 
-def box_ends(space: LightSpace, corners: Array) -> tuple[Array, Array]:
+def box_ends(space: LightSpace, corners: Float) -> tuple[Float, Float]:
     """Low and high ends (T, 3) of boxes around triangles (T, 3, 3)."""
     low = np.full((len(corners), 3), UNLIMITED)
     high = -low
@@ -346,7 +345,7 @@ def box_ends(space: LightSpace, corners: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def single_sheets(space: LightSpace, occluders: Occluders, corners: Array) -> Numbers:
+def single_sheets(space: LightSpace, occluders: Occluders, corners: Float) -> Long:
     """(T,): ``sheet`` of occluders with ``corners`` (T, 3, 3) where it hides nothing of itself on
     the side that a lamp lights, else 0: all of it turns one side to all of the lamp."""
     kind = facing(space, corners, occluders.open)
@@ -359,9 +358,7 @@ def single_sheets(space: LightSpace, occluders: Occluders, corners: Array) -> Nu
     return result
 
 
-def refit_twin(
-    occluders: Occluders, points: Array, space: LightSpace
-) -> tuple[Array, npt.NDArray[np.int64]]:
+def refit_twin(occluders: Occluders, points: Float, space: LightSpace) -> tuple[Float, Long]:
     """Boxes (2 L, 7), low and high ends of p, q and s and the lowest s with its neighbours', and
     words (2 L,) of the nodes over L leaves; ``points`` (V, 3) relative to the eye."""
     corners, leaves = points[occluders.triangles], occluders.leaves

@@ -10,8 +10,8 @@ above the highest.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.gpu import Bound, Recording
 from gpusim.optics.shadow.light_space import ANGLE, TOLERANCE, UNLIMITED, LightSpace
 from gpusim.optics.shadow.receivers import (
@@ -24,8 +24,6 @@ from gpusim.optics.shadow.receivers import (
 
 __all__ = ["asking", "cells_twin", "entries_of", "groups_twin", "record_cells", "record_groups"]
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 NAME = "optics/shadow/receiver_groups"
 
@@ -40,7 +38,7 @@ def record_groups(recording: Recording, receivers: DeviceReceivers, bound: Bound
     bound.run(recording, NAME, "find_groups", receivers.kind, threads=(receivers.entries,))
 
 
-def entries_of(receivers: Receivers | PixelReceivers) -> tuple[Numbers, Receivers, Numbers, int]:
+def entries_of(receivers: Receivers | PixelReceivers) -> tuple[Long, Receivers, Long, int]:
     """Number (n,) and place of the receivers that are there, the entry (n,) of each, and the number
     of entries."""
     if isinstance(receivers, Receivers):
@@ -75,14 +73,14 @@ def entries_of(receivers: Receivers | PixelReceivers) -> tuple[Numbers, Receiver
 
 def asking(
     receivers: Receivers | PixelReceivers, space: LightSpace
-) -> tuple[Numbers, Receivers, Numbers]:
+) -> tuple[Long, Receivers, Long]:
     """Number (n,), place and entry (n,) of the receivers that ask a lamp."""
     there, every, entry, _ = entries_of(receivers)
     asks = np.flatnonzero(space.asks(every.at, every.normal))
     return there[asks], every[asks], entry[asks]
 
 
-def cells_twin(receivers: Receivers | PixelReceivers, sheets: Numbers) -> Array:
+def cells_twin(receivers: Receivers | PixelReceivers, sheets: Long) -> Float:
     """(E, 13): cells as the shader has them; ``sheets`` (T,) of occluders."""
     there, every, entry, count = entries_of(receivers)
     at, reach = every.at, 0.5 * (np.abs(every.across) + np.abs(every.down))
@@ -118,7 +116,7 @@ def cells_twin(receivers: Receivers | PixelReceivers, sheets: Numbers) -> Array:
     return np.column_stack([low, lean, high, highest - lowest, plane, sheet])
 
 
-def _in_picture(receivers: PixelReceivers, every: Receivers) -> tuple[Array, Array]:
+def _in_picture(receivers: PixelReceivers, every: Receivers) -> tuple[Float, Float]:
     """Places (n, 3), in the picture and in depth, and how far samples go on about these."""
     camera = receivers.camera
     back = np.linalg.inv(camera.camera_from_world[:3, :3].T @ camera.ray_matrix()).T
@@ -132,8 +130,8 @@ def _in_picture(receivers: PixelReceivers, every: Receivers) -> tuple[Array, Arr
 
 
 def groups_twin(
-    receivers: Receivers | PixelReceivers, space: LightSpace, sheets: Numbers, single: Numbers
-) -> Array:
+    receivers: Receivers | PixelReceivers, space: LightSpace, sheets: Long, single: Long
+) -> Float:
     """(E, 12): box, sheet, tolerance and ground of every entry, as the shader has them; ``single``
     (T,): `single_sheets`."""
     cells = cells_twin(receivers, sheets)
@@ -184,14 +182,14 @@ def groups_twin(
     return np.column_stack([box, sheet, tolerance, ground])
 
 
-def _ends(space: LightSpace, x: Array) -> tuple[Array, Array]:
+def _ends(space: LightSpace, x: Float) -> tuple[Float, Float]:
     """Low and high ends (E, 3) of boxes around places (8, E, 3)."""
     place = np.stack([space.place(v) for v in x])
     slack = np.stack([space.rounding_at(v) for v in place])
     return (place - slack).min(axis=0), (place + slack).max(axis=0)
 
 
-def _unlimited(space: LightSpace, x: Array) -> tuple[Array, Array]:
+def _unlimited(space: LightSpace, x: Float) -> tuple[Float, Float]:
     """Ends of what of cells with corners (8, E, 3) is before the lamp's plane, which passes
     through these."""
     y = x - space.centre

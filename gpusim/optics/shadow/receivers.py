@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.gpu import Buffer, Device, Texels, Uniform
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
@@ -33,8 +34,6 @@ __all__ = [
     "plane_words",
 ]
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 TILE = 8
 
@@ -58,12 +57,12 @@ class Receivers:
     at most `MOST` neighbours begin, and the last one ends; None: each is by itself.
     """
 
-    at: Array
-    normal: Array
-    across: Array
-    down: Array
-    on: Numbers
-    start: Numbers | None = None
+    at: Float
+    normal: Float
+    across: Float
+    down: Float
+    on: Long
+    start: Long | None = None
 
     def __getitem__(self, rows: Any) -> Receivers:
         """Some of them, each by itself."""
@@ -72,11 +71,11 @@ class Receivers:
         )
 
     @property
-    def starts(self) -> Numbers:
+    def starts(self) -> Long:
         """``start``, of every one where there are no groups."""
         return np.arange(len(self.at) + 1) if self.start is None else self.start
 
-    def upright(self) -> Array:
+    def upright(self) -> Float:
         """(n, 3): unit normals of the planes in which the places change."""
         up = np.cross(self.across, self.down)
         size = np.linalg.norm(up, axis=1)
@@ -86,7 +85,7 @@ class Receivers:
         return np.where(np.sum(up * self.normal, axis=1)[:, None] > 0.0, up, -up)
 
 
-def group_starts(size: Numbers) -> Numbers:
+def group_starts(size: Long) -> Long:
     """(G + 1,): where groups begin, and the last one ends, that divide parts of ``size`` (n,), one
     after the other, into `MOST` at most."""
     parts = -(-size // MOST)
@@ -105,8 +104,8 @@ class PixelReceivers:
 
     camera: Camera
     ids: npt.NDArray[np.uint32]
-    planes: Array
-    on: Numbers
+    planes: Float
+    on: Long
 
     @staticmethod
     def of(view: View, ids: npt.NDArray[np.uint32], occluders: Occluders) -> PixelReceivers:
@@ -115,13 +114,13 @@ class PixelReceivers:
         return PixelReceivers(view.camera, ids, PixelReceivers.planes_of(view), on)
 
     @staticmethod
-    def planes_of(view: View) -> Array:
+    def planes_of(view: View) -> Float:
         """``planes`` of a view."""
         rays = view.camera.camera_from_world[:3, :3].T @ view.camera.ray_matrix()
-        result: Array = view.planes_of(slice(None)).sum(axis=1) @ np.linalg.inv(rays)
+        result: Float = view.planes_of(slice(None)).sum(axis=1) @ np.linalg.inv(rays)
         return result
 
-    def receivers(self) -> tuple[Numbers, Receivers]:
+    def receivers(self) -> tuple[Long, Receivers]:
         """Indices (n,) of the pixels that see something, and these one by one."""
         camera = self.camera
         pixel = np.flatnonzero(self.ids)
@@ -145,7 +144,7 @@ class PixelReceivers:
         return pixel, Receivers(x, normal, changes[:, 0], changes[:, 1], self.on[triangle])
 
 
-def plane_words(on: Numbers, lean: Array) -> npt.NDArray[np.uint32]:
+def plane_words(on: Long, lean: Float) -> npt.NDArray[np.uint32]:
     """(T,): in 24 bits the occluder that each triangle of a view is part of, -1 for none, and in
     the others how far normals for shading ``lean`` from its own."""
     steps = np.where(lean > 1e-4, np.minimum(np.ceil(lean * LEAN), 255.0), 0.0)
@@ -243,11 +242,11 @@ class DeviceList(DeviceReceivers):
         result.fill(receivers)
         return result
 
-    def holds(self, starts: Numbers) -> bool:
+    def holds(self, starts: Long) -> bool:
         """Whether there is room for these."""
         return len(starts) - 1 <= self.most_groups and int(starts[-1]) <= self.most
 
-    def list(self, starts: Numbers) -> None:
+    def list(self, starts: Long) -> None:
         """Let groups begin there; the last number is the count."""
         self.groups, self.count = len(starts) - 1, int(starts[-1])
         self.halves.write(starts.astype(np.uint32))

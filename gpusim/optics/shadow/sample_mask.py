@@ -25,11 +25,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.light.quadrature import Lamp
 
 __all__ = ["COLUMNS", "ROWS", "SAMPLES", "STEP_A", "STEP_B", "lamp_masks", "lattice"]
 
-Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 16, 32
 SAMPLES = ROWS * COLUMNS
 STEP_A, STEP_B = 2.0 / COLUMNS, 2.0 / SAMPLES
@@ -41,7 +41,7 @@ STRIP = (0, 2, 4, 6, 8, 10, 12, 14, 1, 3, 5, 7, 9, 11, 13, 15)
 in all directions, of penumbrae of all widths, of those along the lamp's sides above all."""
 
 
-def lattice() -> Array:
+def lattice() -> Float:
     """(16, 4): -a or a and b (-1 to 1) of the first sample of each row, the pixel offset in x that
     the row looks from, and the direction (1 or -1) that a takes along it (of a lamp with a size).
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long, Single
 from gpusim.gpu import Device
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.quadrature import Lamp, check_number
@@ -29,8 +29,6 @@ from gpusim.surface.topology import Topology
 
 __all__ = ["Shadows"]
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 LABEL = "shadow.occluders"
 
@@ -62,7 +60,7 @@ class Shadows:
 
     view: View
     occluders: Occluders
-    points: npt.NDArray[np.float32]
+    points: Single
     lamps: tuple[Lamp, ...]
     spaces: tuple[LightSpace, ...]
     trees: OccluderBVH | None
@@ -104,7 +102,7 @@ class Shadows:
         return sum(1 << number for number in lamp_numbers(self.spaces))
 
     @cached_property
-    def owners(self) -> npt.NDArray[np.int32]:
+    def owners(self) -> Int:
         """(T,): the occluder that each triangle of the view is part of, -1 of closed surfaces."""
         return np.take(self.occluders.owner, self.view.source, mode="clip")
 
@@ -114,14 +112,14 @@ class Shadows:
 
     def shares(
         self,
-        x: Array,
-        y: Array,
-        at: Array,
-        normal: Array,
-        across: Array,
-        down: Array,
-        triangle: Numbers,
-    ) -> Array:
+        x: Float,
+        y: Float,
+        at: Float,
+        normal: Float,
+        across: Float,
+        down: Float,
+        triangle: Long,
+    ) -> Float:
         """(n, L): what receivers see of each lamp, 0 to 1, in NumPy; of one without shadows all.
 
         ``x``, ``y`` (n,) px; ``at`` (n, 3) their places relative to the eye, ``normal`` (n, 3)
@@ -144,13 +142,13 @@ class Shadows:
         return result
 
     def receivers(
-        self, at: Array, normal: Array, across: Array, down: Array, triangle: Numbers
+        self, at: Float, normal: Float, across: Float, down: Float, triangle: Long
     ) -> Receivers:
         """Receivers on triangles (n,) of the view."""
         return Receivers(at, normal, across, down, self.owners[triangle].astype(np.int64))
 
 
-def _together(space: LightSpace, x: Array, y: Array, receivers: Receivers) -> Iterator[Numbers]:
+def _together(space: LightSpace, x: Float, y: Float, receivers: Receivers) -> Iterator[Long]:
     """Receivers that ask, those of a tile at about the same depth side by side."""
     asking = np.flatnonzero(space.asks(receivers.at, receivers.normal))
     tile = np.floor((y[asking] + 0.5) / TILE) * 1e6 + np.floor((x[asking] + 0.5) / TILE)
@@ -163,7 +161,7 @@ def _together(space: LightSpace, x: Array, y: Array, receivers: Receivers) -> It
             yield group[first : first + TOGETHER]
 
 
-def _near(space: LightSpace, low: Array, high: Array, receivers: Receivers) -> Numbers:
+def _near(space: LightSpace, low: Float, high: Float, receivers: Receivers) -> Long:
     """Occluders whose boxes, between ``low`` and ``high`` (T, 3), meet the shaft from all of
     ``receivers`` to the lamp."""
     least, most = np.full(3, np.inf), np.full(3, -np.inf)

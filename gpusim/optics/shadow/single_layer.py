@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.geometry.feature_edges import border_of
 from gpusim.optics.geometry.vertex_attributes import SurfaceNormals, surface_normals
 from gpusim.optics.light.lights import Light
@@ -28,8 +28,6 @@ from gpusim.surface.surface import Surface
 
 __all__ = ["without_shadows", "wound_once"]
 
-Array = npt.NDArray[np.float64]
-Numbers = npt.NDArray[np.int64]
 
 SURE = 1e-14
 """Of the numbers that go into it, beyond which a difference isn't rounding."""
@@ -39,7 +37,7 @@ DIRECTIONS = np.pi * (np.arange(36) + 0.5) / 36.0
 
 
 def without_shadows(
-    surfaces: Sequence[Surface], lights: Sequence[Light], eye: Array
+    surfaces: Sequence[Surface], lights: Sequence[Light], eye: Float
 ) -> list[Light]:
     """The same ``lights``, without shadows those that surely hide nothing that the ``eye`` sees:
     of a single surface."""
@@ -57,7 +55,7 @@ def without_shadows(
     return found
 
 
-def wound_once(space: LightSpace, surfaces: Sequence[Surface], eye: Array) -> int:
+def wound_once(space: LightSpace, surfaces: Sequence[Surface], eye: Float) -> int:
     """Bits of the open ones of the first `SHEETS` surfaces whose border winds once at most round
     any ray to a lamp. They hide nothing of themselves if all of their triangles turn the same side
     to it, which is found where these are looked at."""
@@ -73,7 +71,7 @@ def wound_once(space: LightSpace, surfaces: Sequence[Surface], eye: Array) -> in
 
 
 def _single_layer(
-    space: LightSpace, surface: Surface, shape: SurfaceNormals, points: Array
+    space: LightSpace, surface: Surface, shape: SurfaceNormals, points: Float
 ) -> bool:
     """Whether a lamp lights all of a surface that is turned to it, and nothing else that the eye
     sees; ``points`` (P, 3): its vertices, from there."""
@@ -104,10 +102,10 @@ def _single_layer(
     return not rough and bool(((np.abs(height) - sweep)[away] > lean * reach).all())
 
 
-def _place(space: LightSpace, points: Array) -> Array:
+def _place(space: LightSpace, points: Float) -> Float:
     """`LightSpace.place`, to the last digits of how points differ."""
     middle, frame = points.mean(axis=0), np.stack([space.across, space.along, space.axis], axis=1)
-    result: Array = (points - middle) @ frame + (middle - space.centre) @ frame
+    result: Float = (points - middle) @ frame + (middle - space.centre) @ frame
     if space.lamp.far:
         result[:, 2] *= -1.0
     else:
@@ -116,7 +114,7 @@ def _place(space: LightSpace, points: Array) -> Array:
     return result
 
 
-def _winds_once(space: LightSpace, at: Array, starts: Numbers, ends: Numbers) -> bool:
+def _winds_once(space: LightSpace, at: Float, starts: Long, ends: Long) -> bool:
     """Whether a border between vertices (n,) each, the first at (n, 3), winds once at most round
     every ray."""
     order = np.argsort(starts)
@@ -141,9 +139,7 @@ def _winds_once(space: LightSpace, at: Array, starts: Numbers, ends: Numbers) ->
     )
 
 
-def _starlike(
-    half: Array, at: Array, change: Array, loop: Numbers, turn: Array, slack: float
-) -> npt.NDArray[np.bool_]:
+def _starlike(half: Float, at: Float, change: Float, loop: Long, turn: Float, slack: float) -> Bool:
     """Which loops, that turn one way (1) or the other (-1), all run that way round their middle;
     ``at``, ``change`` (n, 3) of edges, ``loop`` (n,) that each is part of."""
     middle = np.stack([np.bincount(loop, v) for v in at.T], axis=1) / np.bincount(loop)[:, None]
@@ -158,7 +154,7 @@ def _starlike(
     return result
 
 
-def _monotone(half: Array, change: Array, after: Numbers, slack: float) -> bool:
+def _monotone(half: Float, change: Float, after: Long, slack: float) -> bool:
     """Whether a loop of edges that ``change`` (n, 3) runs up once and down once along some
     direction; ``after`` (n,): the next edge."""
     for way in np.stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)], axis=1):

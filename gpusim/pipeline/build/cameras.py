@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.files.input_file import Reader, read_input
 from gpusim.optics.calibration.formats import read_rig
@@ -31,8 +31,6 @@ __all__ = [
     "moving",
     "opening",
 ]
-
-Array = npt.NDArray[np.float64]
 
 
 def build_camera(camera: m.Camera, read: Reader = read_input) -> Camera:
@@ -66,7 +64,7 @@ def build_camera(camera: m.Camera, read: Reader = read_input) -> Camera:
     return Camera(columns, rows, K, bent, pose, camera.name)
 
 
-def _pose(camera: m.Camera) -> Array | None:
+def _pose(camera: m.Camera) -> Float | None:
     """camera_from_world, or None if only the calibration file knows."""
     if camera.position is not None and camera.target is not None:
         return Camera.from_lens(

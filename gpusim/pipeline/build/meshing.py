@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import mesh
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
@@ -142,7 +142,7 @@ def mesh_summary(name: str, grid: Mesh) -> tuple[MeshSummary, list[str]]:
 _FACING = np.deg2rad(30.0)  # as `mesh.select_faces` has it
 
 
-def nodes_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int32]:
+def nodes_of(grid: Mesh, where: m.Where) -> Int:
     """Node numbers. Raises InputError if there are none."""
     return mesh.select_nodes(
         grid,
@@ -165,9 +165,7 @@ def faces_of(grid: Mesh, faces: Faces, where: m.Where) -> Faces:
     )
 
 
-def surface_faces_of(
-    points: npt.NDArray[np.float64], faces: npt.NDArray[np.int32], where: m.Where, told: str
-) -> npt.NDArray[np.int64]:
+def surface_faces_of(points: Float, faces: Int, where: m.Where, told: str) -> Long:
     """Numbers of the faces (F, 4) of a surface without solids, by bounds and outward normal.
 
     Raises InputError if there are none, or the surface is asked for a named set.
@@ -191,7 +189,7 @@ def surface_faces_of(
     return np.flatnonzero(keep)
 
 
-def cells_of(grid: Mesh, where: m.Where) -> npt.NDArray[np.int64]:
+def cells_of(grid: Mesh, where: m.Where) -> Long:
     """Global numbers of the cells whose middle is there. Raises InputError if there are none."""
     low = np.array(where.lower) - where.tolerance
     high = np.array(where.upper) + where.tolerance

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.model.supports import check_supports
 from gpusim.pipeline.build.meshing import cells_of, faces_of, nodes_of
@@ -20,15 +20,13 @@ from gpusim.scene.description import model as m
 
 __all__ = ["BodyModel", "build_body_model", "build_model", "temperature"]
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class _Supports:
     """Of each degree of freedom (N,3): the support that holds it (-1: none), and where."""
 
-    support: npt.NDArray[np.int32]
-    displacement: Array
+    support: Int
+    displacement: Float
 
 
 def build_material(material: m.Material) -> fem.Isotropic | fem.Orthotropic:
@@ -49,7 +47,7 @@ class BodyModel:
     one; -1: none."""
 
     model: fem.Model
-    support: npt.NDArray[np.int32]
+    support: Int
 
 
 def build_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = None) -> fem.Model:
@@ -164,7 +162,7 @@ def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
     return _Supports(owner, place)
 
 
-def _materials(parts: MeshedBody) -> tuple[list[fem.Material], npt.NDArray[np.int32]]:
+def _materials(parts: MeshedBody) -> tuple[list[fem.Material], Int]:
     """The materials of a body, and which of them each cell is of."""
     body = parts.body
     assert body.material is not None  # build_model made sure
@@ -178,9 +176,7 @@ def _materials(parts: MeshedBody) -> tuple[list[fem.Material], npt.NDArray[np.in
     return materials, of_cell
 
 
-def _load(
-    parts: MeshedBody, materials: list[fem.Material], of_cell: npt.NDArray[np.int32], load: m.Load
-) -> Array:
+def _load(parts: MeshedBody, materials: list[fem.Material], of_cell: Int, load: m.Load) -> Float:
     """(N,3) nodal forces at amplitude 1."""
     grid, body = parts.mesh, parts.body
     density = np.array([material.density for material in materials])[of_cell]

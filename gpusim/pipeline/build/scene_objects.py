@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int
 from gpusim.graph.runner import Inputs
 from gpusim.motion import Motion
 from gpusim.pipeline.build.surfaces import BodyParts, MeshedBody, posed
@@ -30,8 +31,6 @@ __all__ = [
     "solver_seconds",
 ]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int32]
 
 _ARRAYS = ("u", "reactions", "applied")
 

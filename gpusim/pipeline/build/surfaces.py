@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import mesh
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.field import Field
 from gpusim.files.input_file import Reader, read_input
@@ -42,7 +42,6 @@ __all__ = [
     "rotation",
 ]
 
-Array = npt.NDArray[np.float64]
 Frame = PaintFrame | CylinderFrame | Atlas
 DEFAULT_ALBEDO = 0.5
 FINISH = ("roughness", "metallic", "bump")
@@ -58,9 +57,9 @@ CORNERS: dict[str, Callable[..., Paint]] = {"charuco": paints.Charuco, "lines": 
 
 def build_frame(
     paint: m.Pattern,
-    points: Array,
-    faces: npt.NDArray[np.int32],
-    own: npt.NDArray[np.bool_],
+    points: Float,
+    faces: Int,
+    own: Bool,
     where: str,
 ) -> Frame:
     """Paint coordinates of the faces that are a paint's ``own`` (F,); ``where`` names it."""
@@ -134,7 +133,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints
     )  # fmt: skip
 
 
-def _target(paint: m.Target, places: Array) -> paints.Paint:
+def _target(paint: m.Target, places: Float) -> paints.Paint:
     values: dict[str, Any] = dict(paint.values)
     values |= zip(FINISH, finish_of(paint), strict=True)
     if paint.kind in CORNERS:
@@ -143,12 +142,12 @@ def _target(paint: m.Target, places: Array) -> paints.Paint:
     return MIDDLES[paint.kind](places, **values)
 
 
-def _distance(frame: PaintFrame | CylinderFrame, points: Array) -> Array:
+def _distance(frame: PaintFrame | CylinderFrame, points: Float) -> Float:
     """How far points (n, 3) lie off the surface that a frame is for."""
     relative = points - frame.origin
     if isinstance(frame, CylinderFrame):
         across = relative - np.outer(relative @ frame.axis, frame.axis)
-        off: Array = np.linalg.norm(across, axis=1) - frame.radius
+        off: Float = np.linalg.norm(across, axis=1) - frame.radius
     else:
         off = relative @ np.cross(frame.s_axis, frame.t_axis)
     return np.abs(off)
@@ -210,9 +209,9 @@ def _painted_skin(
 def _painted(
     where: str,
     patterns: Sequence[m.Paint],
-    points: Array,
-    faces: npt.NDArray[np.int32],
-    region: npt.NDArray[np.int32],
+    points: Float,
+    faces: Int,
+    region: Int,
     read: Reader,
 ) -> tuple[dict[str, Paint], dict[str, Frame]]:
     """Paints by name, and paint coordinates of those that need some; ``region`` (F,): which of the
@@ -303,8 +302,8 @@ def _new_name(name: str, known: Collection[str]) -> str:
 
 
 def _looks(
-    surface: TexturedSurface, paint: m.Picture, own: npt.NDArray[np.int64], where: str, read: Reader
-) -> list[tuple[npt.NDArray[np.int64], FileMaterial]]:
+    surface: TexturedSurface, paint: m.Picture, own: Long, where: str, read: Reader
+) -> list[tuple[Long, FileMaterial]]:
     """Of a paint's ``own`` faces (n,) those that look alike, and how."""
     if not len(own):
         raise InputError(f"{where}: every face it matches is painted over by a later paint")
@@ -312,7 +311,7 @@ def _looks(
         return [(own, FileMaterial(paint.name, (1.0, 1.0, 1.0), read(paint.path)))]
     if not surface.materials:
         raise InputError(f"{where}: the prop's file names no materials; expected file = a picture")
-    result: list[tuple[npt.NDArray[np.int64], FileMaterial]] = []
+    result: list[tuple[Long, FileMaterial]] = []
     ground = FileMaterial("none", color(paint.albedo))
     for number in np.unique(surface.material[own]).tolist():
         material = surface.materials[number] if number >= 0 else ground
@@ -331,7 +330,7 @@ def _looks(
 def _by_uv(
     surface: TexturedSurface,
     paint: m.Picture,
-    own: npt.NDArray[np.int64],
+    own: Long,
     material: FileMaterial,
     where: str,
 ) -> tuple[Paint, Atlas | None]:
@@ -367,7 +366,7 @@ def posed(surface: Surface, prop: m.Prop, pose: m.Pose | Placed | None = None) -
     return surface.moved(points + np.array(pose.position))
 
 
-def rotation(angles: m.Vec3) -> Array:
+def rotation(angles: m.Vec3) -> Float:
     """(3, 3): first about the world's x axis, then y, then z (rad)."""
     result = np.eye(3)
     for axis, angle in enumerate(angles):

@@ -20,9 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.array_types import Float
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 from gpusim.pipeline.build.modelling import build_model, temperature
@@ -32,7 +32,6 @@ from gpusim.scene.description import model as m
 
 __all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]
 
-Array = npt.NDArray[np.float64]
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
 TOLD = 0.005
 LARGE = 0.1  # of a body's size
@@ -115,7 +114,7 @@ def linear_errors(objects: MovingBodies) -> list[LinearError]:
     return found
 
 
-def _second_order(parts: MeshedBody, frame: int, u: Array) -> tuple[float, float]:
+def _second_order(parts: MeshedBody, frame: int, u: Float) -> tuple[float, float]:
     body, model = parts.body, build_model(parts)
     forced = any(isinstance(load, FORCES) and load.amplitude[frame] for load in body.loads)
     change = temperature(body, frame) or None
@@ -124,7 +123,7 @@ def _second_order(parts: MeshedBody, frame: int, u: Array) -> tuple[float, float
 
 def second_order(
     model: fem.Model,
-    u: Array,
+    u: Float,
     formulation: str,
     *,
     forced: bool = True,
@@ -149,7 +148,7 @@ def second_order(
     return float(bent / max(1.0 - pressed, 0.1)), float(longer)
 
 
-def _pressed(found: fem.Stress, turn: Array, square: Array) -> float:
+def _pressed(found: fem.Stress, turn: Float, square: Float) -> float:
     """Share that displacements grow by, to first order, where the stress presses along the body."""
     xx, yy, zz, xy, yz, zx = found.cell.T
     x, y, z = turn.T
@@ -158,7 +157,7 @@ def _pressed(found: fem.Stress, turn: Array, square: Array) -> float:
     return float(-work / (2.0 * found.energy.sum()))
 
 
-def cell_rotations(mesh: Mesh, u: Array) -> Array:
+def cell_rotations(mesh: Mesh, u: Float) -> Float:
     """Rotation vectors (M, 3) in rad at the middle of each cell: half the curl of ``u`` (N, 3)."""
     result = np.empty((mesh.cell_count, 3))
     for kind, first, block in mesh.blocks():

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.pictures.visibility import unseen
 from gpusim.surface import Surface
@@ -14,7 +14,6 @@ from gpusim.surface.paint import Speckle
 
 __all__ = ["disc_warnings", "pixels_per_metre"]
 
-Array = npt.NDArray[np.float64]
 LEAST, MOST = 2.0, 15.0
 """Pixels per disc: below, a disc is aliased to a dot that changes with its place on the grid;
 above, a subset has to be large to hold three of them."""
@@ -74,11 +73,11 @@ def pixels_per_metre(surface: Surface, region: int, camera: Camera) -> float:
     return float(np.sqrt(shown / real)) if real > 0.0 else float("nan")
 
 
-def _corners(surface: Surface, region: int) -> Array:
+def _corners(surface: Surface, region: int) -> Float:
     """The triangles (T, 3, 3) of a region."""
     topology = surface.topology
     own = topology.triangles[surface.regions[topology.source] == region]
-    corners: Array = surface.points[own]
+    corners: Float = surface.points[own]
     return corners
 
 

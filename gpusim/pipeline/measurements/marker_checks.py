@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh import boundary_faces
 from gpusim.optics.camera.pinhole import Camera
@@ -23,7 +23,6 @@ from gpusim.surface.surface import face_normals
 
 __all__ = ["axial_loads", "marker_warnings"]
 
-Array = npt.NDArray[np.float64]
 MOST_BLUR = 0.15  # of a marker's width: a cross blurred by more has its border in its middle
 NAMED = 6
 MOSAIC_PX, GAMMA_PX = {"bilinear": 0.1, "malvar": 0.04}, 0.02  # RMS, of markers of 15 to 24 px
@@ -128,14 +127,14 @@ def axial_loads(spec: m.Deflection, scene: Scene, bodies: Sequence[BodyParts]) -
     return found
 
 
-def _steepest(camera: Camera, places: Array) -> float:
+def _steepest(camera: Camera, places: Float) -> float:
     """How far off the axis markers are, over their distance: the greatest."""
     x, y, z = camera.to_camera(places).T
     ahead = z > 0.0
     return float((np.hypot(x, y)[ahead] / z[ahead]).max(initial=0.0))
 
 
-def _vectors(parts: BodyParts) -> Iterator[tuple[str, Array]]:
+def _vectors(parts: BodyParts) -> Iterator[tuple[str, Float]]:
     """What acts on a body in a known direction, with its name."""
     for load in parts.body.loads:
         if not any(load.amplitude):
@@ -152,13 +151,13 @@ def _vectors(parts: BodyParts) -> Iterator[tuple[str, Array]]:
             yield f"the displacement of support {support.name!r}", moved
 
 
-def _resultant(parts: BodyParts, where: m.Where) -> Array:
+def _resultant(parts: BodyParts, where: m.Where) -> Float:
     """The way (3,) that an even pressure on faces pushes as a whole; zero if it is balanced."""
     try:
         faces = faces_of(parts.mesh, boundary_faces(parts.mesh), where)
     except InputError:
         return np.zeros(3)  # told when the body's model is made
     normals = face_normals(parts.mesh.points, faces.nodes[:, :4])
-    whole: Array = -normals.sum(axis=0)
+    whole: Float = -normals.sum(axis=0)
     least = 1e-9 * float(np.linalg.norm(normals, axis=1).sum())
     return whole if float(np.linalg.norm(whole)) > least else np.zeros(3)

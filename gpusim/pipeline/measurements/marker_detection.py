@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
@@ -28,7 +29,6 @@ __all__ = [
     "size_range",
 ]
 
-Array = npt.NDArray[np.float64]
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
 SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the front
@@ -47,12 +47,12 @@ class MarkerSet:
 
     groups: tuple[tuple[int, m.Markers], ...]
     count: int
-    position: Array
-    size: Array
+    position: Float
+    size: Float
     names: tuple[str, ...]
     group_names: tuple[str, ...]
 
-    def true_motion(self, objects: SceneObjects, frames: Sequence[int]) -> tuple[Array, Array]:
+    def true_motion(self, objects: SceneObjects, frames: Sequence[int]) -> tuple[Float, Float]:
         """True displacements in m of the markers on bodies: (M, 3) in the first frame, and
         (F, M, 3) from there to each of the ``frames``."""
         parts, first = [], 0
@@ -85,9 +85,9 @@ def collect_markers(spec: m.MarkerMeasure, scene: Scene, bodies: Sequence[BodyPa
     )
 
 
-def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Array:
+def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Float:
     """Widths (M,) px of the markers; raises InputError for one that is too small."""
-    widths: Array = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
+    widths: Float = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
     narrow = int(np.argmin(widths))
     if not 0.95 * widths[narrow] >= LEAST_WIDTH:
         raise InputError(
@@ -107,14 +107,14 @@ class CrossFits:
     of the cross didn't settle.
     """
 
-    points: Array
-    arms: Array
-    blur: Array
-    sigma: Array
-    rough: npt.NDArray[np.bool_]
+    points: Float
+    arms: Float
+    blur: Float
+    sigma: Float
+    rough: Bool
 
     @property
-    def known(self) -> npt.NDArray[np.bool_]:
+    def known(self) -> Bool:
         """(M,) bool: seen."""
         return np.asarray(np.isfinite(self.points).all(axis=1))
 
@@ -124,7 +124,7 @@ def size_range(width: float) -> tuple[float, float]:
     return max(LEAST_WIDTH, SIZES[0] * width), SIZES[1] * width
 
 
-def find_crosses(image: npt.NDArray[Any], near: Array, widths: Array) -> CrossFits:
+def find_crosses(image: npt.NDArray[Any], near: Float, widths: Float) -> CrossFits:
     """Find the markers that are about ``widths`` (M,) px wide near the places (M, 2)."""
     points, arms = np.full_like(near, np.nan), np.full((len(near), 2, 2), np.nan)
     seen = np.isfinite(near).all(axis=1)
@@ -143,8 +143,8 @@ def find_crosses(image: npt.NDArray[Any], near: Array, widths: Array) -> CrossFi
 
 
 def fit_crosses(
-    image: npt.NDArray[Any], near: Array, arms: Array, blur: Array | None = None
-) -> tuple[Array, Array, Array]:
+    image: npt.NDArray[Any], near: Float, arms: Float, blur: Float | None = None
+) -> tuple[Float, Float, Float]:
     """Centres (M, 2) by a fit of each cross, their standard uncertainty and the lens blur (M,).
 
     Where the ``blur`` isn't known, a first fit tells it, and with it how close to a marker's own
@@ -162,7 +162,7 @@ def fit_crosses(
     return points, sigma, found
 
 
-def arms_of(located: measure.Markers) -> Array:
+def arms_of(located: measure.Markers) -> Float:
     """Half widths (M, 2, 2) along both borders, px."""
     half, turn = 0.5 * located.size, located.angle
     along = np.stack([np.cos(turn), np.sin(turn)], axis=1)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.cameras import build_camera, build_sensor
 from gpusim.pipeline.build.scene_objects import SceneObjects
@@ -28,7 +28,6 @@ from gpusim.scene.frames import frame_word
 
 __all__ = ["GOAL", "MarkerResult", "TrackedMarkers", "track_markers"]
 
-Array = npt.NDArray[np.float64]
 GOAL = 1e-3
 """Relative error up to which a measured displacement counts as good."""
 
@@ -108,17 +107,17 @@ class MarkerResult(Result):
         return tuple(self.table["status"][-1].tolist())
 
     @property
-    def position_mm(self) -> Array:
+    def position_mm(self) -> Float:
         """(M, 3) on the unloaded structure."""
         return np.stack([self.table[f"{axis}_mm"][-1] for axis in "xyz"], axis=-1)
 
     @property
-    def measured_mm(self) -> Array:
+    def measured_mm(self) -> Float:
         """Displacements (M, K)."""
         return self.table.last("measured")
 
     @property
-    def true_mm(self) -> Array:
+    def true_mm(self) -> Float:
         """True displacements (M, K)."""
         return self.table.last("true")
 
@@ -166,7 +165,7 @@ class MarkerResult(Result):
         rms = float(np.sqrt(np.mean(np.sum(error[fine] ** 2, axis=1))))
         return [Measurement.noise(f"{self.name}: RMS error of all markers", "mm", rms)]
 
-    def histories(self, scene: Scene, quantity: str, measured: Array, true: Array) -> list[Series]:
+    def histories(self, scene: Scene, quantity: str, measured: Float, true: Float) -> list[Series]:
         """A series per marker of a ``quantity`` (F, M), mm, over the frames' load factors or times;
         none of a single frame."""
         instants = np.array([scene.analysis.load_factors[frame] for frame in self.table.frames])
@@ -187,7 +186,7 @@ class MarkerResult(Result):
         self,
         scene: Scene,
         out: Path,
-        views: Mapping[str, tuple[Array, Array]],
+        views: Mapping[str, tuple[Float, Float]],
         mm_per_px: float | None = None,
     ) -> tuple[list[Overlay], dict[str, list[Crop]]]:
         """Overlays and crops of each camera's markers (M, 2) px and how far they moved."""
@@ -204,7 +203,7 @@ class MarkerResult(Result):
         ]
         return overlays, {camera: self._crops(*view) for camera, view in views.items()}
 
-    def _crops(self, points: Array, moved: Array) -> list[Crop]:
+    def _crops(self, points: Float, moved: Float) -> list[Crop]:
         """The first, the middle and the last of the markers that were followed."""
         ok = np.flatnonzero(np.isfinite(points + moved).all(axis=1))
         shown = ok[np.unique(np.linspace(0, len(ok) - 1, 3).astype(int))] if len(ok) else ok

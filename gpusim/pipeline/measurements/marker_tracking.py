@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim._version import __version__
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import atomic_stream, safe_name
@@ -41,7 +42,6 @@ from gpusim.pipeline.pictures.exposure import level_warnings
 
 __all__ = ["FirstPicture", "MarkerCache", "MarkerTracks"]
 
-Array = npt.NDArray[np.float64]
 SUBSET_SHARE = 0.95
 LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
 TRIES = 30  # iterations; those that find a marker take 16 at most, others go on for ever
@@ -59,18 +59,18 @@ class MarkerTracks:
     subsets and the fitted crosses.
     """
 
-    expected: Array
-    points: Array
-    displacement: Array
-    sigma: Array
+    expected: Float
+    points: Float
+    displacement: Float
+    sigma: Float
     status: npt.NDArray[np.str_]
-    clipped: npt.NDArray[np.bool_]
-    unrefined: npt.NDArray[np.bool_]
+    clipped: Bool
+    unrefined: Bool
     subset: int
     tracking_px: float
 
     @property
-    def found(self) -> npt.NDArray[np.bool_]:
+    def found(self) -> Bool:
         """(M,) bool: seen in the first image."""
         return np.asarray(np.isfinite(self.points).all(axis=1))
 
@@ -85,8 +85,8 @@ class FirstPicture:
     marks: MarkerSet
     picture: npt.NDArray[Any]
     sensor: Sensor
-    expected: Array
-    widths: Array
+    expected: Float
+    widths: Float
     crosses: CrossFits
 
     @staticmethod
@@ -169,13 +169,13 @@ class _CrossTracks:
     """Where correlation found crosses: ``points`` (M, 2) px in the first picture, ``matched``
     (M, 2) from there, ``arms`` (M, 2, 2), ``widths`` (M,) px, ``status`` (M,) words."""
 
-    points: Array
-    matched: Array
-    arms: Array
-    widths: Array
+    points: Float
+    matched: Float
+    arms: Float
+    widths: Float
     status: npt.NDArray[Any]
 
-    def rescue(self, image: npt.NDArray[Any], chains: Sequence[npt.NDArray[np.int64]]) -> None:
+    def rescue(self, image: npt.NDArray[Any], chains: Sequence[Long]) -> None:
         """Look for markers that correlation lost, in place: a turned one no longer looks the same.
 
         Along a member, the displacement is carried on from the neighbours before; the marker
@@ -202,10 +202,10 @@ class _CrossTracks:
 def _unchanged(
     reference: npt.NDArray[Any],
     deformed: npt.NDArray[Any],
-    points: Array,
-    matched: Array,
-    widths: Array,
-) -> npt.NDArray[np.bool_]:
+    points: Float,
+    matched: Float,
+    widths: Float,
+) -> Bool:
     """Markers (M,) that show the same pixels in both pictures: the same pixels, the same centre."""
     same = np.zeros(len(points), dtype=bool)
     for i in np.flatnonzero(np.abs(matched).max(axis=1) < 0.5):  # false for NaN
@@ -216,7 +216,7 @@ def _unchanged(
     return same
 
 
-def _clipped(saturated: npt.NDArray[np.bool_], at: Array, width: float) -> bool:
+def _clipped(saturated: Bool, at: Float, width: float) -> bool:
     """Whether more than four pixels of a marker are ``saturated``, in any channel."""
     if not np.isfinite(at).all():
         return False
@@ -226,7 +226,7 @@ def _clipped(saturated: npt.NDArray[np.bool_], at: Array, width: float) -> bool:
     return int(np.count_nonzero(window.any(axis=2) if window.ndim == 3 else window)) > 4
 
 
-def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[int]]:
+def _chains(rows: Long, movable: int, total: int) -> list[list[int]]:
     """The members' markers as one chain from the clamp, the static ones one by one."""
     index = {int(row): i for i, row in enumerate(rows)}
     chain = [index[row] for row in range(movable) if row in index]
@@ -234,7 +234,7 @@ def _chains(rows: npt.NDArray[np.int64], movable: int, total: int) -> list[list[
     return [c for c in [chain, *still] if c]
 
 
-def _search(points: Array, chains: list[list[int]], subset: int) -> int:
+def _search(points: Float, chains: list[list[int]], subset: int) -> int:
     """How far a marker is searched around its prediction: a third of the way to its neighbour."""
     gaps = [
         float(np.linalg.norm(np.diff(points[chain], axis=0), axis=1).min())

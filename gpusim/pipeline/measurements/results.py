@@ -18,6 +18,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import atomic_stream, safe_name, write_text
 from gpusim.files.input_file import Reader, read_input
@@ -27,7 +28,6 @@ from gpusim.scene import Scene
 
 __all__ = ["Columns", "Crop", "PointTable", "Reported", "Result", "csv_text", "vector_columns"]
 
-Array = npt.NDArray[np.float64]
 Columns = Mapping[str, npt.NDArray[Any]]
 Crop = tuple[str, float, float, float, float]
 
@@ -66,12 +66,12 @@ class PointTable:
         """A column."""
         return self.columns[name]
 
-    def vectors(self, quantity: str) -> Array:
+    def vectors(self, quantity: str) -> Float:
         """(F, P, K): the K columns whose names begin with a ``quantity``, as "measured"."""
         names = [name for name in self.columns if name.startswith(f"{quantity}_")]
         return np.stack([self[name] for name in names], axis=-1)
 
-    def last(self, quantity: str) -> Array:
+    def last(self, quantity: str) -> Float:
         """(P, K): `vectors` in the last frame."""
         return np.asarray(self.vectors(quantity)[-1])
 
@@ -92,7 +92,7 @@ class PointTable:
         return csv_text([*(["frame"] if several else []), self.what, *names], rows)
 
 
-def vector_columns(name: str, components: Sequence[str], values: Array) -> dict[str, Array]:
+def vector_columns(name: str, components: Sequence[str], values: Float) -> dict[str, Float]:
     """``values`` (..., K) as K columns: ``{}`` in their ``name`` stands for a component."""
     return {name.format(one): values[..., k] for k, one in enumerate(components)}
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.scene import Scene
@@ -15,7 +15,6 @@ from gpusim.surface import Surface
 
 __all__ = ["blind_cameras", "lamps_inside", "unseen", "winding_numbers"]
 
-Array = npt.NDArray[np.float64]
 LEAST_SEEN = 3.0  # px
 _CHUNK = 1 << 18
 OWN_SHARE = 0.05  # of a marker's size: how near to it a surface is its own
@@ -83,7 +82,7 @@ def lamps_inside(scene: Scene, surfaces: Sequence[Surface]) -> list[str]:
     return found
 
 
-def enclosing(surfaces: Sequence[Surface], point: Array) -> str:
+def enclosing(surfaces: Sequence[Surface], point: Float) -> str:
     """Name of a closed surface that ``point`` (3,) is inside of, as told to people, or "".
 
     A room, whose walls face inwards, encloses nothing.
@@ -97,7 +96,7 @@ def enclosing(surfaces: Sequence[Surface], point: Array) -> str:
     return ""
 
 
-def winding_numbers(surface: Surface, points: Array) -> Array:
+def winding_numbers(surface: Surface, points: Float) -> Float:
     """How often (n,) a surface goes round points (n, 3): 1 inside of a closed one, 0 outside.
 
     The solid angle of its triangles over 4 pi: van Oosterom & Strackee, IEEE TBME 30 (1983) 125.
@@ -122,7 +121,7 @@ def winding_numbers(surface: Surface, points: Array) -> Array:
     return result / (4.0 * np.pi)
 
 
-def unseen(camera: Camera, position: Array, size: Array, surfaces: Sequence[Surface]) -> list[str]:
+def unseen(camera: Camera, position: Float, size: Float, surfaces: Sequence[Surface]) -> list[str]:
     """Why ``camera`` doesn't see points (M, 3) of things of ``size`` (M,): "" where it does."""
     depth = camera.to_camera(position)[:, 2]
     pixels = camera.project(position)
@@ -157,7 +156,7 @@ class _Triangles:
         self.low[open_], self.high[open_] = -np.inf, np.inf
         self.eye = camera.eye
 
-    def hides(self, point: Array, own: float) -> bool:
+    def hides(self, point: Float, own: float) -> bool:
         """Whether one is between the camera and ``point`` (3,), and farther than ``own`` off it."""
         ray = point - self.eye
         place = self.turn @ ray

@@ -7,8 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Int
 from gpusim.export.meshes import write_pvd, write_region_stls, write_vtu
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -84,7 +84,7 @@ def _write(
             "float32 would not hold them so far from zero"]  # fmt: skip
 
 
-def _with_triangles(faces: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+def _with_triangles(faces: Int) -> Int:
     """Quads, a triangle's missing corner repeated."""
     result = faces.copy()
     result[:, 3] = np.where(faces[:, 3] < 0, faces[:, 2], faces[:, 3])

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim import fem
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError, NotConverged
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
@@ -41,7 +42,6 @@ __all__ = ["Stresses", "given", "model", "solution", "solve_bodies", "solve_scen
            "superposed", "write_stresses"]  # fmt: skip
 
 DISPLACEMENT, STRESS = "solution/displacement.npz", "solution/stress.npz"
-Array = npt.NDArray[np.float64]
 
 
 def model(scene: Scene, inputs: Inputs, session: Session) -> BodyModel:
@@ -171,7 +171,7 @@ class Stresses:
 
     def fields(
         self, body: int, frame: int, parts: MeshedBody
-    ) -> tuple[dict[str, Array], dict[str, Array]]:
+    ) -> tuple[dict[str, Float], dict[str, Float]]:
         """Point data and cell data for ParaView; zero in a frame without."""
         nodal, share = f"stress{body}_{frame}", f"error{body}_{frame}"
         stress, error = np.zeros((parts.mesh.node_count, 6)), np.zeros(parts.mesh.cell_count)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.arrays.array_types import Int, Long
 from gpusim.export.truth import TruthWriter
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -132,7 +133,7 @@ def _values(
     truth: Truth,
     before: Frame | None,
     others: Sequence[Frame],
-    cells: npt.NDArray[np.int64],
+    cells: Long,
 ) -> npt.NDArray[np.generic]:
     """A layer at the pixels of a band; ``before``: the frame at rest, None if this is that one."""
     if layer == "element":
@@ -150,7 +151,7 @@ def _values(
     return np.asarray(getattr(truth, layer))
 
 
-def _cell_of_face(objects: SceneObjects) -> npt.NDArray[np.int64]:
+def _cell_of_face(objects: SceneObjects) -> Long:
     """The element, counted over all bodies, of every face of the bodies' surfaces."""
     first = np.cumsum([0, *(parts.mesh.cell_count for parts in objects.bodies)])
     cells = [
@@ -163,7 +164,7 @@ def _write_nodes(file: TruthWriter, objects: SceneObjects, frames: FrameTable, w
     """Mesh and nodal displacement, bodies one after the other as in the layer ``element``."""
     bodies = objects.bodies
     first_node = np.cumsum([0, *(parts.mesh.node_count for parts in bodies)])
-    cells: dict[str, list[npt.NDArray[np.int32]]] = {}
+    cells: dict[str, list[Int]] = {}
     for parts, first in zip(bodies, first_node, strict=False):
         for kind, block in parts.mesh.cells.items():
             cells.setdefault(kind, []).append(block + np.int32(first))

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh import Mesh
 
@@ -16,8 +16,6 @@ if TYPE_CHECKING:  # half a second to import, which a window without fields does
     from gpusim.fem import Model, Stress
 
 __all__ = ["BodyState"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +29,11 @@ class BodyState:
     """
 
     mesh: Mesh
-    u: Array
+    u: Float
     model: Model | None = None
     formulation: str | None = None
     temperature: float = 0.0
-    nodal_stress: Array | None = None
+    nodal_stress: Float | None = None
 
     @cached_property
     def recovered(self) -> Stress:
@@ -49,12 +47,12 @@ class BodyState:
         return found
 
     @property
-    def stress(self) -> Array:
+    def stress(self) -> Float:
         """(N, 6), Pa."""
         return self.recovered.nodal if self.nodal_stress is None else self.nodal_stress
 
     @cached_property
-    def strain(self) -> Array:
+    def strain(self) -> Float:
         """(N, 6) as tensor components; where materials meet that of the greatest stress."""
         from gpusim import fem
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.thin_lens import Lens
@@ -33,8 +33,6 @@ if TYPE_CHECKING:  # a third of a second to import, which the first picture does
     from gpusim.pipeline.stages.mechanics import Stresses
 
 __all__ = ["Content"]
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -153,7 +151,7 @@ class Content:
         ]
         self._shown.clear()
 
-    def displacement(self, body: int, frame: int) -> Array:
+    def displacement(self, body: int, frame: int) -> Float:
         """Of a body's nodes (N, 3), not scaled."""
         assert self.objects is not None
         return self.objects.displacement(body, frame if self.moves else None)
@@ -189,11 +187,11 @@ class Content:
         return [parts.skin for parts in self.objects.bodies]
 
     @cached_property
-    def creases(self) -> list[Array]:
+    def creases(self) -> list[Float]:
         """Edges (n, 2, 3) m of what is shown without paint and lamps: they tell its shape."""
         return [crease_edges(surface) for surface in self.parts]
 
-    def outline(self, frame: int, scale: float, whole: bool = False) -> Array:
+    def outline(self, frame: int, scale: float, whole: bool = False) -> Float:
         """Points (n, 3) to be framed: those of the bodies; of everything if there are none, or for
         ``whole``."""
         surfaces = self.surfaces(frame, scale)
@@ -241,7 +239,7 @@ class Content:
         scene = self.objects.scene
         return load_groups(scene.bodies[body], scene.analysis.load_factors)
 
-    def forces(self, body: int, frame: int) -> Array:
+    def forces(self, body: int, frame: int) -> Float:
         """Of a body's nodes (N, 3), N, as they act in a frame; of one that can't be shown loaded
         yet, in the last one."""
         assert self.objects is not None

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
 __all__ = ["crease_edges", "element_edges"]
 
-Array = npt.NDArray[np.float64]
 
-
-def _ends(surface: Surface, edges: npt.NDArray[np.bool_]) -> Array:
+def _ends(surface: Surface, edges: Bool) -> Float:
     """(n, 2, 3): where the edges (E,) that are wanted lie now."""
     topology = surface.topology
     # each edge once, from the first of its triangles
@@ -23,7 +21,7 @@ def _ends(surface: Surface, edges: npt.NDArray[np.bool_]) -> Array:
     return surface.points[np.stack(ends, axis=1)]
 
 
-def element_edges(surface: Surface, skin: Skin) -> Array:
+def element_edges(surface: Surface, skin: Skin) -> Float:
     """(n, 2, 3) m, world: the borders of a body's elements on its surface, where they are now.
 
     Curved borders come in pieces; what cuts a face into triangles is left out.
@@ -43,7 +41,7 @@ def element_edges(surface: Surface, skin: Skin) -> Array:
     return _ends(surface, between | ~topology.manifold)
 
 
-def crease_edges(surface: Surface, angle: float = np.pi / 6) -> Array:
+def crease_edges(surface: Surface, angle: float = np.pi / 6) -> Float:
     """(n, 2, 3) m, world: edges at which a surface turns by more than ``angle`` (rad), ends, or
     changes its paint."""
     topology = surface.topology

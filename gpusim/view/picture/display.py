@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import encoded
 from gpusim.gpu import Device, Recording
 from gpusim.optics.frame import Frame
@@ -98,7 +99,7 @@ def draw_enlarged(
 
 def display_twin(
     radiance: npt.NDArray[np.floating[Any]], exposure: float, weights: Weights | None = None
-) -> npt.NDArray[np.float64]:
+) -> Float:
     """Colours (H, W, 3), 0 to 1, of a picture (H, W) or (H, W, 3)."""
     grey = weights is not None and radiance.ndim == 3
     values = np.atleast_3d(radiance @ np.array(weights) if grey else radiance).astype(np.float64)
@@ -106,9 +107,7 @@ def display_twin(
     return np.broadcast_to(shown, (*values.shape[:2], 3))
 
 
-def enlarged_twin(
-    colors: npt.NDArray[np.float64], width: int, height: int, scale: float
-) -> npt.NDArray[np.float64]:
+def enlarged_twin(colors: Float, width: int, height: int, scale: float) -> Float:
     """Colours (height, width, 3) of a target, from whose corner on the pixels of a picture
     (H, W, 3) are ``scale`` px wide; 0 beside it."""
     values = colors

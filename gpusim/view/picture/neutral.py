@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.optics.light.lights import AmbientLight, Light, SunLight
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
@@ -22,7 +22,7 @@ HEADLIGHT_WHITE = 0.85
 """Radiance that a headlight's picture shows as white."""
 
 
-def headlight(axes: npt.NDArray[np.float64]) -> list[Light]:
+def headlight(axes: Float) -> list[Light]:
     """A light from over the left shoulder, and a little from everywhere; ``axes`` (3, 3): the
     image's right, down and forward."""
     x, y, z = (float(v) for v in np.array([0.2, 0.7, 1.0]) @ axes)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Placement"]
+from gpusim.arrays.array_types import Float
 
-Array = npt.NDArray[np.float64]
+__all__ = ["Placement"]
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class Placement:
     y: float = 0.0
     scale: float = 1.0
 
-    def window(self, pixels: Array) -> Array:
+    def window(self, pixels: Float) -> Float:
         """Pixel coordinates of the camera (…, 2) as places in the window, px from its corner."""
-        result: Array = (self.x, self.y) + self.scale * (pixels + 0.5)
+        result: Float = (self.x, self.y) + self.scale * (pixels + 0.5)
         return result
 
-    def pixels(self, places: npt.ArrayLike) -> Array:
+    def pixels(self, places: npt.ArrayLike) -> Float:
         """The inverse of `window`."""
-        result: Array = (np.asarray(places, np.float64) - (self.x, self.y)) / self.scale - 0.5
+        result: Float = (np.asarray(places, np.float64) - (self.x, self.y)) / self.scale - 0.5
         return result

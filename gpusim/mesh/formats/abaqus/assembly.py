@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.mesh.file_content.coordinate_systems import rotation
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
@@ -20,8 +20,6 @@ from gpusim.mesh.formats.abaqus.elements import ElementBlock, read_elements
 from gpusim.mesh.formats.abaqus.nodes import NODE_CARDS, Nodes
 
 __all__ = ["read_content"]
-
-Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +187,6 @@ def _instance(
     return Instance(name, [*parts[part.upper()], *inner], turn, shift)
 
 
-Int = npt.NDArray[np.int64]
-
-
 def read_content(cards: Sequence[Card]) -> InpContent:
     """Nodes, elements, sets and surfaces. Raises InputError with file and line."""
     assembly = find_assembly(cards)
@@ -239,7 +234,7 @@ def _nodes(cards: Sequence[Card]) -> Nodes:
     return nodes
 
 
-def _set_so_far(nodes: Nodes, cards: Sequence[Card], name: str, where: str) -> Int:
+def _set_so_far(nodes: Nodes, cards: Sequence[Card], name: str, where: str) -> Long:
     """Labels of a node set as the cards before a place define it, for *NFILL."""
     labels, points = nodes.merged()
     content = InpContent(points, Numbering("node", labels), Numbering("element", labels[:0]))
@@ -271,7 +266,7 @@ def _assembled(assembly: Assembly, own: InpContent) -> InpContent:
         )
     offsets = [stride * k for k in range(len(every))]
 
-    def numbering(what: str, known: list[Int]) -> Numbering:
+    def numbering(what: str, known: list[Long]) -> Numbering:
         shifted = np.concatenate([one + k for one, k in zip(known, offsets, strict=True)])
         return Numbering(what, shifted, names, offsets[:-1], offsets[-1], assembly.name)
 

@@ -6,17 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, is_plain, whole
 from gpusim.mesh.formats.abaqus.elements import ElementBlock
 
 __all__ = ["InpContent", "Numbering", "add_members", "read_set"]
-
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +26,7 @@ class Numbering:
     """
 
     what: str
-    known: Int
+    known: Long
     names: Sequence[str] = ()
     offsets: Sequence[int] = ()
     own: int = 0
@@ -53,7 +50,7 @@ class Numbering:
         offset = self.offset(instance, where)
         return [offset] if instance or len(self.names) != 1 else [offset, self.offsets[0]]
 
-    def several(self, numbers: Int, where: str, instance: str = "") -> Int | None:
+    def several(self, numbers: Long, where: str, instance: str = "") -> Long | None:
         """Labels of many numbers, None unless they are all defined in one place."""
         for offset in self._scopes(instance, where):
             labels = numbers + offset
@@ -62,7 +59,7 @@ class Numbering:
                 return labels
         return None
 
-    def one(self, text: str, where: str, instance: str = "") -> Int:
+    def one(self, text: str, where: str, instance: str = "") -> Long:
         """(1,) label of ``12`` or ``INSTANCE.12``. Raises InputError for an undefined one."""
         head, _, tail = text.rpartition(".")
         number = np.array([whole(tail, where)])
@@ -72,7 +69,7 @@ class Numbering:
         labels = number + self.offset(instance or head, where)
         return self.known[self.positions(labels, lambda _: where)]  # which raises
 
-    def between(self, first: int, last: int, step: int, where: str, instance: str = "") -> Int:
+    def between(self, first: int, last: int, step: int, where: str, instance: str = "") -> Long:
         """Labels of all defined numbers first, first + step, … up to last."""
         for offset in self._scopes(instance, where):
             start, end = np.searchsorted(self.known, [first + offset, last + offset + 1])
@@ -90,7 +87,7 @@ class Numbering:
         number = str(label - offsets[place])
         return f"{self.names[place]}.{number}" if place < len(self.names) else number
 
-    def positions(self, labels: Int, where: Callable[[int], str]) -> Int:
+    def positions(self, labels: Long, where: Callable[[int], str]) -> Long:
         """Places of labels among ``known``; ``where(k)`` tells where ``labels[k]`` stands."""
         if len(self.known) == 0:
             raise InputError(
@@ -122,29 +119,29 @@ class InpContent:
     nodes: Numbering
     cells: Numbering
     blocks: list[ElementBlock] = field(default_factory=list)
-    node_sets: Names[Int] = field(default_factory=lambda: Names("node set"))
-    cell_sets: Names[Int] = field(default_factory=lambda: Names("element set"))
-    surfaces: Names[Int] = field(default_factory=lambda: Names("surface"))
+    node_sets: Names[Long] = field(default_factory=lambda: Names("node set"))
+    cell_sets: Names[Long] = field(default_factory=lambda: Names("element set"))
+    surfaces: Names[Long] = field(default_factory=lambda: Names("surface"))
     history: Sequence[Card] = ()
 
     @property
-    def node_labels(self) -> Int:
+    def node_labels(self) -> Long:
         return self.nodes.known
 
-    def nodes_named(self, text: str, where: str, instance: str = "") -> Int:
+    def nodes_named(self, text: str, where: str, instance: str = "") -> Long:
         """Labels of a node or of a node set. Raises InputError for an unknown one."""
         return _named(text, self.node_sets, self.nodes, where, instance)
 
-    def node_rows(self, text: str, where: str) -> Int:
+    def node_rows(self, text: str, where: str) -> Long:
         """Rows of ``points`` of a node or of a node set."""
         return np.searchsorted(self.node_labels, self.nodes_named(text, where))
 
-    def cells_named(self, text: str, where: str, instance: str = "") -> Int:
+    def cells_named(self, text: str, where: str, instance: str = "") -> Long:
         """Labels of an element or of an element set. Raises InputError for an unknown one."""
         return _named(text, self.cell_sets, self.cells, where, instance)
 
 
-def _named(text: str, sets: Names[Int], numbers: Numbering, where: str, instance: str) -> Int:
+def _named(text: str, sets: Names[Long], numbers: Numbering, where: str, instance: str) -> Long:
     name = f"{instance}.{text}" if instance else text
     digits = text.rpartition(".")[2].lstrip("+-")
     if digits.isdigit() and not ("." in text and name in sets):
@@ -162,7 +159,7 @@ def read_set(card: Card, content: InpContent) -> None:
         _surface(card, content)
 
 
-def add_members(sets: Names[Int], name: str, labels: Int) -> None:
+def add_members(sets: Names[Long], name: str, labels: Long) -> None:
     """A set grows where its name is given again."""
     if name.upper() in sets.values:
         labels = np.union1d(sets.values[name.upper()], labels)
@@ -176,7 +173,7 @@ def _name(card: Card, key: str) -> str:
     return name
 
 
-def _members(card: Card, content: InpContent) -> Int:
+def _members(card: Card, content: InpContent) -> Long:
     """Labels of a set's data lines: numbers, names of sets, or first, last, step.
 
     A range may run over numbers that aren't defined; a number by itself may not.
@@ -193,7 +190,7 @@ def _members(card: Card, content: InpContent) -> Int:
         quick = numbers.several(plain, card.where(), instance)
         if quick is not None:
             return quick
-    labels: list[Int] = [np.zeros(0, dtype=np.int64)]
+    labels: list[Long] = [np.zeros(0, dtype=np.int64)]
     for where, row in card.records():
         if generate:
             labels.append(numbers.between(*_range(row, where), where, instance))
@@ -214,7 +211,7 @@ def _range(row: list[str], where: str) -> tuple[int, int, int]:
     return first, last, step
 
 
-def _plain_numbers(card: Card) -> Int | None:
+def _plain_numbers(card: Card) -> Long | None:
     """All data as whole numbers at once, or None where something else stands there."""
     try:
         text = ",".join(card.lines)
@@ -224,7 +221,7 @@ def _plain_numbers(card: Card) -> Int | None:
         return None
 
 
-def _node_members(card: Card, content: InpContent) -> Int:
+def _node_members(card: Card, content: InpContent) -> Long:
     source, instance = card.parameters.get("ELSET", ""), card.parameters.get("INSTANCE", "")
     if not source:
         return _members(card, content)
@@ -241,7 +238,7 @@ def _surface(card: Card, content: InpContent) -> None:
         return
     if kind != "ELEMENT":
         raise InputError(f"{card.where()}: surface type; got TYPE={kind}; expected ELEMENT or NODE")
-    pairs: list[Int] = [np.zeros((0, 2), dtype=np.int64)]
+    pairs: list[Long] = [np.zeros((0, 2), dtype=np.int64)]
     for where, row in card.records():
         face = row[1].upper() if len(row) == 2 else ""
         if not (len(face) == 2 and face[0] == "S" and face[1] in "123456"):

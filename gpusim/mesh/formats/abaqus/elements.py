@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Long
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.formats.abaqus.cards import Card, is_plain, nearest, whole
@@ -15,7 +15,6 @@ from gpusim.mesh.formats.abaqus.nodes import MAX_GENERATED
 
 __all__ = ["SOLID_TYPES", "ElementBlock", "read_elements"]
 
-Int = npt.NDArray[np.int64]
 
 # Solid element types that share nodes and node order with ours, but for the middles of C3D27, which
 # are told by where they lie.
@@ -60,8 +59,8 @@ class ElementBlock:
     """
 
     type: str
-    labels: Int
-    nodes: Int
+    labels: Long
+    nodes: Long
     card: Card
     name: str
     offset: int = 0
@@ -73,13 +72,13 @@ class ElementBlock:
         return f"{self.card.where(line)}: element {label}"
 
 
-def read_elements(cards: Sequence[Card]) -> tuple[list[ElementBlock], list[tuple[str, Int]]]:
+def read_elements(cards: Sequence[Card]) -> tuple[list[ElementBlock], list[tuple[str, Long]]]:
     """Blocks of *ELEMENT and *ELGEN in their order, and (name, labels) of the sets they name.
 
     Raises InputError with file and line.
     """
     blocks: list[ElementBlock] = []
-    sets: list[tuple[str, Int]] = []
+    sets: list[tuple[str, Long]] = []
     generated = 0
     for card in cards:
         name = card.parameters.get("ELSET", "")

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.mesh.file_content.coordinate_systems import Frame, from_cylindrical, rotation
 from gpusim.mesh.formats.abaqus.cards import LARGEST, Card, is_plain, number, whole
 
 __all__ = ["MAX_GENERATED", "NODE_CARDS", "Nodes"]
 
-Float = npt.NDArray[np.float64]
-Int = npt.NDArray[np.int64]
 
 MAX_GENERATED = 5_000_000
 """Nodes, and elements, that the generating cards of a file may make."""
@@ -28,14 +26,14 @@ class Nodes:
     place, as in CalculiX. ``sets`` collects (name, labels) of the cards that name a set."""
 
     def __init__(self) -> None:
-        self.labels: list[Int] = []
+        self.labels: list[Long] = []
         self.points: list[Float] = []
-        self.sets: list[tuple[str, Int]] = []
+        self.sets: list[tuple[str, Long]] = []
         self.frame: Frame | None = None
         self.generated = 0
         self._places: dict[int, tuple[float, ...]] | None = None
 
-    def read(self, card: Card, members: Callable[[str, str], Int]) -> None:
+    def read(self, card: Card, members: Callable[[str, str], Long]) -> None:
         """One card; ``members(name, where)`` are the labels of a node set as known so far."""
         if card.keyword == "SYSTEM":
             self.frame = _system(card)
@@ -50,7 +48,7 @@ class Nodes:
         else:
             self._filling(card, members)
 
-    def merged(self) -> tuple[Int, Float]:
+    def merged(self) -> tuple[Long, Float]:
         """Sorted labels (N,) and their points (N,3)."""
         labels = np.concatenate([np.zeros(0, dtype=np.int64), *self.labels])
         points = np.concatenate([np.zeros((0, 3)), *self.points])
@@ -60,7 +58,7 @@ class Nodes:
     def _global(self, points: Float) -> Float:
         return points if self.frame is None else self.frame.place(points)
 
-    def _add(self, card: Card, labels: Int, points: Float) -> None:
+    def _add(self, card: Card, labels: Long, points: Float) -> None:
         self.labels.append(labels)
         self.points.append(points)
         if self._places is not None:
@@ -115,7 +113,7 @@ class Nodes:
             raise InputError(f"{where}: no centre; expected its node, or its three coordinates")
         return self._global(np.array([values[:3]]))[0], normal
 
-    def _filling(self, card: Card, members: Callable[[str, str], Int]) -> None:
+    def _filling(self, card: Card, members: Callable[[str, str], Long]) -> None:
         """*NFILL: two node sets, the number of intervals between them, increment."""
         expected = "two node sets, the number of intervals, increment"
         for where, row in card.records(3, 4, expected, counted=True):

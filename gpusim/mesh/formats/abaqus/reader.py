@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Long
 from gpusim.errors import InputError
 from gpusim.mesh.file_content.cell_blocks import in_numbers_of_file, index_of, match_faces, padded
 from gpusim.mesh.file_content.numbering import ABAQUS_SIDES, local_faces, middles_in_order
@@ -19,8 +19,6 @@ from gpusim.mesh.mesh import Mesh
 
 __all__ = ["LabelledMesh", "label_mesh", "read_inp"]
 
-Int = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, eq=False)
 class LabelledMesh:
@@ -30,15 +28,15 @@ class LabelledMesh:
     """
 
     mesh: Mesh
-    node_labels: Int
-    cell_labels: Int
+    node_labels: Long
+    cell_labels: Long
 
-    def cell_index(self, labels: Int) -> Int:
+    def cell_index(self, labels: Long) -> Long:
         """Global cell numbers of element labels; labels that aren't solids are left out."""
         cells = index_of(self.cell_labels, labels)
         return cells[cells >= 0]
 
-    def face_pairs(self, labelled: Int) -> Int:
+    def face_pairs(self, labelled: Long) -> Long:
         """(K,2) pairs (cell, local face) of (element label, Abaqus face 1…6) pairs."""
         cells = index_of(self.cell_labels, labelled[:, 0])
         cell, side = cells[cells >= 0], labelled[cells >= 0, 1] - 1
@@ -135,7 +133,7 @@ def _shown(cell: int, blocks: list[ElementBlock]) -> str:
     return blocks[place].where(cell - int(ends[place]) + len(blocks[place].labels))
 
 
-def _node_rows(block: ElementBlock, content: InpContent) -> Int:
+def _node_rows(block: ElementBlock, content: InpContent) -> Long:
     width = block.nodes.shape[1]
     ordered = np.sort(block.nodes, axis=1)
     twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
@@ -149,7 +147,7 @@ def _node_rows(block: ElementBlock, content: InpContent) -> Int:
     return nodes.reshape(-1, width)
 
 
-def _flat_faces(mesh: Mesh, flat: list[ElementBlock], content: InpContent) -> tuple[Int, Int]:
+def _flat_faces(mesh: Mesh, flat: list[ElementBlock], content: InpContent) -> tuple[Long, Long]:
     """(K,) labels of the flat elements that lie on faces of solids, and (K,2) those faces, as
     pairs (cell, local face)."""
     wide = [block for block in flat if block.nodes.shape[1] >= 3]

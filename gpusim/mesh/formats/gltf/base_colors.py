@@ -10,13 +10,13 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.gltf.document import GltfDocument, gltf_document, whole
 from gpusim.mesh.formats.gltf.primitives import PlacedPrimitive, placed_primitives
 
 __all__ = ["MOST_LOOKS", "gltf_looks"]
 
-Array = npt.NDArray[np.float64]
 Look = dict[str, Any]
 """Fields of a `gpusim.mesh.formats.textures.FileMaterial`."""
 
@@ -27,7 +27,7 @@ _WRAPS = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _GLOSS, _TRANSFORM = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
 
 
-def gltf_looks(file: InputFile) -> tuple[Array, npt.NDArray[np.int32], list[Look]]:
+def gltf_looks(file: InputFile) -> tuple[Float, Int, list[Look]]:
     """Texture coordinates (F, 3, 2) from the picture's lower left corner, NaN where there are none,
     which look (F,) each of `gltf_faces` has, -1 none, and the looks.
 
@@ -63,7 +63,7 @@ def gltf_looks(file: InputFile) -> tuple[Array, npt.NDArray[np.int32], list[Look
 
 def _base_color(
     document: GltfDocument, material: dict[str, Any], number: Any
-) -> tuple[Array, dict[str, Any]]:
+) -> tuple[Float, dict[str, Any]]:
     """Red, green and blue (3,), and the description of the texture, if there is one."""
     gloss = material.get("extensions", {}).get(_GLOSS)
     model, kind = material.get("pbrMetallicRoughness", {}), "baseColor"
@@ -88,7 +88,7 @@ def _attribute(
     return document.numbers(number, name, types)
 
 
-def _tints(document: GltfDocument, one: PlacedPrimitive) -> tuple[Array, npt.NDArray[np.int64]]:
+def _tints(document: GltfDocument, one: PlacedPrimitive) -> tuple[Float, Long]:
     """Different colours of vertices (n, 3), and which (T,) of them a triangle has."""
     colors = _attribute(document, one, "COLOR_0", {"VEC3", "VEC4"})
     if colors is None:
@@ -103,7 +103,7 @@ def _tints(document: GltfDocument, one: PlacedPrimitive) -> tuple[Array, npt.NDA
     return tints, which.reshape(-1)
 
 
-def _coordinates(document: GltfDocument, one: PlacedPrimitive, texture: dict[str, Any]) -> Array:
+def _coordinates(document: GltfDocument, one: PlacedPrimitive, texture: dict[str, Any]) -> Float:
     """Texture coordinates of a primitive's points (P, 2); glTF's v runs downwards."""
     extensions = texture.get("extensions", {})
     document.refuse(extensions, f"{one.name}, its texture", {_TRANSFORM})
@@ -120,7 +120,7 @@ def _coordinates(document: GltfDocument, one: PlacedPrimitive, texture: dict[str
     # counter-clockwise as seen, with v downwards: the extension's own listing has it reversed
     # (glTF issue 1563), its example and implementations don't
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    result: Array = (uv * scale) @ turn.T + offset
+    result: Float = (uv * scale) @ turn.T + offset
     result[:, 1] = 1.0 - result[:, 1]
     return result
 

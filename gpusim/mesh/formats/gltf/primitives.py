@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.gltf.document import GltfDocument, gltf_document, whole
 
 __all__ = ["MOST_FACES", "PlacedPrimitive", "gltf_faces", "placed_primitives"]
 
-Array = npt.NDArray[np.float64]
 
 MOST_FACES = 10_000_000
 """Of a file, and as many points: a few bytes place a mesh once more."""
@@ -29,12 +28,12 @@ class PlacedPrimitive:
 
     primitive: dict[str, Any]
     name: str
-    points: Array
-    triangles: npt.NDArray[np.int64]
-    places: Array
+    points: Float
+    triangles: Long
+    places: Float
 
     @property
-    def corners(self) -> npt.NDArray[np.int64]:
+    def corners(self) -> Long:
         """Corners (N, T, 3) of the triangles in each place; mirrored ones are turned over."""
         corners = np.repeat(self.triangles[None], len(self.places), axis=0)
         mirrored = np.linalg.det(self.places[:, :3, :3]) < 0.0
@@ -42,7 +41,7 @@ class PlacedPrimitive:
         return corners
 
 
-def gltf_faces(file: InputFile) -> tuple[Array, npt.NDArray[np.int64]]:
+def gltf_faces(file: InputFile) -> tuple[Float, Long]:
     """Points (P, 3) and faces (F, 4), the last column -1, of a file's scene.
 
     Raises InputError for a file that is damaged, asks for what isn't read, or has too many faces.
@@ -82,7 +81,7 @@ def placed_primitives(document: GltfDocument) -> Iterator[PlacedPrimitive]:
             yield _placed(document, primitive, name, np.array(places))
 
 
-def _places(document: GltfDocument) -> dict[int, list[Array]]:
+def _places(document: GltfDocument) -> dict[int, list[Float]]:
     """Matrices (4, 4) of the nodes that show a mesh, by its number."""
     nodes, scenes = document.json.get("nodes", []), document.json.get("scenes", [])
     if scenes:
@@ -90,7 +89,7 @@ def _places(document: GltfDocument) -> dict[int, list[Array]]:
     else:
         inner = {child for node in nodes for child in node.get("children", ())}
         roots = [number for number in range(len(nodes)) if number not in inner]
-    meshes: dict[int, list[Array]] = {}
+    meshes: dict[int, list[Float]] = {}
     waiting = [(whole(root), np.eye(4)) for root in reversed(roots)]
     met: set[int] = set()
     while waiting:
@@ -112,7 +111,7 @@ def _places(document: GltfDocument) -> dict[int, list[Array]]:
     return meshes
 
 
-def _matrix(node: dict[str, Any]) -> Array:
+def _matrix(node: dict[str, Any]) -> Float:
     """(4, 4): by its columns, or scale, then rotation (a quaternion x, y, z, w), then shift."""
     from scipy.spatial.transform import Rotation  # for one format
 
@@ -129,7 +128,7 @@ def _matrix(node: dict[str, Any]) -> Array:
 
 
 def _placed(
-    document: GltfDocument, primitive: dict[str, Any], name: str, places: Array
+    document: GltfDocument, primitive: dict[str, Any], name: str, places: Float
 ) -> PlacedPrimitive:
     document.refuse(primitive.get("extensions", ()), name, {"KHR_materials_variants"})
     points = document.numbers(primitive["attributes"]["POSITION"], f"{name}, POSITION", {"VEC3"})

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
@@ -25,7 +25,6 @@ from gpusim.scene.description import model as m
 
 __all__ = ["DamageResult", "compare_states"]
 
-Array = npt.NDArray[np.float64]
 LEAST_POINTS = 8
 CURVE_POINTS = 400
 
@@ -44,11 +43,11 @@ class DamageLine:
     group: str
     axis: str
     across: str
-    position_mm: Array
-    deflection_mm: Array
-    true_mm: Array
-    difference_mm: Array
-    true_difference_mm: Array
+    position_mm: Float
+    deflection_mm: Float
+    true_mm: Float
+    difference_mm: Float
+    true_difference_mm: Float
     mm_per_px: float
     notches_mm: tuple[float, ...]
     found: measure.SlopeChanges | None
@@ -62,7 +61,7 @@ class DamageLine:
         return float(np.sqrt(np.mean(fine**2))) if fine.size else float("nan")
 
     @property
-    def fitted_mm(self) -> Array:
+    def fitted_mm(self) -> Float:
         """The measured difference as the broken line that was fitted; NaN without one."""
         x = self.position_mm
         return x * np.nan if self.found is None else self.found.at(x)
@@ -234,7 +233,7 @@ def _line(spec: m.Damage, group: str, variant: _State, base: DeflectionResult) -
     if clearance is None:
         clearance = max((depth for _, _, depth in own_notches), default=0.0)
 
-    def changes(curve: Array) -> measure.SlopeChanges | None:
+    def changes(curve: Float) -> measure.SlopeChanges | None:
         if state == spec.reference or np.count_nonzero(np.isfinite(curve)) < LEAST_POINTS:
             return None
         return measure.slope_changes(
@@ -302,7 +301,7 @@ def _breaks(line: DamageLine) -> list[list[Any]]:
     return rows
 
 
-def _curve(line: DamageLine, measured: Array, true: Array) -> StateCurve:
+def _curve(line: DamageLine, measured: Float, true: Float) -> StateCurve:
     none, found = np.zeros(0), line.found
     x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
     return StateCurve(

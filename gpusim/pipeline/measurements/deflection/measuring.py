@@ -8,9 +8,9 @@ only afterwards, as the truth that the result is compared with.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.build.scene_objects import SceneObjects
@@ -28,7 +28,6 @@ from gpusim.scene.description import model as m
 
 __all__ = ["measure_deflection"]
 
-Array = npt.NDArray[np.float64]
 TRUTH_POINTS = 200
 
 
@@ -97,7 +96,7 @@ def measure_deflection(
     )
 
 
-def _scaled(tracks: MarkerTracks, count: int, scale: measure.Scale) -> tuple[Array, Array, Array]:
+def _scaled(tracks: MarkerTracks, count: int, scale: measure.Scale) -> tuple[Float, Float, Float]:
     """Of the first ``count`` markers displacements (M, 2) less the camera's motion, in px and in
     mm, and their uncertainty (M,) in mm."""
     moved, points = tracks.displacement, tracks.points
@@ -115,13 +114,13 @@ def _scaled(tracks: MarkerTracks, count: int, scale: measure.Scale) -> tuple[Arr
     return corrected, line.displacement_mm, line.sigma_mm
 
 
-def _tilt(camera: Camera, plane: Array) -> float:
+def _tilt(camera: Camera, plane: Float) -> float:
     """Degrees between the viewing direction and the normal of the measured plane (rows: axes)."""
     along = abs(float(camera.camera_from_world[2, :3] @ np.cross(plane[0], plane[1])))
     return float(np.degrees(np.arccos(min(along, 1.0))))
 
 
-def _image_axes(camera: Camera) -> tuple[tuple[str, str], Array]:
+def _image_axes(camera: Camera) -> tuple[tuple[str, str], Float]:
     """The two world axes nearest to the image's right and up, as names and as rows (2, 3)."""
     R = camera.camera_from_world[:3, :3]
     names, rows = [], []
@@ -139,7 +138,7 @@ def _image_axes(camera: Camera) -> tuple[tuple[str, str], Array]:
     return (names[0], names[1]), np.array(rows)
 
 
-def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Array) -> Array:
+def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Float) -> Float:
     """(G, 3, K) per group the place along it and the true displacement in the image's plane, mm."""
     curves = []
     for body, paint in marks.groups:

@@ -10,14 +10,13 @@ would give; what the measured scale is off by is a part of its own.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.optics.camera.pinhole import Camera
 
 __all__ = ["PARTS", "projection_error"]
 
-Array = npt.NDArray[np.float64]
 
 PARTS = {
     "axis": "motion along the camera's axis changes the scale",
@@ -29,13 +28,13 @@ PARTS = {
 
 def projection_error(
     camera: Camera,
-    position: Array,
-    moved: Array,
-    plane: Array,
+    position: Float,
+    moved: Float,
+    plane: Float,
     *,
     scale: measure.Scale,
-    used: npt.NDArray[np.bool_],
-) -> dict[str, Array]:
+    used: Bool,
+) -> dict[str, Float]:
     """The error of displacements that are read off the image with one scale: measured less true
     displacement (M, 2) in mm that each of `PARTS` makes; they add up.
 
@@ -52,7 +51,7 @@ def projection_error(
     along = moved @ forward
     within = moved - along[:, None] * forward
 
-    def seen(lens: Camera, displacement: Array) -> Array:
+    def seen(lens: Camera, displacement: Float) -> Float:
         return lens.project(position + displacement) - lens.project(position)
 
     def exact(lens: Camera) -> measure.Scale:

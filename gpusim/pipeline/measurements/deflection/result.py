@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float
 from gpusim.pipeline.measurements.deflection.projection_error import PARTS
 from gpusim.pipeline.measurements.marker_measurement import GOAL, MarkerResult
 from gpusim.pipeline.measurements.results import Reported
@@ -17,7 +17,6 @@ from gpusim.scene import Scene
 
 __all__ = ["DeflectionResult"]
 
-Array = npt.NDArray[np.float64]
 MOST_TILT_DEG = 1.0
 """Beyond it one scale coefficient is off by more than 0.015 %."""
 LEAST_SHARE, SIGMAS = 1e-3, 3.0
@@ -49,9 +48,9 @@ class DeflectionResult(MarkerResult):
     scale_residual_px: float
     subset_px: int
     tilt_deg: float
-    static_px: Array
-    tracking_px: Array
-    curves: Array
+    static_px: Float
+    tracking_px: Float
+    curves: Float
 
     def __post_init__(self) -> None:
         frames, groups = len(self.table.frames), len(dict.fromkeys(self.group))
@@ -140,7 +139,7 @@ class DeflectionResult(MarkerResult):
                 return k, 1.0 if axis[0] == self.direction[0] else -1.0
         return 1, 1.0
 
-    def _measurements(self, measured: Array, truth: Array) -> list[Measurement]:
+    def _measurements(self, measured: Float, truth: Float) -> list[Measurement]:
         """``measured`` and ``truth`` (M,) along the measure's direction."""
         name, marker = self.name, self.marker
         rows = [(f"{marker[-1]}, {self.direction}", "mm", measured[-1], truth[-1])]

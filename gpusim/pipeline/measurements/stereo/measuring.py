@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim import measure
+from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError, InputError
 from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
@@ -26,7 +26,6 @@ from gpusim.scene.description import model as m
 
 __all__ = ["measure_stereo"]
 
-Array = npt.NDArray[np.float64]
 MM = 1e3
 LEAST_SPREAD = 0.05  # of static markers, width over length
 
@@ -126,7 +125,7 @@ def _triangulated(
     name: str,
     calibration: measure.Calibration,
     seen: Sequence[MarkerTracks],
-    shifts: Sequence[Array],
+    shifts: Sequence[Float],
 ) -> tuple[Triangulated, Triangulated]:
     """The markers in space, three at least, before and after their ``shifts`` (M, 2) px in each
     camera."""
@@ -148,11 +147,11 @@ def _triangulated(
 
 def _steady(
     marks: MarkerSet,
-    before: Array,
-    after: Array,
+    before: Float,
+    after: Float,
     frame: measure.Alignment,
     moved: measure.Displacement3D,
-) -> tuple[Array, float]:
+) -> tuple[Float, float]:
     """Displacements less what the static markers seem to do, and how far they moved (mm, RMS)."""
     still = np.arange(len(before)) >= marks.count
     fine = still & np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
@@ -168,7 +167,7 @@ def _steady(
     return motion.apply(end) - start, rms
 
 
-def _parameters(calibration: measure.Calibration, cameras: Sequence[Camera]) -> Array:
+def _parameters(calibration: measure.Calibration, cameras: Sequence[Camera]) -> Float:
     """(3, C, 6): `PARAMETERS` as they were found, as they are, and their standard uncertainty."""
     result = np.full((3, len(cameras), len(PARAMETERS)), np.nan)
     for k, (found, true) in enumerate(zip(calibration.cameras, cameras, strict=True)):
@@ -184,14 +183,14 @@ def _parameters(calibration: measure.Calibration, cameras: Sequence[Camera]) -> 
     return result
 
 
-def _boards(calibration: measure.Calibration, frame: measure.Alignment, board: Board) -> Array:
+def _boards(calibration: measure.Calibration, frame: measure.Alignment, board: Board) -> Float:
     """Outlines (V, 4, 3) of the board in each view, in the axes of the structure, mm."""
     a, (across, down) = board.square, board.corners
     corners = np.array(
         [[-a, -a, 0], [across * a, -a, 0], [across * a, down * a, 0], [-a, down * a, 0.0]]
     )
     in_rig = np.einsum("vij,kj->vki", calibration.view_poses[:, :3, :3], corners)
-    result: Array = frame.apply(in_rig + calibration.view_poses[:, None, :3, 3])
+    result: Float = frame.apply(in_rig + calibration.view_poses[:, None, :3, 3])
     return result
 
 

@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from gpusim.arrays.array_types import Float, Long
 from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.marker_measurement import GOAL, MarkerResult
@@ -27,7 +27,6 @@ from gpusim.scene import Scene
 
 __all__ = ["PARAMETERS", "StereoResult"]
 
-Array = npt.NDArray[np.float64]
 PARAMETERS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px", "baseline_mm": "mm",
               "angle_deg": "deg"}  # fmt: skip
 """Of a camera with their units; the last two against the first camera."""
@@ -51,25 +50,25 @@ class StereoResult(MarkerResult):
     """
 
     lens: str
-    alignment_mm: Array
-    rig_motion_mm: Array
+    alignment_mm: Float
+    rig_motion_mm: Float
     calibration_px: float
     calibration_points: int
     calibration_outliers: int
     cameras: tuple[str, ...]
-    parameters: Array
-    distortion: Array
-    camera_rms_px: Array
-    eye_mm: Array
-    axis: Array
-    resolution: npt.NDArray[np.int64]
-    boards_mm: Array
-    view_rms_px: Array
-    corner_camera: npt.NDArray[np.int64]
-    corners_px: Array
-    corner_errors_px: Array
-    points_px: Array
-    moved_px: Array
+    parameters: Float
+    distortion: Float
+    camera_rms_px: Float
+    eye_mm: Float
+    axis: Float
+    resolution: Long
+    boards_mm: Float
+    view_rms_px: Float
+    corner_camera: Long
+    corners_px: Float
+    corner_errors_px: Float
+    points_px: Float
+    moved_px: Float
 
     def __post_init__(self) -> None:
         frames, count, cameras = len(self.table.frames), len(self.marker), len(self.cameras)
@@ -86,7 +85,7 @@ class StereoResult(MarkerResult):
             raise ValueError(f"of another shape than its {count} markers: {', '.join(wrong)}")
 
     @property
-    def found_mm(self) -> Array:
+    def found_mm(self) -> Float:
         """Where the markers (M, 3) were at first."""
         return self.table.last("found")
 
@@ -125,7 +124,7 @@ class StereoResult(MarkerResult):
             self._measurements(measured[-1], true[-1]), histories, overlays, figures, crops
         )
 
-    def _measurements(self, measured: Array, true: Array) -> list[Measurement]:
+    def _measurements(self, measured: Float, true: Float) -> list[Measurement]:
         """The free end's displacement, the error of all markers, and the calibration; ``measured``
         and ``true``: lengths (M,)."""
         name, marker = self.name, self.marker[-1]
