@@ -6,8 +6,6 @@ import sys
 
 from gpusim.interrupts import end_at_once
 
-__all__ = ["main"]
-
 
 def main() -> int:
     """Import the command line and run it; returns the exit code."""

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["notebook_html", "notebook_png", "notebook_view", "plotted"]
-
 
 def notebook_html(kind: str, thing: object) -> str | None:
     """The ``_repr_html_`` of a ``thing``, by the module ``kind``; None where there is none.

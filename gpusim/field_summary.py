@@ -8,8 +8,6 @@ from typing import Any
 
 from gpusim.printable import printable
 
-__all__ = ["field_summary"]
-
 _LONGEST = 160  # characters: two lines
 
 

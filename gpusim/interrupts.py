@@ -14,8 +14,6 @@ from collections.abc import Iterable
 from types import FrameType
 from typing import Any
 
-__all__ = ["INTERRUPTED", "DelayedSignals", "end_at_once", "raise_again"]
-
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
 

@@ -14,8 +14,6 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 
-__all__ = ["Given", "Motion", "Superposed"]
-
 State = tuple[float, ...]
 
 

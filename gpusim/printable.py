@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import unicodedata
 
-__all__ = ["printable"]
-
 _SEPARATORS = ("Zl", "Zp")  # line and paragraph: a page or an editor may break the line there
 
 

@@ -25,8 +25,6 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 
-__all__ = ["checked", "is_number", "nearest_name", "real_numbers", "unmasked"]
-
 T = TypeVar("T", bound=Callable[..., Any])
 Test = tuple[str, Callable[[Any], bool]]
 

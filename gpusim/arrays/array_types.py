@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["Bool", "Float", "Int", "Long", "Real", "Single"]
-
 Float = npt.NDArray[np.float64]
 Single = npt.NDArray[np.float32]
 Real = npt.NDArray[np.floating]

@@ -9,9 +9,6 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 
-__all__ = ["high_half", "two_sum"]
-
-
 _SPLITTER = 2.0**27 + 1.0
 
 

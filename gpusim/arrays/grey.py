@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["LUMINANCE", "grey_of"]
-
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """What red, green and blue count for."""
 

@@ -9,16 +9,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Int, Long
 
-__all__ = [
-    "WORKGROUP",
-    "along_paths",
-    "batches",
-    "dealt",
-    "expand",
-    "in_boxes",
-    "summed",
-]
-
 WORKGROUP = 64
 
 

@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int, Long
 
-__all__ = ["congruence_classes", "distinct", "mix", "noise", "unique_rows"]
-
 Number = TypeVar("Number", bound=np.generic)
 Hash = npt.NDArray[np.uint64]
 

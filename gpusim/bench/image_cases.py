@@ -18,8 +18,6 @@ from gpusim.surface import PaintFrame, Skin, Surface
 from gpusim.surface.paint import Checker, Markers, Paint, Plain, Speckle
 from gpusim.surface.surface import triangulate
 
-__all__ = ["IMAGE_CASES", "SIZES", "ImageCase", "Soup", "Texture", "find_image_cases"]
-
 Builder = Callable[[str], "ImageCase"]
 SIZES = ("small", "standard", "full")
 LIFT = 1e-6

@@ -22,17 +22,6 @@ from gpusim.files.atomic_files import write_text
 from gpusim.gpu import Device, default_device
 from gpusim.optics import render
 
-__all__ = [
-    "Difference",
-    "ImagePoint",
-    "ImageResult",
-    "compare",
-    "image_table",
-    "reference_windows",
-    "run_image_bench",
-    "write_images",
-]
-
 Tell = Callable[[str], None]
 _WARM = 4
 

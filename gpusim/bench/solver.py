@@ -31,17 +31,6 @@ from gpusim.fem import Model, solve
 from gpusim.files.atomic_files import write_text
 from gpusim.gpu import default_device
 
-__all__ = [
-    "CaseResult",
-    "Point",
-    "error_text",
-    "machine",
-    "run_solver_bench",
-    "solve_cold",
-    "solver_table",
-    "write_solver",
-]
-
 Export = Callable[[Case, Model, Float, Path], None]
 
 

@@ -12,9 +12,6 @@ from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Model, face_force
 from gpusim.mesh import Mesh, box, plate_with_hole, select_faces
 
-__all__ = ["CASES", "SIZES", "Case", "find_cases"]
-
-
 STEEL = Isotropic(210e3, 0.3)
 SIZES = ("small", "standard", "full")
 

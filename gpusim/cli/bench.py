@@ -9,8 +9,6 @@ import typer
 
 from gpusim.cli.console import exit_codes, out
 
-__all__ = ["bench_app"]
-
 bench_app = typer.Typer(help="Measure speed and accuracy on this machine.", no_args_is_help=True)
 
 Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where tables go.")]

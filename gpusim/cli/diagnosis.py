@@ -13,8 +13,6 @@ from gpusim._version import __version__
 from gpusim.cli.console import size_text
 from gpusim.errors import DeviceError, GpusimError, InputError, NoAdapter, TwinMismatch
 
-__all__ = ["diagnose"]
-
 _PACKAGES = ("wgpu", "numpy", "scipy", "opencv-contrib-python-headless", "h5py")
 _LIMITS = (
     "max-storage-buffers-per-shader-stage",

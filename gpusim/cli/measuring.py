@@ -28,8 +28,6 @@ from gpusim.errors import InputError, NotConverged
 if TYPE_CHECKING:
     from gpusim import measure
 
-__all__ = ["calibrate", "dic"]
-
 Shape = Literal["translation", "rigid", "affine", "quadratic"]
 Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]

@@ -13,8 +13,6 @@ from gpusim.errors import InputError
 from gpusim.interrupts import INTERRUPTED
 from gpusim.printable import printable
 
-__all__ = ["view"]
-
 PORT = 60649
 
 

@@ -10,8 +10,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 
-__all__ = ["Amplitudes", "Scale"]
-
 
 @dataclass(frozen=True)
 class Scale:

@@ -21,9 +21,6 @@ from gpusim.fem.assembly.stiffness_rounding import Deformation, signed
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.supports import rigid_modes
 
-__all__ = ["Equations", "solve_constrained"]
-
-
 _MOST_COUPLED = 3000
 # an unknown is given up for an equation that holds it with at least this share of its largest
 _LEAST_SHARE = 0.1

@@ -21,8 +21,6 @@ from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
-__all__ = ["Axes", "Constraints", "read_tie"]
-
 # columns (3 node + axis), factors and right side of one equation
 TieRow = tuple[Sequence[int], Sequence[float], float]
 

@@ -18,8 +18,6 @@ from gpusim.gpu import Device
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
-__all__ = ["Deck", "Step"]
-
 
 @dataclass(frozen=True, eq=False)
 class Step:

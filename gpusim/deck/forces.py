@@ -19,8 +19,6 @@ from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
 
-__all__ = ["Forces"]
-
 
 def pressure_forces(
     mesh: Mesh, faces: Faces, values: Float, formulation: Mapping[str, str]

@@ -20,9 +20,6 @@ from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.quadrature import cell_rule
 from gpusim.mesh.shape_functions import shape_functions
 
-__all__ = ["InitialStress", "point_stresses", "temperature_forces"]
-
-
 # CalculiX gives xx yy zz xy xz yz, we have xx yy zz xy yz zx.
 _ORDER = [0, 1, 2, 3, 5, 4]
 

@@ -16,8 +16,6 @@ from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
 from gpusim.mesh.formats.abaqus.keywords import MESH_KEYWORDS, fail_together, parameter_faults
 from gpusim.mesh.formats.abaqus.reader import label_mesh
 
-__all__ = ["load_deck"]
-
 # Element type -> formulation of its integration rule, as CalculiX integrates it.
 FORMULATIONS = {
     "C3D8": "full",

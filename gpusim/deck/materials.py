@@ -16,9 +16,6 @@ from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 
-__all__ = ["Anisotropic", "Body", "Sections"]
-
-
 # Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
 _FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
 _EXPECTED = {

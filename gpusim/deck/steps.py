@@ -17,8 +17,6 @@ from gpusim.deck.materials import Body
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, number
 
-__all__ = ["History"]
-
 
 @dataclass(eq=False)
 class _Open:

@@ -21,15 +21,6 @@ from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.printable import printable
 
-__all__ = [
-    "FORMATS",
-    "csv_names",
-    "result_columns",
-    "unit_of",
-    "write_correlation",
-    "write_stereo",
-]
-
 FORMATS = ("csv", "npz", "h5")
 UNITS = {name: one.unit for fields in (PICTURE, SPACE, STRAIN) for name, one in fields.items()}
 PICTURE_FRAME = "pixels of the reference image, x right, y down"

@@ -30,8 +30,6 @@ from gpusim.files.atomic_files import PathLike, atomic_path
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import read_picture
 
-__all__ = ["Picture", "keep", "read_image", "recall", "save_image", "write_image"]
-
 MOST_BYTES = 256 << 20
 
 _Stamp = tuple[int, int, int]

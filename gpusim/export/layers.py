@@ -24,8 +24,6 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 
-__all__ = ["LAYERS", "ChunkedLayer"]
-
 
 @dataclass(frozen=True)
 class Layer:

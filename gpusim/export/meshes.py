@@ -22,8 +22,6 @@ from gpusim.files.output_folder import inside
 from gpusim.mesh.file_content.numbering import NODES
 from gpusim.mesh.polygons import cut_at_dents
 
-__all__ = ["write_pvd", "write_region_stls", "write_stl", "write_vtu"]
-
 _MM_PER_M = 1000.0
 _COARSE = 1e-3
 """Of the size of what is written: steps of float32 that would spoil it."""

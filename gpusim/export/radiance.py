@@ -12,8 +12,6 @@ from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike, atomic_path
 from gpusim.optics.frame import Frame
 
-__all__ = ["write_radiance"]
-
 _LARGEST_HALF = 65504.0
 
 

@@ -30,8 +30,6 @@ from gpusim.export.layers import LAYERS, ChunkedLayer
 from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
 from gpusim.files.hdf5_file import writing_hdf5
 
-__all__ = ["FrameWriter", "TruthWriter"]
-
 _SCHEMA = 1
 
 

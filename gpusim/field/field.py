@@ -13,8 +13,6 @@ from gpusim.errors import InputError
 from gpusim.mesh import Mesh
 from gpusim.validation import unmasked
 
-__all__ = ["Field"]
-
 Step = Callable[[int], npt.NDArray[Any]]
 
 _KEPT = 2  # steps in memory: those between which a time lies

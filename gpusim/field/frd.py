@@ -20,9 +20,6 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
 from gpusim.mesh.file_content.numbering import from_upright_first
 
-__all__ = ["read_frd"]
-
-
 # Element types by number: kind and nodes. GraphiX counts vertical edges before top edges.
 _TYPES = {
     1: ("hex8", 8), 2: ("wedge6", 6), 3: ("tet4", 4), 4: ("hex20", 20), 5: ("wedge15", 15),

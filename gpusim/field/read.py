@@ -38,17 +38,6 @@ from gpusim.mesh.formats.reader import PARALLEL
 from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.parallel.machine import memory_limit
 
-__all__ = [
-    "FIELD_SUFFIXES",
-    "read_exodus_field",
-    "read_field",
-    "read_npz",
-    "read_vtu_field",
-    "scalar_names",
-    "vector_name",
-]
-
-
 _VECTORS = ("displacement", "displacements", "disp", "displ", "u", "dis", "depl", "def")
 _SCALARS = ("disp", "displ", "displacement", "d", "u", "dis")
 _ENDINGS = (("x", "y", "z"), ("1", "2", "3"))

@@ -19,16 +19,6 @@ from typing import BinaryIO
 from gpusim.errors import GpusimError, InputError
 from gpusim.files.output_folder import is_alive
 
-__all__ = [
-    "PathLike",
-    "atomic_path",
-    "atomic_stream",
-    "clean_leftovers",
-    "safe_name",
-    "write_bytes",
-    "write_text",
-]
-
 PathLike = str | os.PathLike[str]
 
 _LEFTOVER = re.compile(r"^\..+\.(\d+)-[0-9a-f]+\.part$")

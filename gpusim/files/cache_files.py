@@ -12,8 +12,6 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
-__all__ = ["cache_folder", "open_cached"]
-
 _AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 

@@ -27,8 +27,6 @@ from gpusim.parallel.processes import call_in_child
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["Hdf5Object", "read_hdf5", "writing_hdf5"]
-
 _SECONDS, _BYTES_PER_SECOND = 15.0, 20e6  # time limit: some seconds, and longer for large files
 _GREATEST_RATIO = 1040.0  # of the bytes of data to those stored: deflate can't do better
 

@@ -27,16 +27,6 @@ from xml.etree import ElementTree
 
 from gpusim.errors import InputError
 
-__all__ = [
-    "SERIES_SUFFIXES",
-    "InputFile",
-    "Reader",
-    "included_files",
-    "open_input",
-    "read_input",
-    "read_series",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class InputFile:

@@ -25,8 +25,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["LOCK", "check_below", "check_folder", "claim", "delete", "inside", "is_alive"]
-
 LOCK = ".gpusim-lock"
 _LONGEST = 200
 """Bytes of a name; the file systems' 255 less what a temporary name adds."""

@@ -31,16 +31,6 @@ from gpusim.files.radiance_file import RadianceHeader, to_srgb
 from gpusim.files.silence import silence
 from gpusim.parallel.machine import memory_limit
 
-__all__ = [
-    "claimed_pixels",
-    "decode",
-    "decoding",
-    "pages_of",
-    "picture_file",
-    "read_grey",
-    "read_picture",
-]
-
 LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
 BYTES = 32  # of memory for a pixel, with all that is made of a picture
 

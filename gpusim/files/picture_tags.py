@@ -17,8 +17,6 @@ from typing import Any
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["TIFF_MAGIC", "exif_orientation", "plain_tiff", "tiff_pages"]
-
 TIFF_MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _ORIENTATION, _PHOTOMETRIC, _REDUCED, _PLANAR, _EXTRA = 274, 262, 254, 284, 338
 _PHOTOMETRICS = (0, 1, 2, 3, 6, 32803, 34892)

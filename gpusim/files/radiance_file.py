@@ -16,9 +16,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Single
 
-__all__ = ["RadianceHeader", "to_srgb"]
-
-
 _LINES = re.compile(
     rb"#\?[^\n]*\n(?P<lines>(?:[^\n]+\n)*)[ \t\r]*\n"
     rb"(?P<first>[-+][XY]) +(?P<major>\d{1,9}) +(?P<second>[-+][XY]) +(?P<minor>\d{1,9})\r?\n"

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock
 
-__all__ = ["silence"]
-
 _STDERR = 2
 _lock = Lock()
 _silent: list[int] = []

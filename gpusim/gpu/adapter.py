@@ -17,8 +17,6 @@ from gpusim.errors import NoAdapter
 from gpusim.gpu.declarations import parse_names_alone
 from gpusim.parallel.machine import available_memory
 
-__all__ = ["find_adapter", "free_memory", "is_processor", "software_adapter"]
-
 # what a graphics card's driver makes under Linux, Windows' subsystem included
 _HARDWARE = ("/dev/dri/renderD*", "/dev/nvidia*", "/dev/dxg", "/dev/mali*", "/dev/kgsl*")
 _ORDER = {"DiscreteGPU": 0, "IntegratedGPU": 1, "VirtualGPU": 2, "Unknown": 3, "CPU": 4}

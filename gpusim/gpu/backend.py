@@ -14,8 +14,6 @@ from gpusim.errors import InputError, NoAdapter
 from gpusim.gpu.adapter import find_adapter
 from gpusim.gpu.device import Device, default_device
 
-__all__ = ["BACKENDS", "chosen_backend", "working_device"]
-
 BACKENDS = ("auto", "gpu", "numpy")
 
 

@@ -10,8 +10,6 @@ from gpusim.gpu.device import Device
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.recording import Recording
 
-__all__ = ["Bound"]
-
 
 class Bound:
     """``values`` by their WGSL names, of which each program takes those that it uses."""

@@ -15,8 +15,6 @@ from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.texture_array import TEXEL_WIDTH, Texels
 
-__all__ = ["Buffer", "BufferPool", "RealBuffer", "SplitBuffer", "from_real", "to_real"]
-
 MOST_BYTES = 1 << 27
 """Enough for the largest frames; others go back to the system."""
 

@@ -21,8 +21,6 @@ from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
 from gpusim.gpu.timing import StageTimer
 from gpusim.gpu.transfer import MAPPABLE, Transfer
 
-__all__ = ["PORTABLE_LIMITS", "DeviceContext"]
-
 PORTABLE_LIMITS = {
     "max-texture-dimension-2d": 8192,
     "max-bind-groups": 4,

@@ -10,8 +10,6 @@ from __future__ import annotations
 import re
 from typing import Any
 
-__all__ = ["parse_names_alone"]
-
 _DONE = "_gpusim_parses_names_alone"
 
 

@@ -20,8 +20,6 @@ from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texture_array import Texels
 
-__all__ = ["Device", "default_device", "device_if_open"]
-
 
 class Device(DeviceContext):
     """A Vulkan device with the limits that WebGPU promises everywhere.

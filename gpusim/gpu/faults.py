@@ -13,8 +13,6 @@ from collections import deque
 
 from gpusim.errors import DeviceError, DeviceLost, OutOfDeviceMemory
 
-__all__ = ["is_loss", "pending", "translate"]
-
 _PREFIX = "Validation Error\n\nCaused by:\n"
 _LOST = ("device is lost", "device was lost", "device lost")
 _MEMORY = ("not enough memory", "out of memory", "outofmemory")

@@ -17,8 +17,6 @@ from gpusim.gpu.texture_array import Texels
 from gpusim.gpu.uniform import Uniform, pack
 from gpusim.gpu.wgsl import Binding, Module, type_layout
 
-__all__ = ["Bindings", "Kernel", "Layout"]
-
 _STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*(read|write)\s*>")
 _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
 

@@ -22,8 +22,6 @@ from gpusim.gpu.kernel import Kernel, Layout
 from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Binding
 
-__all__ = ["CompiledPrograms", "prime"]
-
 UNIFORM_BYTES = 1 << 16
 STORAGE_BYTES = 1 << 16
 

@@ -21,8 +21,6 @@ from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Module, load
 from gpusim.parallel.machine import processors
 
-__all__ = ["Key", "Programs", "program_key"]
-
 Key = tuple[Hashable, ...]
 """(name, entry, constants) of a kernel, (name, entries, constants, formats, depth) of a raster."""
 

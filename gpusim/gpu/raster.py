@@ -13,8 +13,6 @@ from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Bindings, Layout
 from gpusim.gpu.wgsl import Module
 
-__all__ = ["Raster", "Texture"]
-
 _OVER = {
     "color": {"src_factor": "src-alpha", "dst_factor": "one-minus-src-alpha", "operation": "add"},
     "alpha": {"src_factor": "one", "dst_factor": "one-minus-src-alpha", "operation": "add"},

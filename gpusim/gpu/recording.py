@@ -15,8 +15,6 @@ from gpusim.gpu.faults import translate
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.raster import Raster, Texture
 
-__all__ = ["Recording"]
-
 
 class Recording:
     """Use as a context manager: the submit happens when the block ends without an error."""

@@ -18,8 +18,6 @@ import wgpu
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu.context import DeviceContext
 
-__all__ = ["TEXEL_WIDTH", "Texels", "most_texels"]
-
 TEXEL_WIDTH = 4096
 _BYTES = 16
 _FORMATS = {"rgba32float": np.dtype(np.float32), "rgba32uint": np.dtype(np.uint32)}

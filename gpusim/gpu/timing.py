@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import wgpu
 
-__all__ = ["StageTimer"]
-
 _PAIRS = 512
 
 

@@ -16,8 +16,6 @@ import numpy as np
 import numpy.typing as npt
 import wgpu
 
-__all__ = ["MAPPABLE", "Transfer"]
-
 MAPPABLE = "mappable-primary-buffers"
 """The feature that lets the host map storage buffers."""
 

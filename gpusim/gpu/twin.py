@@ -14,8 +14,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu.device import Device
 
-__all__ = ["TOLERANCES", "Tolerance", "compare", "twin_check", "twin_checks"]
-
 
 @dataclass(frozen=True)
 class Tolerance:

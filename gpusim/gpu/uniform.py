@@ -11,8 +11,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.gpu.context import DeviceContext
 
-__all__ = ["Uniform", "pack"]
-
 
 class Uniform:
     """The values of a uniform struct, for several programs to bind."""

@@ -10,8 +10,6 @@ from typing import Any
 from gpusim.errors import GpusimError
 from gpusim.gpu.device import Device, default_device
 
-__all__ = ["compile_ahead", "compile_during"]
-
 
 @contextmanager
 def compile_ahead(programs: Sequence[Any]) -> Iterator[None]:

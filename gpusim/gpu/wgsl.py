@@ -19,8 +19,6 @@ import numpy as np
 
 from gpusim.errors import InputError
 
-__all__ = ["Binding", "EntryPoint", "Module", "Struct", "load", "shader_folder", "stages"]
-
 COLOR_FILES = ("lib/light/color", "lib/raster/planes")
 """Of which there are a ``_grey`` and an ``_rgb`` one."""
 

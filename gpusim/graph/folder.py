@@ -21,8 +21,6 @@ from gpusim.files.output_folder import delete, inside
 from gpusim.graph.log import Log, read_log
 from gpusim.graph.store import DAMAGED, FileFacts, Record, Store, is_unchanged
 
-__all__ = ["INNER", "Folder"]
-
 INNER = ".gpusim"
 """The folder in it that is no user's business."""
 _NAME = "folder.log"

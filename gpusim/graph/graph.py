@@ -21,8 +21,6 @@ from gpusim.graph.folder import Folder
 from gpusim.graph.stage import Stage, digest, plain_text
 from gpusim.graph.store import Store
 
-__all__ = ["Graph", "State", "Task"]
-
 State = Literal["run", "skipped", "reused"]
 _REPORT = "report"
 """Who needs what is kept and shown nowhere else."""

@@ -27,8 +27,6 @@ from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.graph.store import Record, Store
 
-__all__ = ["Inputs", "Observer", "Runner", "StageFailed"]
-
 AHEAD = 2
 """Records whose files are still being written while the next one is made."""
 Observer = Callable[[Task, float, str], None]

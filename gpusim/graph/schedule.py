@@ -7,8 +7,6 @@ from heapq import heappop, heappush
 
 from gpusim.graph.graph import Graph, Task
 
-__all__ = ["Schedule"]
-
 _PATIENCE_S = 0.02
 """Between looks whether another process has made what it is at."""
 

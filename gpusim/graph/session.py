@@ -8,8 +8,6 @@ from typing import Any
 
 from gpusim.gpu import Device, default_device
 
-__all__ = ["Session"]
-
 
 @dataclass
 class Session:

@@ -14,18 +14,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "Output",
-    "Stage",
-    "StageResult",
-    "Which",
-    "digest",
-    "every",
-    "first",
-    "plain_text",
-    "same",
-]
-
 Which = Callable[[int], Sequence[int]]
 """The records of a need that a record needs."""
 Output = bytes | Path | Callable[[Path], object]

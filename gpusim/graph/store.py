@@ -36,8 +36,6 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["DAMAGED", "FileFacts", "Record", "Store", "is_unchanged"]
-
 DAMAGED = KeyError, TypeError, ValueError, AttributeError, OverflowError
 """What a line raises that isn't as it was written."""
 

@@ -19,8 +19,6 @@ from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
 from gpusim.validation import unmasked
 
-__all__ = ["Cells", "Faces", "boundary_faces", "set_faces"]
-
 
 class Cells(Protocol):
     """What faces need of a `gpusim.mesh.Mesh`, which checks its own."""

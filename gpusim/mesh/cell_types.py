@@ -13,8 +13,6 @@ import numpy as np
 from gpusim.arrays.array_types import Int
 from gpusim.field_summary import field_summary
 
-__all__ = ["CELL_TYPES", "CellType"]
-
 Parents = tuple[tuple[int, ...], ...]
 
 

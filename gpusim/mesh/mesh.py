@@ -23,8 +23,6 @@ from gpusim.validation import unmasked
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Mesh"]
-
 
 @unmasked()
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,6 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 
-__all__ = ["check_corners", "cut_at_dents", "cut_polygons"]
-
-
 _FARTHEST = 1e15
 _FLAT = 1e-12
 """Of a face's area: a dent that is less is a straight corner."""

@@ -14,9 +14,6 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["FULL_POINTS", "cell_rule", "face_rule"]
-
-
 FULL_POINTS: dict[str, int] = {
     "hex8": 8, "hex20": 27, "hex27": 27, "tet4": 1, "tet10": 4, "wedge6": 2, "wedge15": 9,
     "pyramid5": 8, "pyramid13": 27,

@@ -17,9 +17,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 
-__all__ = ["Quality", "least_jacobian", "mesh_quality"]
-
-
 # Cells looked at together: their temporaries stay in the cache.
 CELLS_IN_CACHE = 8192
 

@@ -17,8 +17,6 @@ from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
 from gpusim.validation import unmasked
 
-__all__ = ["select_faces", "select_nodes"]
-
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
 

@@ -16,8 +16,6 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = ["FACE_TYPES", "reference_nodes", "shape_functions", "shape_gradients"]
-
 Powers = tuple[tuple[int, int, int, int], ...]
 
 FACE_TYPES: dict[str, tuple[int, ...]] = {

@@ -13,8 +13,6 @@ from gpusim.surface.frames import face_normals
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["METAL", "draw_faces", "flat_axes", "space_axes"]
-
 METAL = (0.42, 0.52, 0.62)
 """Linear; of what has no paint."""
 _LAMP = np.array([-0.3, -0.6, 0.74])

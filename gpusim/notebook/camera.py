@@ -17,8 +17,6 @@ from gpusim.report.style import MEASURED, named
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_camera", "html", "plane_axes", "plot"]
-
 _PLANES = {"xy": [0, 1], "xz": [0, 2], "yz": [1, 2]}
 """What is drawn to the right and up: from above, from the front, from the right."""
 _SKETCH = 300  # px

@@ -29,8 +29,6 @@ from gpusim.validation import nearest_name
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["components", "html", "plot"]
-
 Result = DicResult | StereoResult | MappedResult | StrainResult
 _DPI = 110
 _INCHES = 5.4

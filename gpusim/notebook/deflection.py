@@ -14,8 +14,6 @@ from gpusim.report.style import MEASURED, TRUTH
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot"]
-
 
 def plot(line: DeflectionLine, ax: Axes | None, *, true: Any = None, **style: Any) -> Axes:
     """Deflection along a member, with uncertainties; ``true`` (M,) or (positions, values) in mm."""

@@ -19,8 +19,6 @@ from gpusim.report.style import named
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["html", "plot", "png", "toned"]
-
 _WIDTH, _HEIGHT = 640, 480  # px, at most
 _WHITE = 0.998
 """Share of the pixels that aren't cut off at white: lamps and glints may be."""

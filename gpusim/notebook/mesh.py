@@ -17,8 +17,6 @@ from gpusim.surface.paint import Plain
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["MOST_CELLS", "box_rows", "html", "mesh_picture", "metal_surface", "plot", "skin_of"]
-
 MOST_CELLS = 400_000
 """Of a mesh that is shown without being asked for: about a second to find its skin."""
 _MOST_JUDGED = 100_000

@@ -23,8 +23,6 @@ from gpusim.report.text import number
 if TYPE_CHECKING:
     from jinja2 import Template
 
-__all__ = ["Legend", "Picture", "Rows", "fitting", "page", "png_bytes", "quantity", "span"]
-
 Rows = Sequence[tuple[str, ...]]
 """Of a table: what a row is of, and its values."""
 DIGITS = 4

@@ -20,8 +20,6 @@ from gpusim.report.text import duration, signed_percent
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["html", "plot", "plot_series"]
-
 _MOST_ROWS, _MOST_NOTES = 12, 5
 _WIDTH, _HEIGHT = 480, 360  # px, at most
 _MARKS = {"good": "✓", "bad": "✗", "unknown": ""}

@@ -27,8 +27,6 @@ from gpusim.surface import Surface
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SceneSurfaces", "html", "plot", "scene_surfaces"]
-
 _MOST = 6
 _CAMERA_WIDTH, _CAMERA_HEIGHT = 480, 320  # px
 _SHOWN = 350  # px on the page

@@ -26,8 +26,6 @@ from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["Colouring", "encoded", "fitted_camera", "painted", "resized_camera", "shaded"]
-
 Pixels = npt.NDArray[np.uint8]
 Colouring = Callable[[Truth], Float]
 """Linear colours (n, 3), 0 to 1, of the n pixels of a truth."""

@@ -25,8 +25,6 @@ from gpusim.validation import is_number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["FIELDS", "html", "plot"]
-
 FIELDS = ("von_mises", "displacement", "x", "y", "z")
 """What a body may be coloured by: stress, length of the displacement, its components."""
 

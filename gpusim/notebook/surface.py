@@ -17,8 +17,6 @@ from gpusim.surface.frames import face_normals
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["html", "plot"]
-
 _MOST_FACES = 300_000
 
 

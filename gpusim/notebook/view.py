@@ -23,8 +23,6 @@ from gpusim.pipeline.build.cameras import build_camera, grey_weights
 from gpusim.pipeline.build.lights import build_lights
 from gpusim.scene import Scene, load_scene
 
-__all__ = ["StillView", "in_notebook", "view"]
-
 INSTALL = 'a view that moves needs the extra: pip install "gpusim[notebook]"'
 ELSEWHERE = "a view that moves needs a notebook; `gpusim view` opens a window"
 

@@ -18,8 +18,6 @@ from importlib import import_module
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["one_blas_thread"]
-
 
 class _Limit:
     """BLAS's limit on threads is the process's: the first user sets it, the last one lifts it.

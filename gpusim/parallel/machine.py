@@ -14,15 +14,6 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
-__all__ = [
-    "all_processors",
-    "available_memory",
-    "host_memory",
-    "limited",
-    "memory_limit",
-    "processors",
-]
-
 _own = threading.local()
 _GROUPS = Path("/sys/fs/cgroup")
 _SHARE = 0.8  # of the machine's memory, that one file may take

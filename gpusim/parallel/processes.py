@@ -38,8 +38,6 @@ from typing import Any, Generic, ParamSpec, TypeVar
 from gpusim.errors import GpusimError, InputError
 from gpusim.parallel.machine import limited, memory_limit, processors
 
-__all__ = ["CHILD_SECONDS", "begin", "call_in_child", "end_with", "in_copies", "prepare", "serve"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

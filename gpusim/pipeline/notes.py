@@ -11,8 +11,6 @@ from typing import Any
 
 from gpusim.report import MeshSummary
 
-__all__ = ["Notes", "notes_of"]
-
 
 @dataclass(frozen=True)
 class Notes:

@@ -14,8 +14,6 @@ from gpusim.plan.scene_stages import PUBLIC, SceneStages, scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 
-__all__ = ["Decision", "PublicStage", "decide", "states_of"]
-
 
 @dataclass(frozen=True)
 class PublicStage:

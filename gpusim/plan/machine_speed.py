@@ -23,8 +23,6 @@ from gpusim._version import __version__
 from gpusim.files.cache_files import cache_folder, open_cached
 from gpusim.parallel.machine import all_processors
 
-__all__ = ["HOST_SECONDS", "Speed", "Workload", "host_seconds"]
-
 _VERSION = 1
 _MOST_KNOWN = 500
 _MOST_BYTES = 10_000_000

@@ -10,8 +10,6 @@ from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
 from gpusim.scene.frames import FrameTable
 
-__all__ = ["field_stages", "static_stages", "stillness"]
-
 
 def stillness(scene: Scene, frames: FrameTable) -> str:
     """Why nothing moves, or "" if something does."""

@@ -14,8 +14,6 @@ from gpusim.files.input_file import read_input
 from gpusim.files.output_folder import inside
 from gpusim.graph.folder import INNER
 
-__all__ = ["earlier_programs", "keep_programs"]
-
 _NAME = "programs.json"
 _SOLVER = "fem/"
 

@@ -20,8 +20,6 @@ from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable
 
-__all__ = ["PUBLIC", "SceneStages", "scene_stages"]
-
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
 )  # fmt: skip

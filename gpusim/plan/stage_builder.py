@@ -11,8 +11,6 @@ from gpusim.scene import Scene
 from gpusim.scene.frames import frame_table
 from gpusim.scene.part import SceneParts
 
-__all__ = ["Needs", "StageBuilder"]
-
 Needs = dict[str, Which | None]
 
 

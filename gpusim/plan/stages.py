@@ -9,9 +9,6 @@ from typing import Any, Literal
 
 from gpusim.plan.machine_speed import Speed, Workload
 
-__all__ = ["Plan", "PlannedStage", "RunOptions", "State", "timed", "works_of"]
-
-
 State = Literal["run", "skipped", "reused"]
 START_SECONDS = 1.5
 """What Python and its libraries take before the first stage."""

@@ -38,17 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "draw_convergence",
-    "draw_error_bars",
-    "draw_errors",
-    "draw_measured",
-    "draw_overlay",
-    "draw_series",
-    "photo_of",
-    "round_down",
-]
-
 _WIDTH = 7.2  # inches
 _ARROW_FRACTION = 0.12  # the longest arrow covers about this part of the image's width
 

@@ -7,16 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-__all__ = [
-    "BodyForce",
-    "Budget",
-    "BudgetRow",
-    "Mechanics",
-    "MeshSummary",
-    "Published",
-    "StressPeak",
-]
-
 Triple = tuple[float, float, float]
 
 

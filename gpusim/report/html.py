@@ -28,16 +28,6 @@ from gpusim.report.text import duration, number, percent, signed_percent
 if TYPE_CHECKING:
     from jinja2 import Environment, Template
 
-__all__ = [
-    "FigureSet",
-    "aligned",
-    "page_pair",
-    "page_template",
-    "photo_uri",
-    "reduced",
-    "render_html",
-]
-
 _PHOTO_WIDTH = 1800  # px
 _PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
 _CROP = 72  # px of a full-resolution crop per side

@@ -18,16 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "RigCamera",
-    "StateCurve",
-    "draw_calibration",
-    "draw_deflections",
-    "draw_differences",
-    "draw_reconstruction",
-    "draw_rig",
-]
-
 _LABELS = ("x (mm)", "y (mm)", "z (mm)")
 _MOST_CORNERS = 4000  # drawn
 

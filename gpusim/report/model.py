@@ -23,20 +23,6 @@ from gpusim.report.text import plain_data
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "Drawing",
-    "Figure",
-    "FramePair",
-    "Link",
-    "Measurement",
-    "Overlay",
-    "Report",
-    "Series",
-    "SolutionSummary",
-    "Stage",
-    "Status",
-]
-
 SCHEMA = 1
 StageState = Literal["run", "skipped", "reused", "failed"]
 Status = Literal["done", "failed"]

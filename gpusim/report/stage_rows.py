@@ -6,8 +6,6 @@ import re
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-__all__ = ["SINGLE", "picture_number", "stage_rows"]
-
 SINGLE = 10
 """Frames of a camera, from the first, that are a row each."""
 _PICTURE = re.compile(r"((?:.*/)?render/.*/(?:calib-)?)(\d+)")

@@ -26,23 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "BAD",
-    "GOOD",
-    "MEASURED",
-    "MUTED",
-    "PAGE",
-    "TEXT",
-    "TRUTH",
-    "Margins",
-    "axis_title",
-    "draw_png",
-    "drawn",
-    "named",
-    "page_pixels",
-    "text_inches",
-]
-
 PAGE = "#ffffff"
 TEXT = "#16202b"
 MUTED = "#5b6876"

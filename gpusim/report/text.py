@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["duration", "number", "percent", "plain_data", "signed_percent"]
-
 
 def plain_data(value: Any) -> Any:
     """Plain data for JSON, with None for numbers that aren't finite, which it doesn't know.

@@ -23,8 +23,6 @@ from gpusim.report.figures import (
 from gpusim.report.html import FigureSet, render_html
 from gpusim.report.model import Report
 
-__all__ = ["ReportPaths", "prepare_figures", "write_report"]
-
 # iterations; a direct solve takes one or two, and there is nothing to see of them
 _WORTH_A_PLOT = 4
 # errors; the table above them tells one or two as well

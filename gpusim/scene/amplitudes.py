@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 from gpusim.scene.description.model import Amplitude, Body
 
-__all__ = ["LoadGroup", "load_groups"]
-
 Share = tuple[int, float]
 
 

@@ -17,8 +17,6 @@ from gpusim.scene.description.processing import ANALYSIS_TYPES, AnalysisType
 if TYPE_CHECKING:
     from gpusim.scene.scene import Scene
 
-__all__ = ["ANALYSES", "AnalysisKind", "add_analysis", "kind_of"]
-
 States = Sequence[tuple[float, ...] | None]
 
 

@@ -10,8 +10,6 @@ from gpusim.errors import InputError
 from .description.colors import is_chromatic
 from .scene import Scene
 
-__all__ = ["in_color"]
-
 
 def in_color(scene: Scene) -> bool:
     """Whether something has a colour, pictures included; those of a prop's own materials may."""

@@ -35,19 +35,6 @@ from .description.mesh import (
 from .description.model import Camera, Markers, Paint, Vec3
 from .scene import Scene
 
-__all__ = [
-    "KEPT",
-    "compiled_for",
-    "describe",
-    "effects",
-    "element_counts",
-    "element_sizes",
-    "estimate",
-    "extent",
-    "mesh_words",
-    "target_seconds",
-]
-
 KEPT = 0.25
 """Share of the time to compile a shader that it takes to load one that the driver has kept."""
 

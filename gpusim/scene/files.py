@@ -17,8 +17,6 @@ from gpusim.files.input_file import (
 from gpusim.scene.faults.faults import unread
 from gpusim.scene.faults.key_paths import Keys, dotted
 
-__all__ = ["find_files"]
-
 Found = list[tuple[Keys, Fault]]
 
 

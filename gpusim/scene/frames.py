@@ -13,8 +13,6 @@ from gpusim.scene.analyses import kind_of
 from gpusim.scene.description.model import Vec3
 from gpusim.scene.scene import Scene
 
-__all__ = ["FrameTable", "Instant", "Placed", "Shown", "State", "frame_table", "frame_word"]
-
 State = tuple[float, ...]
 """What a body's motion takes to say where it is: weights of load cases, a time, …"""
 

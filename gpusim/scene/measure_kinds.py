@@ -15,8 +15,6 @@ from gpusim.scene.description.measure_table import TABLES, MeasureTable
 from gpusim.scene.description.scene_table import SceneTable
 from gpusim.scene.faults import schema_places
 
-__all__ = ["GROUP", "add_kind", "load_kinds"]
-
 GROUP = "gpusim.measurements"
 """Of entry points: the name is a ``type``, the value the module that registers it."""
 

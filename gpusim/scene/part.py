@@ -18,8 +18,6 @@ from pydantic import BaseModel
 from gpusim.scene.description.model import Body, Camera, Output, Sensor
 from gpusim.scene.scene import Scene
 
-__all__ = ["Part", "SceneParts"]
-
 _WHOLE = {
     "name": "name", "analysis": "analysis", "solver": "solver", "light": "lights",
     "render": "render", "sensor": "sensor", "camera": "cameras", "prop": "props", "body": "bodies",

@@ -15,8 +15,6 @@ from .description import model as m
 if TYPE_CHECKING:
     from .scene import Scene
 
-__all__ = ["size_warnings", "warnings"]
-
 _MODULUS = 1e5, 2e12  # Pa: soft gels to diamond
 _DENSITY = 10.0, 30_000.0  # kg/m3: foams to osmium
 _EXPANSION = 1e-3  # 1/K: liquids

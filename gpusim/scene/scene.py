@@ -41,8 +41,6 @@ from .toml_text import document_fault, parse_toml, size_fault, toml_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Scene", "load_scene"]
-
 
 @dataclass(frozen=True)
 class Scene:

@@ -13,8 +13,6 @@ from typing import Any
 from gpusim.errors import InputError
 from gpusim.scene.faults.key_paths import nearest
 
-__all__ = ["SOURCES", "active_sources", "check_sources", "with_only", "without_sources"]
-
 Document = dict[str, Any]
 _GONE = object()
 _SENSOR, _OWN_SENSOR, _CAMERA, _LENS = "sensor", "camera.sensor", "camera", "camera.lens"

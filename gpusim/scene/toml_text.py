@@ -18,8 +18,6 @@ from gpusim.errors import Fault
 from gpusim.printable import printable
 from gpusim.scene.faults.key_paths import DEEPEST
 
-__all__ = ["document_fault", "parse_toml", "parse_value", "size_fault", "toml_text"]
-
 _BYTES = 4_000_000
 _MARKS = 500_000  # what the time to read a text goes with
 _ITEMS = 10_000  # tables in one list, or keys in one table

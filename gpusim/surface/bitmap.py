@@ -28,9 +28,6 @@ from gpusim.surface.color import BANDS, Albedo, Colored, grey
 from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
-__all__ = ["MARGIN", "Image", "Level", "pyramid"]
-
-
 MARGIN = 8
 """Coefficients that every level has beyond each of its four sides."""
 

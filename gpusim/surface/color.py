@@ -21,8 +21,6 @@ from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.validation import is_number
 
-__all__ = ["BANDS", "Albedo", "Color", "Colored", "color", "grey", "in_band", "is_colored"]
-
 Color = float | tuple[float, float, float]
 """A grey value, or red, green and blue, linear."""
 

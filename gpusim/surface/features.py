@@ -24,21 +24,6 @@ from gpusim.field_summary import field_summary
 from gpusim.surface.color import Color, grey
 from gpusim.validation import checked
 
-__all__ = [
-    "DISC",
-    "PATCH",
-    "PERIOD",
-    "SECTOR",
-    "WAVES",
-    "Bump",
-    "Features",
-    "Paint",
-    "Stack",
-    "bump_waves",
-    "check_paint",
-]
-
-
 PATCH, DISC, SECTOR = range(3)  # kinds of features
 WAVES = 32
 PERIOD = 1024.0

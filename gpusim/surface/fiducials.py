@@ -15,8 +15,6 @@ from gpusim.surface.color import Albedo, Color, Colored
 from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Stack, check_paint
 from gpusim.validation import checked
 
-__all__ = ["Aruco", "Charuco", "RingCodes", "ring_codes"]
-
 
 def _dictionary(what: str, name: str) -> Any:
     names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))

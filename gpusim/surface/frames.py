@@ -21,16 +21,6 @@ from gpusim.field_summary import field_summary
 from gpusim.surface.topology import triangulate
 from gpusim.validation import unmasked
 
-__all__ = [
-    "Atlas",
-    "CylinderFrame",
-    "Frame",
-    "PaintFrame",
-    "face_normals",
-    "plane_frame",
-    "used_vertices",
-]
-
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 
 ROUND = 0.02

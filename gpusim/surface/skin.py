@@ -21,9 +21,6 @@ from gpusim.surface.paint import Paint
 from gpusim.surface.surface import Surface
 from gpusim.validation import unmasked
 
-__all__ = ["Skin", "Vertices", "cut"]
-
-
 _WIDTH = 9
 # Pieces along a quadratic face's side, and up to how many such faces: at most 130,000 pieces.
 _SUBDIVISIONS = ((8, 600), (4, 8000))

@@ -23,8 +23,6 @@ from gpusim.surface.color import Albedo, Colored, grey
 from gpusim.surface.features import Bump, Features, check_paint
 from gpusim.validation import checked
 
-__all__ = ["EDGE", "Speckle", "edge_opacity", "opaque_area"]
-
 Seeds = npt.NDArray[np.uint64]
 
 EDGE = 3.0

@@ -14,9 +14,6 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.surface.bitmap import WIDEST, Image
 
-__all__ = ["textured"]
-
-
 ROUND = 1e-4
 """Of a picture's side, by which coordinates may miss its border."""
 

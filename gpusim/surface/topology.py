@@ -9,8 +9,6 @@ import numpy as np
 
 from gpusim.arrays.array_types import Bool, Int, Long
 
-__all__ = ["Topology", "sorted_keys", "triangulate"]
-
 
 @dataclass(frozen=True, eq=False)
 class Topology:

@@ -28,17 +28,6 @@ from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.surface.paint import Bump, Checker, Dots, Image, Markers, Paint, Plain, Speckle, Star
 from gpusim.surface.surface import Surface
 
-__all__ = [
-    "block",
-    "fields_setup",
-    "probe_pieces",
-    "probe_pixels",
-    "probe_points",
-    "probe_setup",
-    "probe_spaces",
-    "shadow_scene",
-]
-
 
 def block(
     centre: tuple[float, float, float], half: tuple[float, float, float], albedo: float

@@ -11,9 +11,6 @@ from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.overlay import Overlay, Shade, display_color
 from gpusim.view.picture.placement import Placement
 
-__all__ = ["defocus_tint", "draw_distortion", "draw_image_frame", "draw_principal_point"]
-
-
 NEARER, FARTHER = "#ff8c1a", "#3d7dff"
 """What is too near to be sharp, and too far."""
 TINTS = 512

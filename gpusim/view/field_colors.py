@@ -24,12 +24,6 @@ from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.surface.surface import Surface
 from gpusim.view.picture.placement import Placement
 
-__all__ = [
-    "NONE", "FieldColors", "SurfaceField", "corner_values", "field_colors_twin",
-    "finer", "interpolated",
-]  # fmt: skip
-
-
 NONE = -1e30
 """The value of corners that have none."""
 SHADE = 0.35

@@ -16,12 +16,6 @@ from gpusim.view.content.body_state import BodyState
 from gpusim.view.field_colors import SurfaceField
 from gpusim.view.overlay import INK, PAPER, Overlay
 
-__all__ = [
-    "FIELDS", "ColorScale", "FieldKind", "color_map", "draw_legend", "field_kind",
-    "format_value", "legend_width", "scale_of", "surface_field",
-]  # fmt: skip
-
-
 SEQUENTIAL, DIVERGING = "viridis", "coolwarm"
 """Colour maps of matplotlib: for fields of one sign and of both."""
 OUTSIDE = 0.2

@@ -15,8 +15,6 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-__all__ = ["CHARACTERS", "Glyph", "GlyphAtlas"]
-
 _RANGES = ((0x20, 0x7F), (0xA0, 0x180), (0x391, 0x3A2), (0x3A3, 0x3CA), (0x2190, 0x2196))
 _SIGNS = "–—‘’“”•…′″‰⁰⁴⁵⁶⁷⁸⁹⁺⁻₀₁₂₃₄₅₆₇₈₉∂∆∇∑−√∞∠∥⊥≈≠≤≥▲▶▼◀■□●○✓✗"  # noqa: RUF001
 CHARACTERS = "".join(chr(code) for first, stop in _RANGES for code in range(first, stop)) + _SIGNS

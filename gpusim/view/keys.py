@@ -5,8 +5,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["KEYS", "MOUSE", "Key", "help_lines"]
-
 
 class Key(NamedTuple):
     """A key as it is typed or named, what `gpusim.view.viewer.Viewer` calls it, and its help; of

@@ -19,8 +19,6 @@ from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording
 from gpusim.view.glyphs import GlyphAtlas
 
-__all__ = ["QUAD", "Overlay", "Target", "display_color", "overlay_twin"]
-
 Shade = str | Sequence[float]
 """``"#rrggbb"``, ``"#rrggbbaa"``, a name of CSS, or three or four numbers from 0 to 1, as sRGB has
 them."""

@@ -20,9 +20,6 @@ from gpusim.view.overlay import INK, PAPER, Overlay
 from gpusim.view.symbols import Symbols
 from gpusim.view.view_state import ViewState
 
-__all__ = ["draw_panels", "panels_taken", "slider_frame"]
-
-
 SIZE = 14
 """px of letters."""
 

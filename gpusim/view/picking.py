@@ -15,8 +15,6 @@ from gpusim.optics.geometry.view import View
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
-__all__ = ["Pick", "pick"]
-
 
 @dataclass(frozen=True, eq=False)
 class Pick:

@@ -14,8 +14,6 @@ from gpusim.errors import InputError, NotConverged
 from gpusim.files.atomic_files import atomic_stream
 from gpusim.view.viewer import Viewer
 
-__all__ = ["save_screenshot", "screenshot", "wait_for_solution"]
-
 FORMAT = "rgba8unorm"
 
 

@@ -15,8 +15,6 @@ from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.view.viewer import Viewer
 from gpusim.view.window import FRAMES_PER_SECOND, INSTALL, TITLE, WindowView
 
-__all__ = ["LocalPages", "local_socket", "serve_view"]
-
 LOCAL = "127.0.0.1"
 """Nobody else than this machine is served: there is no password."""
 

@@ -19,9 +19,6 @@ from gpusim.optics.truth import seen_in
 from gpusim.view.overlay import Overlay, Shade, display_color
 from gpusim.view.picture.placement import Placement
 
-__all__ = ["Symbols", "clusters", "frustum"]
-
-
 SUPPORT, LOAD, CAMERA = "#2b6cb0", "#d1242f", "#b7791f"
 AXES = ("#d62728", "#2a9134", "#1f5fc4")
 PIECE = 6.0

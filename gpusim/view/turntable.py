@@ -16,9 +16,6 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = ["SIDES", "Turntable", "camera_lines"]
-
-
 SIDES = {"front": (0.0, 0.0), "right": (0.5 * np.pi, 0.0), "top": (0.0, 0.5 * np.pi)}
 """Azimuth and elevation (rad) of views along an axis."""
 

@@ -31,9 +31,6 @@ from gpusim.view.picture.placement import Placement
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
 from gpusim.view.turntable import Turntable
 
-__all__ = ["ViewState"]
-
-
 MESSAGE_SECONDS = 4.0
 """How long a message stands in the window."""
 

@@ -20,9 +20,6 @@ from gpusim.view.picture.placement import Placement
 from gpusim.view.turntable import SIDES, camera_lines
 from gpusim.view.view_state import ViewState
 
-__all__ = ["Viewer"]
-
-
 CLICK = 4.0
 """px that the mouse may move in a click."""
 

@@ -13,8 +13,6 @@ from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
 
-__all__ = ["FRAMES_PER_SECOND", "INSTALL", "TITLE", "WindowView", "open_window"]
-
 TITLE = "gpusim view"
 
 FRAMES_PER_SECOND = 60.0

@@ -9,8 +9,6 @@ from gpusim.arrays.array_types import Float, Single
 from gpusim.gpu.device import Device
 from gpusim.gpu.twin import compare, twin_check
 
-__all__ = ["finite_probe", "finite_probe_twin"]
-
 _SCALE = 4.0
 
 

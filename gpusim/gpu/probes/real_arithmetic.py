@@ -8,8 +8,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.gpu.device import Device
 from gpusim.gpu.twin import compare, twin_check
 
-__all__ = ["real_probe", "real_probe_twin"]
-
 _OPERATIONS = 6
 
 

@@ -29,18 +29,6 @@ from gpusim.measure.images import BLUR_REACH, SplineImage
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "Correlation",
-    "DicResult",
-    "PointResult",
-    "Settings",
-    "Status",
-    "Window",
-    "make_result",
-    "make_settings",
-    "noise_factor",
-]
-
 Window = Literal["square", "round"]
 
 # sum of squares of the slope filter: spline coefficients of an impulse, read by quintic_slopes(0)

@@ -10,9 +10,6 @@ from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["quadratic", "split"]
-
-
 _SERENDIPITY = {"hex8": "hex20", "tet4": "tet10", "wedge6": "wedge15", "pyramid5": "pyramid13"}
 _LAGRANGE = {"hex8": "hex27", "tet4": "tet10"}
 

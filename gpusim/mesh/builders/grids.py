@@ -17,8 +17,6 @@ from gpusim.mesh.builders.notches import Notch, notch_axes, notched, stepped_axi
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.selection import select_faces
 
-__all__ = ["beam", "box", "crane"]
-
 
 def box(
     size: Sequence[float],

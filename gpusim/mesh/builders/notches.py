@@ -17,9 +17,6 @@ from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["Notch", "notch_axes", "notched", "stepped_axis"]
-
-
 _GROWTH = 0.25  # the size grows by a quarter of the distance: neighbours differ by about 1.28
 _SAMPLES = 4000
 

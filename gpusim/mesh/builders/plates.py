@@ -16,9 +16,6 @@ from gpusim.mesh.builders.grids import count_of, triple_of
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["bracket", "plate_with_hole"]
-
-
 # element type -> steps of the node grid per element
 HEX_OF_ORDER = {"hex8": 1, "hex20": 2, "hex27": 2}
 

@@ -19,17 +19,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.file_content.numbering import FLAT_CORNERS, REFUSED_SOLIDS, dimension_of
 from gpusim.mesh.mesh import Mesh
 
-__all__ = [
-    "RawBlock",
-    "RawMesh",
-    "assemble",
-    "in_numbers_of_file",
-    "index_of",
-    "match_faces",
-    "padded",
-    "solid_nodes",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class RawBlock:

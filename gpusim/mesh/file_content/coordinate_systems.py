@@ -9,9 +9,6 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 
-__all__ = ["Frame", "from_cylindrical", "from_spherical", "rotation"]
-
-
 # sine of the least angle at which two directions still span a plane
 _MIN_SINE = 1e-9
 

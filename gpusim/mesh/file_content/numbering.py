@@ -14,24 +14,6 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
 
-__all__ = [
-    "ABAQUS_SIDES",
-    "EXODUS_SIDES",
-    "FLAT_CORNERS",
-    "GMSH_KINDS",
-    "MED_KINDS",
-    "NODES",
-    "REFUSED_SOLIDS",
-    "VTK_KINDS",
-    "dimension_of",
-    "from_gmsh_order",
-    "from_upright_first",
-    "local_faces",
-    "middles_in_order",
-    "right_handed_cells",
-    "right_handed_wedges",
-]
-
 Sides = dict[str, tuple[tuple[int, ...], ...]]
 
 FLAT_CORNERS = {

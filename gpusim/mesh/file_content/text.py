@@ -12,8 +12,6 @@ from typing import NoReturn
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["Includes", "fail", "numbers", "statements", "text_lines", "whole_numbers"]
-
 _MAX_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
 
 

@@ -25,8 +25,6 @@ from gpusim.mesh.mesh import Mesh
 from gpusim.parallel.machine import memory_limit
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
 
-__all__ = ["CAD_SUFFIXES", "check_gmsh", "mesh_cad"]
-
 CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
 

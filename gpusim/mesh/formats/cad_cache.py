@@ -27,8 +27,6 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.formats.cad import mesh_cad
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["cached_cad_mesh"]
-
 MOST_MESHES = 100
 MOST_BYTES = 1_000_000_000
 """Of all of them; a larger mesh isn't kept."""

@@ -11,8 +11,6 @@ import numpy as np
 
 from gpusim.errors import InputError
 
-__all__ = ["CadOptions", "SizeBox", "check_sizes", "set_sizes"]
-
 Named = Mapping[str, Sequence[tuple[int, int]]]
 
 

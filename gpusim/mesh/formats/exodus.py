@@ -22,8 +22,6 @@ from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.numbering import EXODUS_SIDES, from_upright_first, local_faces
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["ExodusSteps", "read_exodus", "read_exodus_steps"]
-
 T = TypeVar("T")
 
 # What the readers of the containers raise on damaged files, whatever place the damage is in.

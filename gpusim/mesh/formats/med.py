@@ -19,9 +19,6 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.file_content.numbering import MED_KINDS, NODES, right_handed_cells
 
-__all__ = ["read_med"]
-
-
 # numbers and names of nodes and cells, which groups don't refer to
 _HARMLESS = {"NUM", "NOM", "GLB", "FAM"}
 _NO_PROFILE = "MED_NO_PROFILE_INTERNAL"

@@ -14,8 +14,6 @@ from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, index_of
 from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, dimension_of, from_gmsh_order
 from gpusim.mesh.formats.msh_numbers import MshNumbers, MshSource
 
-__all__ = ["read_msh"]
-
 # Physical groups by (dimension, tag).
 Names = dict[tuple[int, int], str]
 Block = tuple[str, Long, list[tuple[int, Long]]]

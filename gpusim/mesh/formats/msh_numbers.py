@@ -11,8 +11,6 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["MshNumbers", "MshSource"]
-
 
 class MshSource:
     """A file and the place in it; ``section`` is the one that errors are about."""

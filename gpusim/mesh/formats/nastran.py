@@ -34,9 +34,6 @@ from gpusim.mesh.formats.nastran_cards import (
 )
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["read_bdf"]
-
-
 _LONGEST_CHAIN = 100
 
 

@@ -22,18 +22,6 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.text import Includes, text_lines
 from gpusim.mesh.formats.abaqus.cards import LARGEST
 
-__all__ = [
-    "NASTRAN_ELEMENTS",
-    "SYSTEMS",
-    "BdfCard",
-    "check_card",
-    "integer",
-    "integers",
-    "read_bdf_cards",
-    "real",
-    "reals",
-]
-
 _EXPECTED = "Nastran bulk data"
 # a line of text: file, number, text without its comment
 _Line = tuple[str, int, str]

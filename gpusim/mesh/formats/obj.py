@@ -15,8 +15,6 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
 from gpusim.mesh.polygons import cut_polygons
 
-__all__ = ["ObjFile", "read_obj"]
-
 # what gives groups, looks and curves to an OBJ, and neither points nor faces
 _HARMLESS = {"vn", "g", "o", "s", "l", "p", "mg", "lod"}
 

@@ -21,8 +21,6 @@ from gpusim.mesh.formats.vtk import read_vtk
 from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["MESH_SUFFIXES", "PARALLEL", "read_mesh"]
-
 # VTK's files that name others, with a part of the whole in each
 PARALLEL = {
     ".pvtu": "names the pieces of a parallel grid, which are files of their own",

@@ -26,8 +26,6 @@ from gpusim.mesh.formats.gltf.primitives import gltf_faces
 from gpusim.mesh.formats.obj import read_obj
 from gpusim.mesh.polygons import check_corners, cut_polygons
 
-__all__ = ["read_surface"]
-
 Surface = tuple[Float, Long]
 
 

@@ -18,8 +18,6 @@ from gpusim.mesh.formats.gltf.base_colors import gltf_looks
 from gpusim.mesh.formats.obj import ObjFile, read_obj
 from gpusim.mesh.formats.surfaces import numbered_surface, welded
 
-__all__ = ["TEXTURED_SUFFIXES", "FileMaterial", "TexturedSurface", "read_textured"]
-
 TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
 

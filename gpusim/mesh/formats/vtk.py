@@ -17,8 +17,6 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.file_content.numbering import NODES, VTK_KINDS, right_handed_wedges
 
-__all__ = ["read_vtk", "vtk_blocks"]
-
 
 def vtk_blocks(points: Float, nodes: Long, ends: Long, types: Long, source: str) -> list[RawBlock]:
     """One block for each run of cells of one type.

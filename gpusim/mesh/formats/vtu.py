@@ -27,8 +27,6 @@ from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.formats.vtk import vtk_blocks
 from gpusim.parallel.machine import memory_limit
 
-__all__ = ["VtuFile"]
-
 Array = npt.NDArray[Any]
 
 _TYPES = {

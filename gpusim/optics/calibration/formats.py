@@ -43,8 +43,6 @@ from gpusim.optics.calibration.rig_formats import (
 )
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = ["UNITS", "calibration_format", "read_calibration", "read_rig", "write_calibration"]
-
 Size = tuple[int, int] | None
 Source = str | PathLike[str] | InputFile
 

@@ -13,15 +13,6 @@ from gpusim.errors import InputError
 from gpusim.optics.calibration.document import Document, make, number, pose_of, read_document
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = [
-    "cameras_of",
-    "from_message",
-    "needs_extrinsics",
-    "read_opencv",
-    "read_out",
-    "write_opencv",
-]
-
 Size = tuple[int, int] | None
 
 _MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K")

@@ -25,17 +25,6 @@ from gpusim.optics.calibration.document import (
 )
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = [
-    "read_dice",
-    "read_kalibr",
-    "read_matchid",
-    "read_vic",
-    "write_dice",
-    "write_kalibr",
-    "write_matchid",
-    "write_vic",
-]
-
 Size = tuple[int, int] | None
 LONGEST_LABEL = 100
 

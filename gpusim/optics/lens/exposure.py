@@ -50,8 +50,6 @@ from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = ["Exposure", "photograph", "plan_exposure"]
-
 PLACE_ERROR = 1.0 / 8.0
 """Over w n^2: how far the centroid of what is w px wide moves at most, as cells of 1 / n px that it
 fills in part on one side don't tell where."""

@@ -13,8 +13,6 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_file import decoding, read_picture
 
-__all__ = ["PANORAMA_SUFFIXES", "read_panorama"]
-
 PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 
 

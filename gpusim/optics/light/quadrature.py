@@ -25,17 +25,6 @@ from gpusim.optics.light.lights import (
     SunLight,
 )
 
-__all__ = [
-    "MOST_SHADOWS",
-    "Lamp",
-    "check_number",
-    "closest_points",
-    "emitter_light",
-    "emitters",
-    "irradiance",
-    "lamps_of",
-]
-
 MOST_ACROSS = 8
 """Emitting points along one side of a lamp; shadows have samples of their own, `sample_mask`."""
 

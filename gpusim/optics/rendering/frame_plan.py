@@ -18,8 +18,6 @@ from gpusim.optics.shading.lighting import casts_shadows
 from gpusim.optics.shading.shading_pass import small_triangles
 from gpusim.optics.shading.tile_light import MIN_PIXELS
 
-__all__ = ["BAND_BYTES", "FramePlan", "plan_frame"]
-
 BAND_BYTES = 1 << 25
 """Of radiance that is worked on at a time."""
 

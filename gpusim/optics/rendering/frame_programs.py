@@ -10,8 +10,6 @@ from gpusim.optics.rendering.frame_plan import FramePlan
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import lens_constants
 
-__all__ = ["frame_programs"]
-
 
 def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
     """What the edge pixels of a view and its shadows ask for: the slowest to compile, then the

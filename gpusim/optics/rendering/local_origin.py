@@ -21,9 +21,6 @@ from gpusim.optics.geometry.view import View, look
 from gpusim.optics.light.lights import AreaLight, Light, PointLight, SpotLight
 from gpusim.surface.surface import Surface
 
-__all__ = ["Local", "local", "local_view", "origin_near", "seen_from_origin"]
-
-
 NEAR = 4.0
 """Sizes of a scene: as far from zero is near enough."""
 

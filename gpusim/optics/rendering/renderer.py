@@ -36,8 +36,6 @@ from gpusim.surface.color import BANDS, Color, color, in_band
 from gpusim.surface.surface import Surface
 from gpusim.validation import checked
 
-__all__ = ["backdrop", "is_coloured", "picture_warnings", "render"]
-
 MAX_SIDE = 8192
 """px, of an image."""
 

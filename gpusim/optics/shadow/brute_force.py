@@ -22,9 +22,6 @@ from gpusim.optics.shadow.occluders import Occluders, planes_of, single_sheets
 from gpusim.optics.shadow.receivers import Receivers
 from gpusim.optics.shadow.sample_mask import COLUMNS, ROWS, STEP_A, STEP_B, lamp_masks, lattice
 
-__all__ = ["EdgeFunctions", "edge_functions", "shares_of", "shares_twin", "visible_footprint"]
-
-
 AGAINST = -0.5
 """Cosine between the normals of face and receiver below which they may lie against each other."""
 

@@ -39,8 +39,6 @@ from gpusim.optics.shadow.receivers import (
     on_device,
 )
 
-__all__ = ["LIT", "PENUMBRA", "STAGES", "UMBRA", "OccluderSearch", "VisibleShares"]
-
 STAGES = ("refit", "cells", "groups", "search", "refine", "mask")
 
 CAPACITY = 1 << 14

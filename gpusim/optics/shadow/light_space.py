@@ -18,15 +18,6 @@ from gpusim.arrays.array_types import Bool, Float, Real
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.shadow.sample_mask import lamp_masks
 
-__all__ = [
-    "ANGLE",
-    "TOLERANCE",
-    "UNLIMITED",
-    "LightSpace",
-    "lamp_numbers",
-    "light_spaces",
-]
-
 TOLERANCE = 2e-6
 """A face begins no shadow nearer to its plane than this times the distance from the eye."""
 

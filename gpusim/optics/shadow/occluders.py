@@ -28,21 +28,6 @@ from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = [
-    "NO_OCCLUDER",
-    "SHEETS",
-    "DeviceOccluders",
-    "OccluderBVH",
-    "Occluders",
-    "box_ends",
-    "facing",
-    "planes_of",
-    "refit_twin",
-    "relative_points",
-    "single_sheets",
-]
-
-
 NO_OCCLUDER = 0xFFFFFFFF
 """What lies across an edge that isn't shared by two triangles, one each way."""
 

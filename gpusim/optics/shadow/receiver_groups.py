@@ -22,9 +22,6 @@ from gpusim.optics.shadow.receivers import (
     Receivers,
 )
 
-__all__ = ["asking", "cells_twin", "entries_of", "groups_twin", "record_cells", "record_groups"]
-
-
 NAME = "optics/shadow/receiver_groups"
 
 

@@ -20,21 +20,6 @@ from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.view import View
 from gpusim.optics.shadow.occluders import NO_OCCLUDER, Occluders
 
-__all__ = [
-    "APART",
-    "MOST",
-    "TILE",
-    "DeviceList",
-    "DevicePixels",
-    "DeviceReceivers",
-    "PixelReceivers",
-    "Receivers",
-    "group_starts",
-    "on_device",
-    "plane_words",
-]
-
-
 TILE = 8
 
 MOST = TILE * TILE

@@ -28,8 +28,6 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.optics.light.quadrature import Lamp
 
-__all__ = ["COLUMNS", "ROWS", "SAMPLES", "STEP_A", "STEP_B", "lamp_masks", "lattice"]
-
 ROWS, COLUMNS = 16, 32
 SAMPLES = ROWS * COLUMNS
 STEP_A, STEP_B = 2.0 / COLUMNS, 2.0 / SAMPLES

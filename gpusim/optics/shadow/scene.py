@@ -27,9 +27,6 @@ from gpusim.optics.shadow.single_layer import wound_once
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
 
-__all__ = ["Shadows"]
-
-
 LABEL = "shadow.occluders"
 
 TOGETHER = 64

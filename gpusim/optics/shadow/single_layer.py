@@ -26,9 +26,6 @@ from gpusim.optics.shadow.light_space import LightSpace, light_spaces
 from gpusim.optics.shadow.occluders import SHEETS
 from gpusim.surface.surface import Surface
 
-__all__ = ["without_shadows", "wound_once"]
-
-
 SURE = 1e-14
 """Of the numbers that go into it, beyond which a difference isn't rounding."""
 

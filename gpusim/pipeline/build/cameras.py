@@ -22,16 +22,6 @@ from gpusim.optics.sensor.sensor import Sensor
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = [
-    "build_camera",
-    "build_lens",
-    "build_sensor",
-    "build_shutter",
-    "grey_weights",
-    "moving",
-    "opening",
-]
-
 
 def build_camera(camera: m.Camera, read: Reader = read_input) -> Camera:
     """The camera of a scene, in metres; ``read``: how its calibration is read.

@@ -21,8 +21,6 @@ from gpusim.optics.light.studio import studio
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["build_lights"]
-
 
 def build_lights(scene: Scene) -> list[Light] | None:
     """The lights, or None for a scene without: it then shows albedo."""

@@ -21,17 +21,6 @@ from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
 from gpusim.surface.surface import face_normals
 
-__all__ = [
-    "build_mesh",
-    "cells_of",
-    "faces_of",
-    "mesh_summary",
-    "nodes_of",
-    "read_given_field",
-    "size_warnings_of",
-    "surface_faces_of",
-]
-
 _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge6"}
 _WORST, _LISTED = 5, 20
 BUILDERS: dict[type, Callable[..., Mesh]] = {

@@ -18,8 +18,6 @@ from gpusim.pipeline.build.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 
-__all__ = ["BodyModel", "build_body_model", "build_model", "temperature"]
-
 
 @dataclass(frozen=True, eq=False)
 class _Supports:

@@ -22,16 +22,6 @@ from gpusim.surface import Surface
 if TYPE_CHECKING:
     from gpusim.fem import Model, Solution
 
-__all__ = [
-    "MovingBodies",
-    "SceneObjects",
-    "SceneSolution",
-    "moving_bodies",
-    "scene_objects",
-    "solver_seconds",
-]
-
-
 _ARRAYS = ("u", "reactions", "applied")
 
 

@@ -31,17 +31,6 @@ from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
 from gpusim.surface.texture import MOST_TEXELS, textured
 
-__all__ = [
-    "BodyParts",
-    "MeshedBody",
-    "build_body",
-    "build_prop",
-    "mesh_body",
-    "paint_body",
-    "posed",
-    "rotation",
-]
-
 Frame = PaintFrame | CylinderFrame | Atlas
 DEFAULT_ALBEDO = 0.5
 FINISH = ("roughness", "metallic", "bump")

@@ -30,8 +30,6 @@ from gpusim.pipeline.build.scene_objects import MovingBodies
 from gpusim.pipeline.build.surfaces import MeshedBody
 from gpusim.scene.description import model as m
 
-__all__ = ["LinearError", "cell_rotations", "linear_errors", "second_order"]
-
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
 TOLD = 0.005
 LARGE = 0.1  # of a body's size

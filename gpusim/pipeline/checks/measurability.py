@@ -12,8 +12,6 @@ from gpusim.pipeline.pictures.visibility import unseen
 from gpusim.surface import Surface
 from gpusim.surface.paint import Speckle
 
-__all__ = ["disc_warnings", "pixels_per_metre"]
-
 LEAST, MOST = 2.0, 15.0
 """Pixels per disc: below, a disc is aliased to a dot that changes with its place on the grid;
 above, a subset has to be large to hold three of them."""

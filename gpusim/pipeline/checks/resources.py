@@ -20,16 +20,6 @@ from gpusim.scene.cost import element_counts
 from gpusim.scene.description import model as m
 from gpusim.surface.paint import Image
 
-__all__ = [
-    "check_field",
-    "check_files",
-    "check_folders",
-    "check_memory",
-    "check_views",
-    "memory_fault",
-    "mesh_fault",
-]
-
 _QUICK = 50_000_000  # bytes of a mesh file that a plan reads, in a second or two
 
 

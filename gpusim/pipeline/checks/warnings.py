@@ -32,8 +32,6 @@ from gpusim.scene.description import model as m
 from gpusim.scene.frames import frame_table
 from gpusim.surface import Surface
 
-__all__ = ["geometry_warnings", "scene_warnings", "with_known_warnings"]
-
 NAMED = 6
 
 

@@ -28,8 +28,6 @@ from gpusim.scene.description.model import MeasureTable
 from gpusim.scene.measure_kinds import add_kind
 from gpusim.surface import Surface
 
-__all__ = ["Kind", "Unloaded", "kind_of", "measured", "register"]
-
 
 @dataclass(frozen=True)
 class Unloaded:

@@ -21,8 +21,6 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface.surface import face_normals
 
-__all__ = ["axial_loads", "marker_warnings"]
-
 MOST_BLUR = 0.15  # of a marker's width: a cross blurred by more has its border in its middle
 NAMED = 6
 MOSAIC_PX, GAMMA_PX = {"bilinear": 0.1, "malvar": 0.04}, 0.02  # RMS, of markers of 15 to 24 px

@@ -18,17 +18,6 @@ from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = [
-    "CrossFits",
-    "MarkerSet",
-    "arms_of",
-    "check_widths",
-    "collect_markers",
-    "find_crosses",
-    "fit_crosses",
-    "size_range",
-]
-
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
 SIZES = (0.5, 1.3)  # of the width that a marker has when it is seen from the front

@@ -26,8 +26,6 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import frame_word
 
-__all__ = ["GOAL", "MarkerResult", "TrackedMarkers", "track_markers"]
-
 GOAL = 1e-3
 """Relative error up to which a measured displacement counts as good."""
 

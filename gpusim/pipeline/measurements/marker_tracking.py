@@ -40,8 +40,6 @@ from gpusim.pipeline.measurements.marker_detection import (
 )
 from gpusim.pipeline.pictures.exposure import level_warnings
 
-__all__ = ["FirstPicture", "MarkerCache", "MarkerTracks"]
-
 SUBSET_SHARE = 0.95
 LOST_SHARE = 0.45  # of the way to its neighbour, where a marker that got lost is looked for
 TRIES = 30  # iterations; those that find a marker take 16 at most, others go on for ever

@@ -26,8 +26,6 @@ from gpusim.files.output_folder import inside
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series
 from gpusim.scene import Scene
 
-__all__ = ["Columns", "Crop", "PointTable", "Reported", "Result", "csv_text", "vector_columns"]
-
 Columns = Mapping[str, npt.NDArray[Any]]
 Crop = tuple[str, float, float, float, float]
 

@@ -19,8 +19,6 @@ from gpusim.pipeline.pictures.image_window import Window
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["Board", "Sources", "board_of", "find_corners", "read_corners"]
-
 MM = 1e3
 Board = measure.Chessboard | measure.CharucoBoard
 

@@ -11,8 +11,6 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.optics.sensor.sensor import Sensor
 
-__all__ = ["chosen_exposure", "level_warnings"]
-
 MOST_CLIPPED = 1e-3
 """Share of the pixels; a highlight has fewer."""
 COLORS = ("red", "green", "blue")

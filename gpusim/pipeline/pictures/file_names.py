@@ -7,8 +7,6 @@ from pathlib import Path
 from gpusim.files.output_folder import inside
 from gpusim.scene import Scene
 
-__all__ = ["corners_name", "image_name", "image_path"]
-
 
 def image_name(scene: Scene, camera: str, frame: int, kind: str = "") -> str:
     """What the picture of a frame is called; ``kind`` "calib-" for those of a target."""

@@ -13,8 +13,6 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import look
 from gpusim.surface import Surface
 
-__all__ = ["Window", "whole_window", "window_of"]
-
 MARGIN = 2  # px around the outermost corner
 
 

@@ -13,8 +13,6 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
-__all__ = ["blind_cameras", "lamps_inside", "unseen", "winding_numbers"]
-
 LEAST_SEEN = 3.0  # px
 _CHUNK = 1 << 18
 OWN_SHARE = 0.05  # of a marker's size: how near to it a surface is its own

@@ -19,8 +19,6 @@ from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
 from gpusim.scene.sources import active_sources, with_only, without_sources
 
-__all__ = ["run_budget"]
-
 State = Literal["all", "none", "only", "no"]
 FOLDER = "budget"
 

@@ -31,8 +31,6 @@ from gpusim.plan.stages import RunOptions
 from gpusim.report import Report, prepare_figures, write_report
 from gpusim.scene import Scene
 
-__all__ = ["Execution", "RunFailed"]
-
 
 class RunFailed(Exception):
     """The scene at a ``place`` came to nothing, through a ``task`` or its report; the cause is its

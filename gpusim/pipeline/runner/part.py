@@ -13,8 +13,6 @@ from gpusim.plan.decision import decide
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 
-__all__ = ["make_part"]
-
 
 def make_part(
     scene: Scene,

@@ -18,8 +18,6 @@ from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
 from gpusim.scene import Scene
 
-__all__ = ["run", "run_claimed"]
-
 
 def run(
     scene: Scene,

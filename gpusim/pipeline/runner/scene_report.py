@@ -44,8 +44,6 @@ from gpusim.scene import Scene
 from gpusim.scene.cost import effects
 from gpusim.scene.frames import frame_word
 
-__all__ = ["SceneReport", "failure_text", "learn", "read_results"]
-
 _FIRST = ("solve", "geometry", "linear theory")
 """Stages whose notes a report has before the others'."""
 

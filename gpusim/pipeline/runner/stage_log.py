@@ -11,8 +11,6 @@ from gpusim.plan.decision import Decision
 from gpusim.plan.plan import Plan
 from gpusim.report import Stage
 
-__all__ = ["Progress", "StageLog", "public_name"]
-
 _BEFORE = ("mesh", "model", "surface")
 Progress = Callable[[str, float, str], None]
 

@@ -15,8 +15,6 @@ from gpusim.pipeline.runner.execution import Execution, RunFailed
 from gpusim.pipeline.runner.scene_report import failure_text, read_results
 from gpusim.report import Link, Report, Stage, write_report
 
-__all__ = ["compare_variants", "tell_failure"]
-
 
 def compare_variants(execution: Execution) -> Report:
     """Compare the variants that were made; returns the whole report, which it writes."""

@@ -19,8 +19,6 @@ from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
 from gpusim.surface import Surface
 
-__all__ = ["mesh", "mesh_notes", "props", "surface"]
-
 
 def mesh(scene: Scene, inputs: Inputs, session: Session) -> MeshedBody:
     """A body's mesh and its skin."""

@@ -10,8 +10,6 @@ from gpusim.pipeline.checks.warnings import geometry_warnings
 from gpusim.pipeline.notes import notes_of
 from gpusim.scene import Scene
 
-__all__ = ["geometry", "linear_theory"]
-
 
 def geometry(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Warnings. Raises InputError for a measure that can't work."""

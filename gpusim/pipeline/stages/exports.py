@@ -20,8 +20,6 @@ from gpusim.pipeline.stages.mechanics import STRESS, Stresses
 from gpusim.scene import Scene
 from gpusim.scene.frames import FrameTable
 
-__all__ = ["meshes"]
-
 
 def meshes(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """What the scene asks for."""

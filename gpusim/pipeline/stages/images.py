@@ -45,8 +45,6 @@ from gpusim.scene.frames import Placed
 from gpusim.surface import Surface
 from gpusim.surface.color import color
 
-__all__ = ["Radiance", "exposure", "moving_surfaces", "picture", "radiance", "target"]  # fmt: skip
-
 SERIES = 10_000
 """Frames that a scene may have: series of the same sensor share none of their noise."""
 

@@ -21,8 +21,6 @@ from gpusim.pipeline.measurements.sources import Sources, read_corners
 from gpusim.pipeline.pictures.file_names import corners_name, image_name
 from gpusim.scene import Scene
 
-__all__ = ["measure", "tracks"]
-
 
 def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """One measurement."""

@@ -38,9 +38,6 @@ from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable
 
-__all__ = ["Stresses", "given", "model", "solution", "solve_bodies", "solve_scene", "stress",
-           "superposed", "write_stresses"]  # fmt: skip
-
 DISPLACEMENT, STRESS = "solution/displacement.npz", "solution/stress.npz"
 
 

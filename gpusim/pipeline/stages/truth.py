@@ -26,8 +26,6 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable, frame_word
 
-__all__ = ["sight", "truth"]
-
 Sight = tuple[Frame, Window]
 
 

@@ -13,8 +13,6 @@ from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from .table import Table, Vec3, Words, fault
 
-__all__ = ["SceneColor", "Shade", "Tint", "Tinted", "is_chromatic"]
-
 SceneColor = float | Vec3 | str
 
 _HEX = "^#[0-9A-Fa-f]{6}$"

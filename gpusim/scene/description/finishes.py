@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
-__all__ = ["FINISHES", "FinishName", "NamedFinish"]
-
 FinishName = Literal[
     "mill-finished steel",
     "brushed steel",

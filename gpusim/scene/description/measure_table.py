@@ -16,8 +16,6 @@ from pydantic_core import CoreSchema
 
 from .table import Name, Table
 
-__all__ = ["TABLES", "AnyKind", "Entry", "MeasureFault", "MeasureTable"]
-
 Entry = Mapping[str, Any]
 MeasureFault = tuple[tuple[str | int, ...], str, Any, str]
 """Keys within the table, what is wrong there, what stands there, what is expected."""

@@ -20,42 +20,6 @@ from typing import Annotated, Any, Generic, Literal, Self, TypeVar, overload
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-__all__ = [
-    "SI",
-    "Axis",
-    "Count",
-    "Direction",
-    "FileUnit",
-    "Length",
-    "Listed",
-    "Name",
-    "Names",
-    "Numbers",
-    "Pair",
-    "PositivePair",
-    "Seed",
-    "SeveralNames",
-    "Share",
-    "SignedAxis",
-    "Table",
-    "Vec3",
-    "Vector",
-    "Words",
-    "across",
-    "between",
-    "cross",
-    "descriptions",
-    "each_once",
-    "fault",
-    "file_unit",
-    "in_si",
-    "known_suffix",
-    "norm",
-    "not_zero",
-    "parallel",
-    "unit",
-]
-
 _SMALLEST, _LARGEST = 1e-30, 1e30
 _LARGEST_COUNT = 2**63 - 1
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}  # per unit of a file

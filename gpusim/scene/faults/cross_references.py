@@ -18,8 +18,6 @@ from gpusim.scene.description.table import Words
 from .faults import value_text
 from .key_paths import Keys, dotted, listed, nearest
 
-__all__ = ["check_document"]
-
 Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
 Item = tuple[int, Mapping[str, Any]]

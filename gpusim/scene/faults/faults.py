@@ -16,8 +16,6 @@ from gpusim.scene.description.table import Words
 from .key_paths import Keys, Origins, dotted, nearest, origin_of
 from .schema_places import Place, expected, locate
 
-__all__ = ["MOST", "faults_of", "unread", "value_text", "with_origin"]
-
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
 _KINDS = {
     "float_type": "a number",

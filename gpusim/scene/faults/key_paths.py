@@ -12,21 +12,6 @@ from typing import Any
 from gpusim.errors import Fault
 from gpusim.scene.description.finishes import NamedFinish
 
-__all__ = [
-    "DEEPEST",
-    "Keys",
-    "Origins",
-    "dotted",
-    "key_lines",
-    "listed",
-    "nearest",
-    "origin_of",
-    "overridden",
-    "pick",
-    "put",
-    "with_names",
-]
-
 DEEPEST = 16
 """Levels of tables and lists, and of a dotted key."""
 

@@ -11,8 +11,6 @@ from typing import Any
 
 from gpusim.scene.description.scene_table import SceneTable
 
-__all__ = ["Place", "expected", "json_schema", "locate"]
-
 Node = Mapping[str, Any]
 _MANY = 2**31  # a count above it is no limit that anybody asks about
 _KINDS = {

@@ -19,8 +19,6 @@ from typing import Any
 
 from gpusim.scene import Scene
 
-__all__ = ["BackgroundSolver"]
-
 _CHILD = (
     "import os, pickle, sys; getattr(os, 'nice', int)(10); "  # the window comes first
     "sys.path[:] = pickle.load(sys.stdin.buffer); "

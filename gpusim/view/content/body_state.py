@@ -15,8 +15,6 @@ from gpusim.mesh import Mesh
 if TYPE_CHECKING:  # half a second to import, which a window without fields doesn't need
     from gpusim.fem import Model, Stress
 
-__all__ = ["BodyState"]
-
 
 @dataclass(frozen=True, eq=False)
 class BodyState:

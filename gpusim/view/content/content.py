@@ -32,8 +32,6 @@ if TYPE_CHECKING:  # a third of a second to import, which the first picture does
     from gpusim.fem import Model
     from gpusim.pipeline.stages.mechanics import Stresses
 
-__all__ = ["Content"]
-
 
 @dataclass(eq=False)
 class Content:

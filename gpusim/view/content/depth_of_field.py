@@ -9,8 +9,6 @@ import numpy as np
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.thin_lens import Lens
 
-__all__ = ["DepthOfField", "depth_of_field"]
-
 
 @dataclass(frozen=True)
 class DepthOfField:

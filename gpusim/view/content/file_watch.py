@@ -6,8 +6,6 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = ["FileWatch"]
-
 PERIOD = 0.25
 """s between two looks."""
 

@@ -29,8 +29,6 @@ from gpusim.surface.surface import Surface
 from gpusim.view.content.content import Content
 from gpusim.view.picture.neutral import PAINT
 
-__all__ = ["check_room", "load_content", "load_solution"]
-
 STEP = (".step", ".stp")
 
 COARSE_MM = 1e6

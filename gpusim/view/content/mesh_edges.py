@@ -8,8 +8,6 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 
-__all__ = ["crease_edges", "element_edges"]
-
 
 def _ends(surface: Surface, edges: Bool) -> Float:
     """(n, 2, 3): where the edges (E,) that are wanted lie now."""

@@ -14,8 +14,6 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.sensor.channels import Weights
 from gpusim.view.picture.placement import Placement
 
-__all__ = ["display_twin", "draw_enlarged", "draw_frame", "enlarged_twin"]
-
 
 def draw_frame(
     device: Device,

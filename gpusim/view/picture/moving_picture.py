@@ -23,8 +23,6 @@ from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 
-__all__ = ["moving_picture", "unshadowed"]
-
 
 def unshadowed(lights: Sequence[Light]) -> list[Light]:
     """The same lights, which nothing hides.

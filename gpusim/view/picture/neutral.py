@@ -11,8 +11,6 @@ from gpusim.optics.light.lights import AmbientLight, Light, SunLight
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 
-__all__ = ["BACKDROP", "HEADLIGHT_WHITE", "headlight", "unpainted"]
-
 PAINT = Plain(0.6)
 
 BACKDROP = 0.12

@@ -9,8 +9,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 
-__all__ = ["Placement"]
-
 
 @dataclass(frozen=True)
 class Placement:

@@ -20,8 +20,6 @@ from gpusim.view.picture.display import draw_enlarged, draw_frame
 from gpusim.view.picture.moving_picture import moving_picture, unshadowed
 from gpusim.view.picture.placement import Placement
 
-__all__ = ["ProgressivePicture", "Shot", "coarser", "rows_of"]
-
 STILL = 0.15
 """s without a change, after which the picture gets finer."""
 

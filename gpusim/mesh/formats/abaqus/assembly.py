@@ -19,8 +19,6 @@ from gpusim.mesh.formats.abaqus.content import InpContent, Numbering, add_member
 from gpusim.mesh.formats.abaqus.elements import ElementBlock, read_elements
 from gpusim.mesh.formats.abaqus.nodes import NODE_CARDS, Nodes
 
-__all__ = ["read_content"]
-
 
 @dataclass(frozen=True, eq=False)
 class Instance:

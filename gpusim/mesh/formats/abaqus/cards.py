@@ -25,18 +25,6 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import Includes, text_lines
 
-__all__ = [
-    "LARGEST",
-    "Card",
-    "Names",
-    "Source",
-    "is_plain",
-    "nearest",
-    "number",
-    "read_cards",
-    "whole",
-]
-
 
 @dataclass(eq=False)
 class Lines:

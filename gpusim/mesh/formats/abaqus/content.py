@@ -13,8 +13,6 @@ from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, is_plain, whole
 from gpusim.mesh.formats.abaqus.elements import ElementBlock
 
-__all__ = ["InpContent", "Numbering", "add_members", "read_set"]
-
 
 @dataclass(frozen=True, eq=False)
 class Numbering:

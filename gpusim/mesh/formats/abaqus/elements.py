@@ -13,9 +13,6 @@ from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.formats.abaqus.cards import Card, is_plain, nearest, whole
 from gpusim.mesh.formats.abaqus.nodes import MAX_GENERATED
 
-__all__ = ["SOLID_TYPES", "ElementBlock", "read_elements"]
-
-
 # Solid element types that share nodes and node order with ours, but for the middles of C3D27, which
 # are told by where they lie.
 SOLID_TYPES = {

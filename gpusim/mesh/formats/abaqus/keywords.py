@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, nearest
 
-__all__ = ["MESH_KEYWORDS", "check_mesh_cards", "fail_together", "parameter_faults"]
-
 MESH_KEYWORDS: dict[str, frozenset[str]] = {
     key: frozenset(names.split())
     for key, names in {

@@ -11,9 +11,6 @@ from gpusim.errors import InputError
 from gpusim.mesh.file_content.coordinate_systems import Frame, from_cylindrical, rotation
 from gpusim.mesh.formats.abaqus.cards import LARGEST, Card, is_plain, number, whole
 
-__all__ = ["MAX_GENERATED", "NODE_CARDS", "Nodes"]
-
-
 MAX_GENERATED = 5_000_000
 """Nodes, and elements, that the generating cards of a file may make."""
 

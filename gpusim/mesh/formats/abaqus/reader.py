@@ -17,8 +17,6 @@ from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES, ElementBlock
 from gpusim.mesh.formats.abaqus.keywords import check_mesh_cards
 from gpusim.mesh.mesh import Mesh
 
-__all__ = ["LabelledMesh", "label_mesh", "read_inp"]
-
 
 @dataclass(frozen=True, eq=False)
 class LabelledMesh:

@@ -15,8 +15,6 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.gltf.document import GltfDocument, gltf_document, whole
 from gpusim.mesh.formats.gltf.primitives import PlacedPrimitive, placed_primitives
 
-__all__ = ["MOST_LOOKS", "gltf_looks"]
-
 Look = dict[str, Any]
 """Fields of a `gpusim.mesh.formats.textures.FileMaterial`."""
 

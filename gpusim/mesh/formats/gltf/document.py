@@ -15,8 +15,6 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 
-__all__ = ["GltfDocument", "gltf_document", "whole"]
-
 # extensions that a file may require: they are read, or say nothing of shape and base colour
 _READ = {
     "KHR_lights_punctual", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_unlit",

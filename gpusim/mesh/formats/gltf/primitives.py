@@ -12,9 +12,6 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.gltf.document import GltfDocument, gltf_document, whole
 
-__all__ = ["MOST_FACES", "PlacedPrimitive", "gltf_faces", "placed_primitives"]
-
-
 MOST_FACES = 10_000_000
 """Of a file, and as many points: a few bytes place a mesh once more."""
 

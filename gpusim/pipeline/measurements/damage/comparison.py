@@ -23,8 +23,6 @@ from gpusim.report.measurement_figures import StateCurve, draw_deflections, draw
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["DamageResult", "compare_states"]
-
 LEAST_POINTS = 8
 CURVE_POINTS = 400
 

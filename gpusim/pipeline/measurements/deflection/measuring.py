@@ -26,8 +26,6 @@ from gpusim.pipeline.measurements.sources import Sources
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["measure_deflection"]
-
 TRUTH_POINTS = 200
 
 

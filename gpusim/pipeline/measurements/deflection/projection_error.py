@@ -15,9 +15,6 @@ from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.optics.camera.pinhole import Camera
 
-__all__ = ["PARTS", "projection_error"]
-
-
 PARTS = {
     "axis": "motion along the camera's axis changes the scale",
     "plane": "the markers' plane is seen in perspective, at an angle or at several depths",

@@ -15,8 +15,6 @@ from gpusim.pipeline.measurements.results import Reported
 from gpusim.report import Measurement, Series
 from gpusim.scene import Scene
 
-__all__ = ["DeflectionResult"]
-
 MOST_TILT_DEG = 1.0
 """Beyond it one scale coefficient is off by more than 0.015 %."""
 LEAST_SHARE, SIGMAS = 1e-3, 3.0

@@ -24,8 +24,6 @@ from gpusim.pipeline.measurements.stereo.result import PARAMETERS, StereoResult
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
-__all__ = ["measure_stereo"]
-
 MM = 1e3
 LEAST_SPREAD = 0.05  # of static markers, width over length
 

@@ -25,8 +25,6 @@ from gpusim.report.measurement_figures import (
 )
 from gpusim.scene import Scene
 
-__all__ = ["PARAMETERS", "StereoResult"]
-
 PARAMETERS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px", "baseline_mm": "mm",
               "angle_deg": "deg"}  # fmt: skip
 """Of a camera with their units; the last two against the first camera."""
