@@ -15,6 +15,7 @@ import difflib
 import functools
 import inspect
 import itertools
+import re
 import types
 import typing
 from collections.abc import Callable, Iterable, Sequence
@@ -35,6 +36,15 @@ def real_numbers(value: Any, what: str) -> Float:
     if array is None:
         raise InputError(f"{what}; got {_shown(value)}; expected an array of real numbers")
     return array
+
+
+def by_number(names: Iterable[str]) -> list[str]:
+    """Sorted, with ``face_10`` after ``face_9``."""
+
+    def parts(name: str) -> list[str | int]:
+        return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
+
+    return sorted(names, key=parts)
 
 
 def is_number(value: Any) -> bool:

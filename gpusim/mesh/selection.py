@@ -15,7 +15,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import unmasked
+from gpusim.validation import by_number, unmasked
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -25,6 +25,10 @@ _AXES = {
     "-y": (0.0, -1.0, 0.0), "+z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0),
 }  # fmt: skip
 _BOUND_KEYS = tuple(f"{axis}_{side}" for axis in "xyz" for side in ("min", "max"))
+
+
+class EmptySelection(InputError):
+    """Nothing of the mesh is where it was asked for."""
 
 
 @unmasked()
@@ -168,7 +172,7 @@ def _unknown_set(where: str, mesh: Mesh, name: str) -> InputError:
 
 def _one_of(name: str, known: Iterable[str]) -> str:
     """The names there are, and the one that was probably meant."""
-    names = sorted(known)
+    names = by_number(known)
     if not names:
         return "no name: the mesh has no sets"
     near = get_close_matches(name, names, 1)
@@ -226,7 +230,7 @@ def _found(mesh: Mesh, found: Int, what: str, *conditions: object) -> Int:
         for label, value in zip(labels, conditions, strict=True)
         if value is not None
     )
-    raise InputError(
+    raise EmptySelection(
         f"selection: no {what} found; got {asked or 'no condition'}; expected something inside the "
         f"mesh, x {low[0]:.6g} … {high[0]:.6g}, y {low[1]:.6g} … {high[1]:.6g}, "
         f"z {low[2]:.6g} … {high[2]:.6g}"

@@ -23,6 +23,7 @@ _SLENDER, _ELEMENT_ASPECT = 1e5, 1e3
 _FOCAL, _PIXEL, _SIDE = (5e-4, 5.0), (3e-7, 1e-3), (2e-4, 0.2)  # m
 _FIELD = 1e-4, 20.0  # width of the image over its distance
 _STAND_OFF = 5e-3, 1e5  # m
+_AT_ORIGIN = 2e-3  # m: a place given in m where mm are meant; (0, 0, 0) is a calibration's
 _GRAVITY = 1e3  # m/s2
 _HEAT = 3e3  # K
 _STRAIN = 0.5
@@ -198,7 +199,15 @@ def _camera(camera: m.Camera) -> Iterator[str]:
         field = width / camera.focal
     if field and not _FIELD[0] <= field <= _FIELD[1]:
         yield f"{name}: sees {field:.3g} m of width at a distance of 1 m; are its lengths right?"
-    if camera.position is None or camera.target is None:
+    if camera.position is None:
+        return
+    if 0.0 < hypot(*camera.position) < _AT_ORIGIN:
+        x, y, z = (1e3 * value for value in camera.position)
+        yield (
+            f"{name}: stands at ({x:g}, {y:g}, {z:g}) mm, in the scene's origin; is position_mm "
+            "in another unit?"
+        )
+    if camera.target is None:
         return
     away = dist(camera.position, camera.target)
     if not _STAND_OFF[0] <= away <= _STAND_OFF[1]:

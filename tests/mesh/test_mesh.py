@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -196,3 +197,13 @@ def test_a_slender_crane_takes_memory_for_its_members_only() -> None:
     along = (0.07 + mesh.bounds[1][2] + mesh.bounds[1][0]) / 5e-5
     assert abs(mesh.cell_count / along - 1.0) <= 0.2
     assert len(mesh.points) == 4 * (mesh.cell_count + 1)
+
+
+def test_names_are_told_by_number() -> None:
+    mesh = box(size=(1, 1, 1), divisions=(1, 1, 1))
+    names = {f"face_{number}": np.zeros(1, np.int32) for number in range(1, 12)}
+    mesh = dataclasses.replace(mesh, node_sets=names)
+    with pytest.raises(
+        InputError, match=r"expected one of face_1, face_2, .*face_9, face_10, face"
+    ):
+        select_nodes(mesh, name="hole")

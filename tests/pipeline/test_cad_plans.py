@@ -87,8 +87,12 @@ def meshed(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 BODY = "body.part"
 FAULTS = {
     f'{BODY}.support.clamp.where={{set="face_99"}}': "support 'clamp': select_nodes: unknown set",
-    f"{BODY}.paint.grey.where={{x_min_mm=77.0}}": "paint 'grey': selection: no faces found",
-    f"{BODY}.load.pull.where={{x_min_mm=77.0}}": "load 'pull': selection: no faces found",
+    f"{BODY}.paint.grey.where={{x_min_mm=77.0}}": (
+        "paint 'grey': where: no faces found; got x_min_mm 77; expected a part of x "
+    ),
+    f"{BODY}.load.pull.where={{x_min_mm=77.0}}": (
+        "load 'pull': where: no faces found; got x_min_mm 77"
+    ),
     f'{BODY}.support.clamp.fix=["x"]': "can move freely",
     f"{BODY}.mesh.size_mm=0.004": "got 0.004 in the file's unit, which makes about 2e+12 elements",
 }

@@ -310,7 +310,7 @@ def test_a_bimetal_strip_bends(tmp_path: Path) -> None:
     stress = grid.point_data["stress"][top, 0]
     assert -55e6 / 0.7 <= stress <= -48e6 and report.mechanics is not None
     assert np.abs(report.mechanics.loads[0].force).max() <= 1e-6
-    with pytest.raises(gs.InputError, match="part 0 of 'brass': no elements found; got bounds"):
+    with pytest.raises(gs.InputError, match="part 0 of 'brass': where: no elements found; got "):
         part = {"material": "brass", "where": {"z_min_mm": 11.0}}
         build_model(build_body(scene(others=[brass], part=[part]).bodies[0]))
     with pytest.raises(gs.InputError, match="unknown set of elements; got 'core'"):

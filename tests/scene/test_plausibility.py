@@ -47,6 +47,7 @@ def test_no_example_is_implausible(checkout: Path) -> None:
         ("camera.0.position_mm", [300.0, -20.4, 290.0], "stands 0.4 mm away"),
         ("camera.0.position_mm", [300.0, -40.0, 290.0], "nearer than its focal length of 30 mm"),
         ("camera.0.position_mm", [300.0, -1.02e9, 290.0], "stands 1.02e+09 mm away"),
+        ("camera.0.position_mm", [0.3, -1.02, 0.29], "stands at (0.3, -1.02, 0.29) mm"),
     ],
 )
 def test_one_implausible_number(crane: Scene, key: str, value: Any, said: str) -> None:

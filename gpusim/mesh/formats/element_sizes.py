@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.errors import InputError
+from gpusim.validation import by_number
 
 Named = Mapping[str, Sequence[tuple[int, int]]]
 
@@ -83,7 +84,7 @@ def set_sizes(gmsh: Any, ask: CadOptions, named: Named) -> None:
     for name, value in ask.sizes.items():
         if name not in named:
             near = get_close_matches(name, named, 1)
-            known = f"did you mean {near[0]!r}?" if near else ", ".join(sorted(named)[:20])
+            known = f"did you mean {near[0]!r}?" if near else ", ".join(by_number(named)[:20])
             raise InputError(f"mesh_cad: sizes; got {name!r}; expected a name of the file: {known}")
         for dimension, tag in named[name]:
             if dimension == 3:

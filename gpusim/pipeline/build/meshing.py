@@ -16,10 +16,12 @@ from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
+from gpusim.mesh.selection import EmptySelection
 from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
 from gpusim.surface.surface import face_normals
+from gpusim.validation import by_number
 
 _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge6"}
 _WORST, _LISTED = 5, 20
@@ -133,25 +135,31 @@ _FACING = np.deg2rad(30.0)  # as `mesh.select_faces` has it
 
 def nodes_of(grid: Mesh, where: m.Where) -> Int:
     """Node numbers. Raises InputError if there are none."""
-    return mesh.select_nodes(
-        grid,
-        bounds=_bounds(where),
-        normal=where.normal,
-        name=where.set,
-        tolerance=where.tolerance,
-    )
+    try:
+        return mesh.select_nodes(
+            grid,
+            bounds=_bounds(where),
+            normal=where.normal,
+            name=where.set,
+            tolerance=where.tolerance,
+        )
+    except EmptySelection as error:
+        raise _none_found("nodes", where, grid.points) from error
 
 
 def faces_of(grid: Mesh, faces: Faces, where: m.Where) -> Faces:
     """Of the boundary ``faces``, or of a named set. Raises InputError if there are none."""
-    return mesh.select_faces(
-        grid,
-        bounds=_bounds(where),
-        normal=where.normal,
-        name=where.set,
-        tolerance=where.tolerance,
-        faces=None if where.set is not None else faces,
-    )
+    try:
+        return mesh.select_faces(
+            grid,
+            bounds=_bounds(where),
+            normal=where.normal,
+            name=where.set,
+            tolerance=where.tolerance,
+            faces=None if where.set is not None else faces,
+        )
+    except EmptySelection as error:
+        raise _none_found("faces", where, grid.points) from error
 
 
 def surface_faces_of(points: Float, faces: Int, where: m.Where, told: str) -> Long:
@@ -171,10 +179,7 @@ def surface_faces_of(points: Float, faces: Int, where: m.Where, told: str) -> Lo
         along = normals[:, "xyz".index(where.normal[1])] * (1 if where.normal[0] == "+" else -1)
         keep &= along >= np.cos(_FACING) * np.linalg.norm(normals, axis=1)
     if not keep.any():
-        raise InputError(
-            f"{told}: where: no faces found; expected something inside the surface, from "
-            f"{points.min(axis=0).tolist()} m to {points.max(axis=0).tolist()} m"
-        )
+        raise InputError(f"{told}: {_none_found('faces', where, points)}")
     return np.flatnonzero(keep)
 
 
@@ -189,7 +194,7 @@ def cells_of(grid: Mesh, where: m.Where) -> Long:
         keep[first : first + len(block)] = ((middle >= low) & (middle <= high)).all(axis=1)
     if where.set is not None:
         if where.set not in grid.cell_sets:
-            known = ", ".join(sorted(grid.cell_sets))
+            known = ", ".join(by_number(grid.cell_sets))
             expected = f"one of {known}" if known else "no set: the mesh has none of elements"
             raise InputError(f"unknown set of elements; got {where.set!r}; expected {expected}")
         inside = np.zeros_like(keep)
@@ -197,12 +202,21 @@ def cells_of(grid: Mesh, where: m.Where) -> Long:
         keep &= inside
     found = np.flatnonzero(keep)
     if not found.size:
-        raise InputError(
-            f"no elements found; got bounds {_bounds(where) or 'none'}, set {where.set!r}; "
-            f"expected something inside the mesh, from {grid.bounds[0].tolist()} m to "
-            f"{grid.bounds[1].tolist()} m"
-        )
+        raise _none_found("elements", where, grid.points)
     return found
+
+
+def _none_found(what: str, where: m.Where, points: Float) -> InputError:
+    """In the words and units of a scene file."""
+    asked = [f"{key}_mm {1e3 * value:.6g}" for key, value in _bounds(where).items()]
+    asked += [f"normal {where.normal}"] * (where.normal is not None)
+    asked += [f"set {where.set!r}"] * (where.set is not None)
+    low, high = 1e3 * points.min(axis=0), 1e3 * points.max(axis=0)
+    there = ", ".join(f"{axis} {low[k]:.6g} … {high[k]:.6g}" for k, axis in enumerate("xyz"))
+    return InputError(
+        f"where: no {what} found; got {', '.join(asked) or 'no condition'}; expected a part of "
+        f"{there} mm"
+    )
 
 
 def _bounds(where: m.Where) -> dict[str, float]:
