@@ -21,9 +21,9 @@ from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
 from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.triangle_records import triangle_records
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.surfaces import build_body, build_prop
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from tests.support.optics_reference import Plate, difference, pattern, reference
 
 RESULTS = Path(__file__).parent / "results" / "images.md"

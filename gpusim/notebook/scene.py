@@ -17,8 +17,8 @@ from gpusim.notebook.camera import draw_camera, plane_axes
 from gpusim.notebook.page import Picture, page
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.surfaces import build_body, build_prop, posed
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop, posed
 from gpusim.report.style import MUTED, named
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m

@@ -19,8 +19,8 @@ from gpusim.notebook.page import Picture, page, png_bytes
 from gpusim.notebook.scene import scene_surfaces
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
 from gpusim.optics import render
-from gpusim.pipeline.build.cameras import build_camera, grey_weights
-from gpusim.pipeline.build.lights import build_lights
+from gpusim.pipeline.scene_objects.cameras import build_camera, grey_weights
+from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.scene import Scene, load_scene
 
 INSTALL = 'a view that moves needs the extra: pip install "gpusim[notebook]"'

@@ -4,7 +4,7 @@ In the order in which data passes:
 
 - `notes`: What a report says of a stage, kept with the stage's result: a run that reuses it says
   the same.
-- `build`: From a scene to meshes, models, surfaces and cameras.
+- `scene_objects`: From a scene to meshes, models, surfaces and cameras.
 - `scene_solution`: One body of a scene solved: what `gpusim.solve` does with a scene.
 - `pictures`: Pictures of a run: what they are called, what is in them, how they are exposed.
 - `measurements`: Measurements in a run's images, with the truth beside them.

@@ -39,8 +39,8 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
     if isinstance(problem, fem.Model):
         return fem.solve(problem, device, **options)
     # a model needs none of what reads scenes: half of the package
-    from gpusim.pipeline.build.modelling import build_model
-    from gpusim.pipeline.build.surfaces import build_body
+    from gpusim.pipeline.scene_objects.modelling import build_model
+    from gpusim.pipeline.scene_objects.surfaces import build_body
     from gpusim.scene import Scene
     from gpusim.scene.amplitudes import load_groups
 

@@ -16,7 +16,7 @@ import pytest
 from gpusim.field import Field
 from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Mesh
-from gpusim.pipeline.build import surfaces
+from gpusim.pipeline.scene_objects import surfaces
 from gpusim.scene.description import model
 from gpusim.scene.scene import Scene
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build.modelling import build_model
-from gpusim.pipeline.build.surfaces import build_body
+from gpusim.pipeline.scene_objects.modelling import build_model
+from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.scene import Scene
 
 

@@ -13,11 +13,11 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
-from gpusim.pipeline.build.surfaces import build_body
 from gpusim.pipeline.measurements.deflection import DeflectionResult, measure_deflection
 from gpusim.pipeline.measurements.marker_measurement import MarkerResult
 from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.measurements.results import PointTable
+from gpusim.pipeline.scene_objects.surfaces import build_body
 from tests.support.documented_tables import documented_columns, head
 from tests.support.small_scene import small_scene
 

@@ -14,8 +14,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.fem import von_mises
-from gpusim.pipeline.build.modelling import build_model
-from gpusim.pipeline.build.surfaces import build_body
+from gpusim.pipeline.scene_objects.modelling import build_model
+from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups

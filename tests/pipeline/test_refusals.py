@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import gpusim as gs
-from gpusim.pipeline.build.modelling import build_model
-from gpusim.pipeline.build.surfaces import build_body
+from gpusim.pipeline.scene_objects.modelling import build_model
+from gpusim.pipeline.scene_objects.surfaces import build_body
 from tests.pipeline.test_mechanics import CLAMP, DOWN, scene
 
 

@@ -11,10 +11,10 @@ import pytest
 import gpusim as gs
 from gpusim.export.images import read_image
 from gpusim.graph.session import Session
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.surfaces import build_prop, posed
 from gpusim.pipeline.pictures.image_window import window_of
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.pipeline.scene_objects.surfaces import build_prop, posed
 from gpusim.pipeline.stages.truth import sight
 from gpusim.plan.stages import RunOptions
 from gpusim.scene.frames import frame_table

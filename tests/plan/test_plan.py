@@ -12,7 +12,7 @@ import pytest
 
 from gpusim.errors import SceneError
 from gpusim.optics.light.lights import EnvironmentLight
-from gpusim.pipeline.build.lights import build_lights
+from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.plan.decision import decide, states_of
 from gpusim.plan.plan import Plan, make_plan
 from gpusim.plan.programs import earlier_programs, keep_programs

@@ -16,8 +16,8 @@ from gpusim.cli import app
 from gpusim.errors import InputError, SceneError
 from gpusim.optics.light.lights import EnvironmentLight
 from gpusim.optics.light.panorama import PANORAMA_SUFFIXES, read_panorama
-from gpusim.pipeline.build.lights import build_lights
 from gpusim.pipeline.checks.resources import check_files
+from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.scene.description import lights as light_tables
 
 FIELD = """schema = 1

@@ -18,7 +18,7 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.files.input_file import read_input
 from gpusim.mesh import read_textured
-from gpusim.pipeline.build.surfaces import build_prop
+from gpusim.pipeline.scene_objects.surfaces import build_prop
 from gpusim.scene import Scene
 from gpusim.view.content.loading import load_content
 from tests.support.gltf_files import (

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from gpusim.pipeline.build.meshing import build_mesh
+from gpusim.pipeline.scene_objects.meshing import build_mesh
 from gpusim.scene import Scene
 from gpusim.scene.part import SceneParts
 from tests.support.every_table import everything, write_inputs

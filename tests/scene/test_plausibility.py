@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gpusim.mesh import box
-from gpusim.pipeline.build.meshing import size_warnings_of
+from gpusim.pipeline.scene_objects.meshing import size_warnings_of
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.description import model as m

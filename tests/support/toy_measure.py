@@ -10,10 +10,10 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.results import PointTable, Reported, Result
 from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.report import Measurement, Series
 from gpusim.scene import Scene
 from gpusim.scene.description.model import MeasureTable

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene
 from gpusim.view.turntable import MARGIN, Turntable, camera_lines
 from tests.support.small_scene import DOCUMENT

@@ -25,9 +25,9 @@ from gpusim import fem
 from gpusim.arrays.array_types import Float
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
-from gpusim.pipeline.build.modelling import build_model, temperature
-from gpusim.pipeline.build.scene_objects import MovingBodies
-from gpusim.pipeline.build.surfaces import MeshedBody
+from gpusim.pipeline.scene_objects.modelling import build_model, temperature
+from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies
+from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.description import model as m
 
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look

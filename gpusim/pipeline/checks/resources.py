@@ -11,9 +11,9 @@ from gpusim.field import Field
 from gpusim.files.output_folder import check_below, inside
 from gpusim.graph.folder import INNER
 from gpusim.parallel.machine import host_memory
-from gpusim.pipeline.build.cameras import build_camera, build_lens
-from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.meshing import build_mesh, read_given_field, size_warnings_of
+from gpusim.pipeline.scene_objects.cameras import build_camera, build_lens
+from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.meshing import build_mesh, read_given_field, size_warnings_of
 from gpusim.plan.plan import Plan
 from gpusim.scene import Scene
 from gpusim.scene.cost import element_counts

@@ -15,15 +15,15 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.light.lights import PointLight, SpotLight
 from gpusim.optics.light.quadrature import MOST_ACROSS
 from gpusim.optics.shading.lighting import MAX_EMITTERS, emitting_points
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.modelling import build_model
-from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.measurability import disc_warnings
 from gpusim.pipeline.checks.resources import mesh_fault
 from gpusim.pipeline.measurements.kinds import Unloaded, kind_of
 from gpusim.pipeline.pictures.visibility import blind_cameras, lamps_inside
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.modelling import build_model
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene

@@ -19,10 +19,10 @@ from importlib import import_module
 from typing import Any
 
 from gpusim.errors import GpusimError
-from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.pipeline.measurements.results import Result
 from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.pipeline.scene_objects.surfaces import BodyParts
 from gpusim.scene import Scene
 from gpusim.scene.description.model import MeasureTable
 from gpusim.scene.measure_kinds import add_kind

@@ -11,12 +11,12 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh import boundary_faces
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.cameras import build_camera, build_lens
-from gpusim.pipeline.build.meshing import faces_of
-from gpusim.pipeline.build.surfaces import BodyParts
 from gpusim.pipeline.measurements.kinds import Unloaded
 from gpusim.pipeline.measurements.marker_detection import MarkerSet, check_widths, collect_markers
 from gpusim.pipeline.pictures.visibility import unseen
+from gpusim.pipeline.scene_objects.cameras import build_camera, build_lens
+from gpusim.pipeline.scene_objects.meshing import faces_of
+from gpusim.pipeline.scene_objects.surfaces import BodyParts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 from gpusim.surface.surface import face_normals

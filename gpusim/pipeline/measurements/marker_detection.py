@@ -13,8 +13,8 @@ from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.scene_objects import SceneObjects
-from gpusim.pipeline.build.surfaces import BodyParts
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.pipeline.scene_objects.surfaces import BodyParts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.cameras import build_camera, build_sensor
-from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import Columns, Crop, Result, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.pictures.file_names import image_path
+from gpusim.pipeline.scene_objects.cameras import build_camera, build_sensor
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.report import Measurement, Overlay, Series
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m

@@ -7,15 +7,15 @@ from dataclasses import asdict
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.pipeline.build.meshing import mesh_summary, size_warnings_of
-from gpusim.pipeline.build.surfaces import (
+from gpusim.pipeline.notes import Notes
+from gpusim.pipeline.scene_objects.meshing import mesh_summary, size_warnings_of
+from gpusim.pipeline.scene_objects.surfaces import (
     BodyParts,
     MeshedBody,
     build_prop,
     mesh_body,
     paint_body,
 )
-from gpusim.pipeline.notes import Notes
 from gpusim.scene import Scene
 from gpusim.surface import Surface
 

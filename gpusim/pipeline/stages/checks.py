@@ -5,9 +5,9 @@ from __future__ import annotations
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
-from gpusim.pipeline.build.scene_objects import moving_bodies, scene_objects
 from gpusim.pipeline.checks.warnings import geometry_warnings
 from gpusim.pipeline.notes import notes_of
+from gpusim.pipeline.scene_objects.moving_bodies import moving_bodies, scene_objects
 from gpusim.scene import Scene
 
 

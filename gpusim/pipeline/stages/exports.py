@@ -14,8 +14,8 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.optics.rendering.local_origin import origin_near
-from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
 from gpusim.pipeline.notes import notes_of
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects, scene_objects
 from gpusim.pipeline.stages.mechanics import STRESS, Stresses
 from gpusim.scene import Scene
 from gpusim.scene.frames import FrameTable

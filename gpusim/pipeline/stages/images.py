@@ -25,7 +25,11 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.lens.exposure import photograph
 from gpusim.optics.lens.shutter import Shutter, SurfacesAt
 from gpusim.optics.sensor.sensor import Sensor
-from gpusim.pipeline.build.cameras import (
+from gpusim.pipeline.notes import Notes
+from gpusim.pipeline.pictures.exposure import chosen_exposure, level_warnings
+from gpusim.pipeline.pictures.file_names import corners_name, image_name
+from gpusim.pipeline.pictures.image_window import Window, window_of
+from gpusim.pipeline.scene_objects.cameras import (
     build_camera,
     build_lens,
     build_sensor,
@@ -33,13 +37,9 @@ from gpusim.pipeline.build.cameras import (
     moving,
     opening,
 )
-from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.scene_objects import scene_objects
-from gpusim.pipeline.build.surfaces import posed
-from gpusim.pipeline.notes import Notes
-from gpusim.pipeline.pictures.exposure import chosen_exposure, level_warnings
-from gpusim.pipeline.pictures.file_names import corners_name, image_name
-from gpusim.pipeline.pictures.image_window import Window, window_of
+from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.moving_bodies import scene_objects
+from gpusim.pipeline.scene_objects.surfaces import posed
 from gpusim.scene import Scene
 from gpusim.scene.frames import Placed
 from gpusim.surface import Surface

@@ -14,11 +14,11 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.measure.targets.boards import Sighting
-from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
 from gpusim.pipeline.measurements.kinds import kind_of, measured
 from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.measurements.sources import Sources, read_corners
 from gpusim.pipeline.pictures.file_names import corners_name, image_name
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects, scene_objects
 from gpusim.scene import Scene
 
 

@@ -21,16 +21,12 @@ from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
 from gpusim.motion import Given, Superposed
-from gpusim.pipeline.build.modelling import BodyModel, build_body_model, temperature
-from gpusim.pipeline.build.scene_objects import (
-    MovingBodies,
-    SceneSolution,
-    moving_bodies,
-    solver_seconds,
-)
-from gpusim.pipeline.build.surfaces import MeshedBody
 from gpusim.pipeline.checks.resources import check_field
 from gpusim.pipeline.notes import Notes
+from gpusim.pipeline.scene_objects.modelling import BodyModel, build_body_model, temperature
+from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
+from gpusim.pipeline.scene_objects.solution import SceneSolution, solver_seconds
+from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.plan.stages import RunOptions
 from gpusim.report import StressPeak
 from gpusim.scene import Scene

@@ -17,10 +17,10 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.lens.shutter import rolled
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.truth import BAND, Truth, seen_in
-from gpusim.pipeline.build.cameras import build_camera, build_shutter, opening
-from gpusim.pipeline.build.scene_objects import SceneObjects, scene_objects
 from gpusim.pipeline.notes import notes_of
 from gpusim.pipeline.pictures.image_window import Window, whole_window, window_of
+from gpusim.pipeline.scene_objects.cameras import build_camera, build_shutter, opening
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects, scene_objects
 from gpusim.pipeline.stages.images import moving_surfaces
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m

@@ -16,8 +16,9 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.thin_lens import Lens
 from gpusim.optics.light.lights import Light
 from gpusim.optics.sensor.channels import Weights
-from gpusim.pipeline.build.cameras import build_lens, grey_weights
-from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
+from gpusim.pipeline.scene_objects.cameras import build_lens, grey_weights
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.frames import frame_word
@@ -201,7 +202,7 @@ class Content:
     def state(self, body: int, frame: int, solved: bool = False) -> BodyState:
         """A body in a frame, from which its fields follow; ``solved``: those, too, that need what
         it was solved as."""
-        from gpusim.pipeline.build.modelling import temperature
+        from gpusim.pipeline.scene_objects.modelling import temperature
 
         objects = self.objects
         assert objects is not None
@@ -220,9 +221,9 @@ class Content:
         Raises
         ------
         InputError
-            As `gpusim.pipeline.build.modelling.build_model`.
+            As `gpusim.pipeline.scene_objects.modelling.build_model`.
         """
-        from gpusim.pipeline.build.modelling import build_model
+        from gpusim.pipeline.scene_objects.modelling import build_model
 
         objects = self.objects
         if objects is None or self.is_given:

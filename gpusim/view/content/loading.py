@@ -14,11 +14,12 @@ from gpusim.mesh.formats.cad import CAD_SUFFIXES
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.mesh.formats.reader import MESH_SUFFIXES
 from gpusim.motion import Given
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.scene_objects import SceneObjects, SceneSolution
-from gpusim.pipeline.build.surfaces import build_body, build_prop
 from gpusim.pipeline.checks.resources import check_memory
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.pipeline.scene_objects.solution import SceneSolution
+from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.description.prop import SURFACE_SUFFIXES

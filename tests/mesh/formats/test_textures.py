@@ -17,7 +17,7 @@ import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.files.input_file import read_input
 from gpusim.mesh import read_textured
-from gpusim.pipeline.build.surfaces import build_prop
+from gpusim.pipeline.scene_objects.surfaces import build_prop
 from gpusim.scene import Scene
 from gpusim.surface.paint import Image, Plain
 

@@ -10,7 +10,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.optics.calibration.document import from_angles
-from gpusim.pipeline.build.cameras import build_camera
+from gpusim.pipeline.scene_objects.cameras import build_camera
 
 HEAD = """schema = 1
 name = "cameras"

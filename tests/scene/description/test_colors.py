@@ -10,8 +10,8 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline.build.lights import build_lights
-from gpusim.pipeline.build.surfaces import build_prop
+from gpusim.pipeline.scene_objects.lights import build_lights
+from gpusim.pipeline.scene_objects.surfaces import build_prop
 from gpusim.scene import Scene, json_schema
 from gpusim.scene.cost import describe, estimate
 from gpusim.surface.color import color

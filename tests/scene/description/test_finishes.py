@@ -9,7 +9,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.optics.light.studio import studio
-from gpusim.pipeline.build.lights import build_lights
+from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.scene import Scene
 from gpusim.scene.description.finishes import FINISHES, FinishName
 

@@ -13,7 +13,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import SceneError
 from gpusim.optics.sensor.emva1288 import CAMERAS
-from gpusim.pipeline.build.cameras import (
+from gpusim.pipeline.scene_objects.cameras import (
     build_camera,
     build_lens,
     build_sensor,

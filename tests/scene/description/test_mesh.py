@@ -12,8 +12,8 @@ import pytest
 import gpusim as gs
 from gpusim.export.meshes import write_vtu
 from gpusim.mesh import boundary_faces, box
-from gpusim.pipeline.build.meshing import build_mesh, mesh_summary
-from gpusim.pipeline.build.surfaces import build_body
+from gpusim.pipeline.scene_objects.meshing import build_mesh, mesh_summary
+from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 from gpusim.scene.cost import element_counts, mesh_words

@@ -11,7 +11,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline.build.surfaces import build_body, build_prop
+from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from gpusim.scene import Scene
 from gpusim.scene.cost import compiled_for, describe
 from gpusim.scene.description.paint import Paint, PaintTable

@@ -18,8 +18,8 @@ from gpusim.errors import InputError, SceneError
 from gpusim.export import write_stl
 from gpusim.export.images import read_image
 from gpusim.mesh import read_surface
-from gpusim.pipeline.build.cameras import build_camera
-from gpusim.pipeline.build.surfaces import build_prop, posed, rotation
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.surfaces import build_prop, posed, rotation
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene
 

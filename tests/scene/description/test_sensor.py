@@ -12,7 +12,12 @@ import gpusim as gs
 from gpusim.errors import InputError, SceneError
 from gpusim.export.images import read_image
 from gpusim.optics.light.blackbody import blackbody
-from gpusim.pipeline.build.cameras import build_camera, build_lens, build_sensor, build_shutter
+from gpusim.pipeline.scene_objects.cameras import (
+    build_camera,
+    build_lens,
+    build_sensor,
+    build_shutter,
+)
 from gpusim.plan.plan import make_plan
 from gpusim.scene.description.sensor import CameraSensor, Sensor
 from tests.support.small_scene import small_scene

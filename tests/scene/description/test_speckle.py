@@ -10,7 +10,7 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import SceneError
-from gpusim.pipeline.build.surfaces import build_body
+from gpusim.pipeline.scene_objects.surfaces import build_body
 from gpusim.scene.description import model
 
 SPECKLE = {

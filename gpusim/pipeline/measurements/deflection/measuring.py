@@ -13,7 +13,6 @@ from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.deflection.projection_error import projection_error
 from gpusim.pipeline.measurements.deflection.result import DeflectionResult
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
@@ -23,6 +22,7 @@ from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 

@@ -12,7 +12,6 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError, InputError
 from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.pipeline.build.scene_objects import SceneObjects
 from gpusim.pipeline.measurements.kinds import Kind, register
 from gpusim.pipeline.measurements.marker_checks import marker_warnings
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
@@ -21,6 +20,7 @@ from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Board, Sources, board_of
 from gpusim.pipeline.measurements.stereo.result import PARAMETERS, StereoResult
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 

@@ -19,7 +19,12 @@ from gpusim.files.input_file import Reader, read_input
 from gpusim.files.picture_file import claimed_pixels
 from gpusim.mesh import Mesh, read_surface, read_textured
 from gpusim.mesh.formats.textures import FileMaterial, TexturedSurface
-from gpusim.pipeline.build.meshing import build_mesh, faces_of, read_given_field, surface_faces_of
+from gpusim.pipeline.scene_objects.meshing import (
+    build_mesh,
+    faces_of,
+    read_given_field,
+    surface_faces_of,
+)
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.scene.frames import Placed

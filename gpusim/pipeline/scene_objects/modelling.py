@@ -13,8 +13,8 @@ from gpusim import fem
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.model.supports import check_supports
-from gpusim.pipeline.build.meshing import cells_of, faces_of, nodes_of
-from gpusim.pipeline.build.surfaces import MeshedBody
+from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, nodes_of
+from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 

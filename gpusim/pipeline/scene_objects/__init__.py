@@ -7,8 +7,8 @@ In the order in which data passes:
 - `surfaces`: Bodies and props of a scene as painted surfaces.
 - `modelling`: A body's finite-element model: material, supports, and one load case per group of
   loads.
-- `scene_objects`: What stands in front of the cameras, where it is in each frame, and the bodies'
-  solution.
+- `solution`: The solution of a scene's bodies, as it is kept and told.
+- `moving_bodies`: What stands in front of the cameras, and where it is in each frame.
 - `cameras`: Cameras, lenses, shutters and sensors of a scene as the optics take them.
 - `lights`: Lights of a scene as the optics take them.
 """
