@@ -9,7 +9,7 @@ import pytest
 import gpusim as gs
 from gpusim.pipeline.scene_objects.modelling import build_model
 from gpusim.pipeline.scene_objects.surfaces import build_body
-from tests.pipeline.test_mechanics import CLAMP, DOWN, scene
+from tests.pipeline.stages.test_mechanics import CLAMP, DOWN, scene
 
 
 def test_errors_say_which_entry_they_are_about() -> None:

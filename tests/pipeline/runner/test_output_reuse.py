@@ -263,7 +263,7 @@ def progress(stage, done, text):
 gs.run(small_scene(), sys.argv[1], backend="numpy", progress=progress)
 """
     out = tmp_path / "out"
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     killed = subprocess.run([sys.executable, "-c", code, str(out)], cwd=root, check=False)
     assert killed.returncode == -signal.SIGKILL
     assert (out / LOCK).is_file() and not (out / "measure").exists()
