@@ -123,7 +123,7 @@ def _mesh(body: m.Body) -> str:
     return f"{recipe}{material}"
 
 
-def _camera(camera: m.Camera) -> str:
+def _camera(camera: m.CameraTable) -> str:
     width, height = camera.resolution
     lens = f", {camera.focal_mm:g} mm" if camera.focal_mm else ""
     return f"{camera.name}: {width} x {height} px{lens}"

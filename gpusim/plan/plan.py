@@ -15,7 +15,7 @@ from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
 from gpusim.scene.analyses import kind_of
-from gpusim.scene.description.model import Camera
+from gpusim.scene.description.model import CameraTable
 from gpusim.scene.frames import Shown
 
 __all__ = ["Plan", "PlannedStage", "make_plan", "plan_of"]
@@ -131,7 +131,7 @@ class _ScenePlan:
             **picture,
         )  # fmt: skip
 
-    def _pictures(self, camera: Camera, public: Sequence[PublicStage]) -> list[PlannedStage]:
+    def _pictures(self, camera: CameraTable, public: Sequence[PublicStage]) -> list[PlannedStage]:
         effects, seen, stages = cost_of.effects(self.scene, camera), set[str](), []
         radiance = self.decision.graph.records[self.place][f"radiance/{camera.name}"]
         columns, rows = camera.resolution
@@ -154,7 +154,7 @@ class _ScenePlan:
         word = "time" if kind_of(self.scene).type.given else "load x"
         return f"{word} {', '.join(f'{weight:g}' for weight in weights)}"
 
-    def _targets(self, camera: Camera, public: Sequence[PublicStage]) -> list[PlannedStage]:
+    def _targets(self, camera: CameraTable, public: Sequence[PublicStage]) -> list[PlannedStage]:
         stages = []
         for pose, one in enumerate(public):
             stage = self._stage(one, camera=camera.name, pose=pose)
@@ -165,7 +165,7 @@ class _ScenePlan:
         return stages
 
     def _described(
-        self, stage: PlannedStage, camera: Camera, seconds: float, what: str
+        self, stage: PlannedStage, camera: CameraTable, seconds: float, what: str
     ) -> PlannedStage:
         """What a picture takes, and what it is, compilation included."""
         columns, rows = camera.resolution
@@ -174,7 +174,7 @@ class _ScenePlan:
         detail = f"{columns}x{rows} px, {stage.detail}, {what}{words}"
         return replace(stage, detail=detail, seconds=total, cost=total, compiling=compiling)
 
-    def _compiling(self, camera: Camera) -> tuple[float, str]:
+    def _compiling(self, camera: CameraTable) -> tuple[float, str]:
         """Seconds and words for the shaders that no image before this one has needed."""
         if self.decision.options.backend == "numpy":
             return 0.0, ""

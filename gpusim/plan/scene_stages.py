@@ -154,7 +154,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]
-        yield build.stage("export", "exports:meshes", sections, needs, table, "export",
+        yield build.stage("export", "mesh_files:meshes", sections, needs, table, "export",
                           keeps=True)  # fmt: skip
 
 

@@ -22,17 +22,17 @@ from gpusim.files.input_file import read_input
 from .colored import in_color
 from .description.mesh import (
     CAD_SUFFIXES,
-    BeamMesh,
-    BoxMesh,
-    BracketMesh,
-    CraneMesh,
-    FieldMesh,
-    FileMesh,
+    BeamMeshTable,
+    BoxMeshTable,
+    BracketMeshTable,
+    CraneMeshTable,
+    FieldMeshTable,
+    FileMeshTable,
     MeshRecipe,
-    NotchRecipe,
-    PlateMesh,
+    NotchRecipeTable,
+    PlateMeshTable,
 )
-from .description.model import Camera, Markers, Paint, Vec3
+from .description.model import CameraTable, MarkersTable, Paint, Vec3
 from .scene import Scene
 
 KEPT = 0.25
@@ -75,7 +75,7 @@ def describe(scene: Scene) -> dict[str, str]:
     }
 
 
-def effects(scene: Scene, camera: Camera) -> str:
+def effects(scene: Scene, camera: CameraTable) -> str:
     """What lens, shutter and sensor do to a camera's images, in words."""
     words = [] if camera.lens is None else camera.lens.words()
     words = words or ["pinhole"]
@@ -84,7 +84,7 @@ def effects(scene: Scene, camera: Camera) -> str:
     return ", ".join([*words, *scene.sensor_of(camera.name).words(), *camera.color_words()])
 
 
-def compiled_for(scene: Scene, camera: Camera) -> dict[str, float]:
+def compiled_for(scene: Scene, camera: CameraTable) -> dict[str, float]:
     """What the images of a camera need compiled, and the seconds that each takes the first time."""
     paints = _paints(scene)
     has = {
@@ -106,14 +106,14 @@ def _per_image(scene: Scene) -> tuple[float, float]:
     return (0.2, 7e-8) if scene.lights else (0.1, 4e-8)
 
 
-def target_seconds(camera: Camera) -> float:
+def target_seconds(camera: CameraTable) -> float:
     """Seconds of a calibration target's picture, and of what is found in it while others are
     taken: nothing is drawn but where the target is."""
     pixels = camera.resolution[0] * camera.resolution[1]
     return (0.08 + 7e-9 * pixels) * _renderings(camera)
 
 
-def _renderings(camera: Camera) -> float:
+def _renderings(camera: CameraTable) -> float:
     """Roughly how many plain renderings one photograph takes."""
     count, lens, shutter = 1.0, camera.lens, camera.shutter
     if lens is not None:
@@ -129,7 +129,7 @@ def _paints(scene: Scene) -> list[Paint]:
 
 
 def _markers(scene: Scene) -> int:
-    return sum(len(paint.markers) for paint in _paints(scene) if isinstance(paint, Markers))
+    return sum(len(paint.markers) for paint in _paints(scene) if isinstance(paint, MarkersTable))
 
 
 def estimate(scene: Scene) -> Cost:
@@ -199,9 +199,9 @@ class _Plane:
 def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
     """Nodes and elements that a recipe makes: to within rounding for builders, not less what
     notches cut away; a guess from the size for files whose head doesn't say, 0 for CAD files."""
-    if isinstance(recipe, FileMesh):
+    if isinstance(recipe, FileMeshTable):
         return _file_counts(Path(recipe.path), recipe.order)
-    if isinstance(recipe, FieldMesh):
+    if isinstance(recipe, FieldMeshTable):
         return _file_counts(Path(recipe.path), 1)
     plane, layers = _plane(recipe)
     across = plane.cells * (layers + 1)  # faces that layers lie on
@@ -219,20 +219,20 @@ def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
 def mesh_words(recipe: MeshRecipe) -> str:
     """What is known of a mesh, in a few words."""
     nodes, elements = element_counts(recipe)
-    if not isinstance(recipe, FileMesh | FieldMesh):
+    if not isinstance(recipe, FileMeshTable | FieldMeshTable):
         return f"{nodes:,} nodes, {elements:,} elements"
     name = Path(recipe.path).name
-    if isinstance(recipe, FileMesh) and recipe.size is not None:
+    if isinstance(recipe, FileMeshTable) and recipe.size is not None:
         return f"{name}, to be meshed with elements up to {recipe.size * 1e3:g} mm"
     return f"{name}, about {nodes:,} nodes"
 
 
 def _plane(recipe: MeshRecipe) -> tuple[_Plane, int]:
     """The plane mesh that is extruded, and the number of layers."""
-    if isinstance(recipe, BoxMesh | BeamMesh):
+    if isinstance(recipe, BoxMeshTable | BeamMeshTable):
         nx, ny, nz = _divisions(recipe)
         return _Plane((nx + 1) * (ny + 1), nx * ny), nz
-    if isinstance(recipe, CraneMesh):
+    if isinstance(recipe, CraneMeshTable):
         along = sum(
             max(1, round(length / recipe.element))
             for length in (
@@ -245,10 +245,10 @@ def _plane(recipe: MeshRecipe) -> tuple[_Plane, int]:
         # the joint, through x through, belongs to both members
         rows = along + recipe.through
         return _Plane((rows + 1) * (recipe.through + 1), rows * recipe.through), recipe.across
-    assert isinstance(recipe, PlateMesh | BracketMesh)
+    assert isinstance(recipe, PlateMeshTable | BracketMeshTable)
     sides = recipe.around // 4
     ring = _Plane(recipe.around * (recipe.radial + 1), recipe.around * recipe.radial, 1)
-    if isinstance(recipe, PlateMesh):
+    if isinstance(recipe, PlateMeshTable):
         square = min(recipe.length, recipe.width)
         rest = 0.5 * (max(recipe.length, recipe.width) - square)
         columns = 2 * _columns(rest, square, sides)
@@ -269,10 +269,10 @@ def _columns(rest: float, square: float, sides: int) -> int:
     return max(1, round(rest * sides / square)) if rest > 1e-9 * square else 0
 
 
-def _divisions(recipe: BoxMesh | BeamMesh) -> tuple[int, int, int]:
+def _divisions(recipe: BoxMeshTable | BeamMeshTable) -> tuple[int, int, int]:
     if not recipe.notches:
         return recipe.divisions
-    if isinstance(recipe, BoxMesh):
+    if isinstance(recipe, BoxMeshTable):
         low, size = recipe.origin, recipe.size
     else:
         low = (0.0, -0.5 * recipe.width, -0.5 * recipe.height)
@@ -284,7 +284,7 @@ def _divisions(recipe: BoxMesh | BeamMesh) -> tuple[int, int, int]:
 
 
 def _graded(
-    low: float, length: float, divisions: int, axis: str, notches: tuple[NotchRecipe, ...]
+    low: float, length: float, divisions: int, axis: str, notches: tuple[NotchRecipeTable, ...]
 ) -> int:
     """Steps of an axis that gets finer towards the notches."""
     size = length / divisions
@@ -341,24 +341,24 @@ def _file_counts(path: Path, order: int) -> tuple[int, int]:
 
 def extent(recipe: MeshRecipe) -> Vec3 | None:
     """Lengths along x, y, z (m); the members' sides for crane and bracket. None for files."""
-    if isinstance(recipe, FileMesh | FieldMesh):
+    if isinstance(recipe, FileMeshTable | FieldMeshTable):
         return None
-    if isinstance(recipe, BoxMesh):
+    if isinstance(recipe, BoxMeshTable):
         return recipe.size
-    if isinstance(recipe, BeamMesh):
+    if isinstance(recipe, BeamMeshTable):
         width = min(recipe.width, recipe.end_width)
         return recipe.length, width, min(recipe.height, recipe.end_height)
-    if isinstance(recipe, CraneMesh):
+    if isinstance(recipe, CraneMeshTable):
         reach = recipe.length + recipe.height + recipe.foot
         return reach, recipe.width, min(recipe.column_thickness, recipe.beam_thickness)
-    if isinstance(recipe, BracketMesh):
+    if isinstance(recipe, BracketMeshTable):
         return recipe.base_length + recipe.wall_height, recipe.width, recipe.thickness
     return recipe.length, recipe.width, recipe.thickness
 
 
 def element_sizes(recipe: MeshRecipe) -> tuple[float, ...]:
     """Sides (m) of the elements of a box or a beam, away from notches; () for others."""
-    if not isinstance(recipe, BoxMesh | BeamMesh):
+    if not isinstance(recipe, BoxMeshTable | BeamMeshTable):
         return ()
     size = extent(recipe)
     assert size is not None

@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from gpusim.scene.description.model import Body, Camera, Output, Sensor
+from gpusim.scene.description.model import Body, CameraTable, OutputTable, SensorTable
 from gpusim.scene.scene import Scene
 
 _WHOLE = {
@@ -99,9 +99,9 @@ class SceneParts:
         if section == "prop.still":
             return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
         if section == "output.truth":
-            return Output.model_construct(truth=whole.truth)
+            return OutputTable.model_construct(truth=whole.truth)
         if section == "output.meshes":
-            return Output.model_construct(vtu=whole.vtu, stl=whole.stl, stress=whole.stress)
+            return OutputTable.model_construct(vtu=whole.vtu, stl=whole.stl, stress=whole.stress)
         if head == "camera":
             electric = next((one for one in sections if one.startswith("sensor")), "")
             return tuple(_equipped(camera, electric) for camera in _named(whole, rest))
@@ -146,7 +146,7 @@ def _cut(body: Body, section: str) -> Body:
     return part
 
 
-def _equipped(camera: Camera, sensor: str) -> Camera:
+def _equipped(camera: CameraTable, sensor: str) -> CameraTable:
     """A camera with its own sensor as the section ``sensor`` has it, or without."""
     if camera.electronics is None and camera.own_sensor is None:
         return camera
@@ -158,7 +158,7 @@ def _equipped(camera: Camera, sensor: str) -> Camera:
     return part
 
 
-def _response(sensor: Sensor) -> Sensor:
+def _response(sensor: SensorTable) -> SensorTable:
     defaults = type(sensor).model_fields
     names = ("seed", "series")
     return sensor.model_copy(update={name: defaults[name].default for name in names})

@@ -136,7 +136,7 @@ def _loads(body: m.Body, size: m.Vec3) -> Iterator[str]:
             )
     for load in body.loads:
         most, stress, what = _most(load.amplitude), 0.0, ""
-        if isinstance(load, m.Gravity):
+        if isinstance(load, m.GravityTable):
             g = hypot(*load.acceleration) * most
             if g > _GRAVITY:
                 yield (
@@ -144,15 +144,15 @@ def _loads(body: m.Body, size: m.Vec3) -> Iterator[str]:
                     "earth's is 9.81"
                 )
             stress, what = density * g * longest, f"{g:.3g} m/s2"
-        elif isinstance(load, m.Centrifugal):
+        elif isinstance(load, m.CentrifugalTable):
             # about an axis that may be far away: the body's own length is the least radius
             stress, what = density * (load.omega * longest) ** 2 * most, f"{load.omega:.3g} rad/s"
-        elif isinstance(load, m.Pressure):
+        elif isinstance(load, m.PressureTable):
             stress, what = abs(load.pressure) * most, f"{load.pressure * most / 1e6:.3g} MPa"
-        elif isinstance(load, m.Traction):
+        elif isinstance(load, m.TractionTable):
             stress = hypot(*load.traction) * most
             what = f"{stress / 1e6:.3g} MPa"
-        elif isinstance(load, m.Thermal):
+        elif isinstance(load, m.ThermalTable):
             change = load.temperature_change * most
             if abs(change) > _HEAT:
                 yield (
@@ -180,7 +180,7 @@ def _modulus(material: m.Material) -> float:
     return max(material.youngs_moduli)
 
 
-def _camera(camera: m.Camera) -> Iterator[str]:
+def _camera(camera: m.CameraTable) -> Iterator[str]:
     name = f"camera {camera.name}"
     (width, height), (columns, rows) = camera.sensor, camera.resolution
     if width and not _SIDE[0] <= max(width, height) <= _SIDE[1]:

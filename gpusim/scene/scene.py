@@ -62,16 +62,16 @@ class Scene:
     materials: tuple[model.Material, ...]
     bodies: tuple[model.Body, ...]
     props: tuple[model.Prop, ...]
-    analysis: model.Analysis
-    solver: model.Solver
-    cameras: tuple[model.Camera, ...]
+    analysis: model.AnalysisTable
+    solver: model.SolverTable
+    cameras: tuple[model.CameraTable, ...]
     lights: tuple[model.Light, ...]
-    render: model.Render
-    sensor: model.Sensor
+    render: model.RenderTable
+    sensor: model.SensorTable
     measures: tuple[model.MeasureTable, ...]
-    variants: tuple[model.Variant, ...]
-    output: model.Output
-    calibration: model.Calibration | None
+    variants: tuple[model.VariantTable, ...]
+    output: model.OutputTable
+    calibration: model.CalibrationTable | None
     content: str = field(repr=False)
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
@@ -189,8 +189,10 @@ class Scene:
         return (
             any(camera.calibration or camera.distortion for camera in self.cameras)
             or any(_is_read(body.mesh) for body in self.bodies)
-            or any(isinstance(paint, model.Picture) for paint in paints)
-            or any(isinstance(light, model.Environment) and light.path for light in self.lights)
+            or any(isinstance(paint, model.PictureTable) for paint in paints)
+            or any(
+                isinstance(light, model.EnvironmentTable) and light.path for light in self.lights
+            )
         )
 
     def input(self, path: str) -> InputFile:
@@ -206,9 +208,11 @@ class Scene:
         """Whether a body is meshed from a CAD file, in any variant."""
         states = [self.variant(variant.name) for variant in self.variants] or [self]
         meshes = [body.mesh for state in states for body in state.bodies]
-        return any(isinstance(mesh, model.FileMesh) and mesh.size is not None for mesh in meshes)
+        return any(
+            isinstance(mesh, model.FileMeshTable) and mesh.size is not None for mesh in meshes
+        )
 
-    def sensor_of(self, camera: str) -> model.Sensor:
+    def sensor_of(self, camera: str) -> model.SensorTable:
         """The sensor of the camera of that name: its own, or that of all. Raises KeyError."""
         for one in self.cameras:
             if one.name == camera:
@@ -349,9 +353,9 @@ def variant_faults(
 
 def _is_read(mesh: model.MeshRecipe) -> bool:
     """Whether it is in a file that is read as it is; a CAD file is meshed, which takes longer."""
-    if isinstance(mesh, model.FileMesh):
+    if isinstance(mesh, model.FileMeshTable):
         return mesh.size is None
-    return isinstance(mesh, model.FieldMesh)
+    return isinstance(mesh, model.FieldMeshTable)
 
 
 def _holds_mesh(keys: list[str]) -> bool:

@@ -237,7 +237,7 @@ load = [{ type = "force", name = "pull", where = { set = "face_2" }, force_N = [
 def test_schema_is_json(cli: Run) -> None:
     schema = json.loads(cli("schema").stdout)
     assert schema["title"] == "SceneTable" or "properties" in schema
-    assert "focal_mm" in schema["$defs"]["Camera"]["properties"]
+    assert "focal_mm" in schema["$defs"]["CameraTable"]["properties"]
 
 
 def test_module_starts_quickly_and_knows_its_version() -> None:

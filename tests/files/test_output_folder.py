@@ -116,6 +116,7 @@ ALLOWED = {
     "pipeline/stages/images.py": "np.savez into a file that the store gives",
     "pipeline/stages/measuring.py": "copies into the scratch of a stage",
     "pipeline/stages/mechanics.py": "arrays into files that the store gives",
+    "mesh/formats/cad_cache.py": "into a stream of atomic_stream; deletes what is oldest",
     "notebook/view.py": "a scene that isn't in a file, in a temporary folder",
     "applications/decks.py": "np.savez_compressed into a stream of atomic_stream",
     "view/content/background_solver.py": "np.savez into a stream of atomic_stream, and a pipe",

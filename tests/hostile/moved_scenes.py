@@ -66,9 +66,9 @@ def move_meshes(monkeypatch: pytest.MonkeyPatch, offset: np.ndarray) -> None:
 
     def build_mesh(recipe: model.MeshRecipe, reader: Reader = read_input) -> Mesh:
         mesh = made(recipe, reader)
-        return mesh if isinstance(recipe, model.BoxMesh) else elsewhere(mesh)
+        return mesh if isinstance(recipe, model.BoxMeshTable) else elsewhere(mesh)
 
-    def read_field(recipe: model.FieldMesh, reader: Reader = read_input) -> Field:
+    def read_field(recipe: model.FieldMeshTable, reader: Reader = read_input) -> Field:
         found = read(recipe, reader)
         found.mesh = elsewhere(found.mesh)
         return found

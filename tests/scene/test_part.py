@@ -24,7 +24,8 @@ SECTIONS = (
     "body.bar.paint", "body.bar.solid", "body.bar.formulation", "body.bar.name", "body.block",
     "body.block.mesh",
     "body.block.paint", "body.block.solid", "body.*.mesh", "body.*.name", "prop.still",
-    "sensor.response", "output.truth", "measure.tip", "measure.space", "light.lamp",
+    "body.*.mechanics", "sensor.response", "output.truth", "output.meshes", "measure.tip",
+    "measure.space", "light.lamp",
 )  # fmt: skip
 """All that stages name, each by itself."""
 
@@ -122,11 +123,13 @@ def set_at(*path: Any) -> Callable[[dict[str, Any]], None]:
 
 
 BAR, MESHES = {"body", "body.bar"}, {"body.*.mesh"}
+MOVING = BAR | {"body.*.mechanics"}
+SOLID = MOVING | {"body.bar.solid"}
 CHANGES: Mapping[str, tuple[Callable[[dict[str, Any]], None], set[str]]] = {
     "name": (set_at("name", "other"), {"name"}),
     "description": (set_at("description", "other"), set()),
     "factor": (set_at("analysis", "load_factors", [0.0, 0.5, 2.0]),
-               {"analysis", *BAR, "body.block"}),
+               {"analysis", *MOVING, "body.block"}),
     "rate": (set_at("analysis", "frame_rate_Hz", 60.0), {"analysis"}),
     "tolerance": (set_at("solver", "tolerance", 1e-7), {"solver"}),
     "lamp": (set_at("light", 0, "power_W", 61.0), {"light", "light.lamp"}),
@@ -154,19 +157,18 @@ CHANGES: Mapping[str, tuple[Callable[[dict[str, Any]], None], set[str]]] = {
     "mesh": (set_at("body", 0, "mesh", "divisions", [10, 2, 1]), BAR | MESHES | {"body.bar.mesh"}),
     "paint": (set_at("body", 0, "paint", 0, "albedo", 0.5), BAR | {"body.bar.paint"}),
     "marker": (set_at("body", 0, "paint", 1, "size_mm", 6.5), BAR | {"body.bar.paint"}),
-    "force": (set_at("body", 0, "load", 0, "force_N", [0.0, 0.0, -51.0]),
-              BAR | {"body.bar.solid"}),
-    "amplitude": (set_at("body", 0, "load", 1, "amplitude", [0.0, 0.5, 1.0]), BAR),
-    "support": (set_at("body", 0, "support", 0, "fix", ["x", "z"]), BAR | {"body.bar.solid"}),
+    "force": (set_at("body", 0, "load", 0, "force_N", [0.0, 0.0, -51.0]), SOLID),
+    "amplitude": (set_at("body", 0, "load", 1, "amplitude", [0.0, 0.5, 1.0]), MOVING),
+    "support": (set_at("body", 0, "support", 0, "fix", ["x", "z"]), SOLID),
     "formulation": (set_at("body", 0, "formulation", "full"),
-                    BAR | {"body.bar.solid", "body.bar.formulation"}),
+                    SOLID | {"body.bar.formulation"}),
     "material": (set_at("material", 0, "youngs_modulus_GPa", 71.0),
-                 BAR | {"body.bar.solid", "body.block", "body.block.solid"}),
+                 SOLID | {"body.block", "body.block.solid"}),
     "other body": (set_at("body", 1, "mesh", "size_mm", [21.0, 20.0, 20.0]),
                    {"body", "body.block", "body.block.mesh"} | MESHES),
     "measure": (set_at("measure", 1, "direction", "-x"), {"measure", "measure.tip"}),
     "stereo": (set_at("measure", 0, "lens", "radial"), {"measure", "measure.space"}),
-    "vtu": (set_at("output", "vtu", False), {"output"}),
+    "vtu": (set_at("output", "vtu", False), {"output", "output.meshes"}),
     "truth": (set_at("output", "truth", ["depth"]), {"output", "output.truth"}),
     "own sensor": (set_at("camera", 0, "sensor", "bits", 14), set()),  # the next test
 }  # fmt: skip

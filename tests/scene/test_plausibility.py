@@ -103,7 +103,7 @@ def test_a_variant_is_named(checkout: Path) -> None:
 
 
 def test_a_mesh_file_of_another_unit() -> None:
-    recipe = m.FileMesh(file="part.msh")
+    recipe = m.FileMeshTable(file="part.msh")
     for scale, said in ((1e-6, "smaller than a camera sees"), (1e6, "larger than 10 km")):
         grid = box((0.7 * scale, 0.2 * scale, 0.1 * scale), (2, 1, 1))
         (text,) = size_warnings_of("part", recipe, grid)

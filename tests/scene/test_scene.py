@@ -29,12 +29,12 @@ def test_the_crane_in_si(crane: Scene) -> None:
     body = crane.bodies[0]
     assert body.material == model.Isotropic("steel", 210e9, 0.3, 7850.0, 0.0)
     mesh = body.mesh
-    assert isinstance(mesh, model.CraneMesh)
+    assert isinstance(mesh, model.CraneMeshTable)
     assert (mesh.height, mesh.foot, mesh.length, mesh.width) == (0.562, 0.070, 0.597, 0.040)
     assert (mesh.column_thickness, mesh.beam_thickness) == (0.006, 0.004)
     assert (mesh.load_length, mesh.element, mesh.through, mesh.across) == (0.108, 0.003, 2, 6)
     load = body.loads[0]
-    assert isinstance(load, model.Force)
+    assert isinstance(load, model.ForceTable)
     assert load.force == (0.0, 0.0, -13.0)
     assert load.where.lower == (0.489, float("-inf"), 0.566)
     assert load.where.upper == (float("inf"),) * 3
@@ -61,8 +61,8 @@ def test_every_example_is_valid(checkout: Path) -> None:
 
 def test_lines_of_markers_hit_both_ends(crane: Scene) -> None:
     column, beam = crane.bodies[0].paints[1:]
-    assert isinstance(column, model.Markers)
-    assert isinstance(beam, model.Markers)
+    assert isinstance(column, model.MarkersTable)
+    assert isinstance(beam, model.MarkersTable)
     assert [marker.name for marker in beam.markers][::9] == ["beam-01", "beam-10"]
     assert column.markers[0].position == (0.003, -0.02, 0.025)
     assert column.markers[-1].position == (0.003, -0.02, 0.556)
@@ -77,7 +77,7 @@ def test_lines_of_markers_hit_both_ends(crane: Scene) -> None:
 def test_static_markers_are_never_behind_the_crane(crane: Scene) -> None:
     """Seen from the camera, no static marker comes near the column or the (falling) beam."""
     paint, eye = crane.props[0].paint, crane.cameras[0].position
-    assert isinstance(paint, model.Markers)
+    assert isinstance(paint, model.MarkersTable)
     assert 4 <= len(paint.markers) <= 6
     for marker in paint.markers:
         for depth in (-0.02, 0.02):  # front and back of the crane
@@ -107,7 +107,7 @@ def test_replace(crane: Scene) -> None:
     assert crane.replace("solver.tolerance", 1e-9).solver.tolerance == 1e-9
     weight = crane.bodies[0].loads[0]
     heavy = crane.replace("body.crane.load.weight.force_N", (1.0, 2.0, 3.0)).bodies[0].loads[0]
-    assert isinstance(weight, model.Force) and isinstance(heavy, model.Force)
+    assert isinstance(weight, model.ForceTable) and isinstance(heavy, model.ForceTable)
     assert heavy == weight.model_copy(update={"force_N": (1.0, 2.0, 3.0)})
     assert heavy.force == (1.0, 2.0, 3.0)
     assert crane.replace("body.crane.load.weight.force_N.1", 192.0) != crane
@@ -178,29 +178,29 @@ def test_other_paints_lights_and_loads() -> None:
         }
     )
     body = scene.bodies[0]
-    assert isinstance(body.mesh, model.BoxMesh)
+    assert isinstance(body.mesh, model.BoxMeshTable)
     assert (body.mesh.size, body.mesh.divisions) == ((0.01, 0.02, 0.03), (1, 2, 3))
     assert body.mesh.origin == (0.0, 0.0, 0.0)
     assert body.supports[0].axes == ("x", "z")
     assert body.supports[0].displacement == (0.0, 0.0, 0.002)
     assert body.supports[0].where.tolerance == 0.0005
     pressure, traction, nodal, gravity = body.loads
-    assert isinstance(pressure, model.Pressure)
+    assert isinstance(pressure, model.PressureTable)
     assert pressure.pressure == 0.25e6
-    assert isinstance(traction, model.Traction)
+    assert isinstance(traction, model.TractionTable)
     assert traction.traction == (1e6, 0.0, -2e6)
-    assert isinstance(nodal, model.NodalForce)
+    assert isinstance(nodal, model.NodalForceTable)
     assert nodal.force == (0.0, 4.0, 0.0)
-    assert isinstance(gravity, model.Gravity)
+    assert isinstance(gravity, model.GravityTable)
     assert (gravity.name, gravity.acceleration) == ("d", (0.0, -9.81, 0.0))
     assert gravity.amplitude == (0.0, 1.0)
     checker, grid = body.paints
-    assert isinstance(checker, model.Checker)
+    assert isinstance(checker, model.CheckerTable)
     assert (checker.cell, checker.columns, checker.rows) == (0.007, 9, 6)
     assert checker.origin == (0.001, 0.002, 0.03)
-    assert isinstance(grid, model.Dots)
+    assert isinstance(grid, model.DotsTable)
     assert (grid.diameter, grid.pitch, grid.dot) == (0.002, 0.005, 0.04)
-    assert isinstance(scene.lights[0], model.Point) and scene.lights[0].shadows
+    assert isinstance(scene.lights[0], model.PointTable) and scene.lights[0].shadows
     assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
 
 
@@ -230,10 +230,10 @@ def test_tables_agree_with_the_modules_behind_them(crane: Scene) -> None:
     box_mesh = grids.box((1.0, 2.0, 3.0), (2, 3, 4))
     for name, mesh in (("crane", crane_mesh), ("box", box_mesh)):
         assert set(SETS[name]) == {*mesh.node_sets, *mesh.face_sets}
-    schema = json_schema()["$defs"]["Output"]["properties"]["truth"]["items"]
+    schema = json_schema()["$defs"]["OutputTable"]["properties"]["truth"]["items"]
     assert set(schema["enum"]) == set(LAYERS)
     defs = json_schema()["$defs"]
-    names = defs["Solver"]["properties"]["method"]["enum"]
+    names = defs["SolverTable"]["properties"]["method"]["enum"]
     assert set(names) == set(METHODS)
     formulations = defs["BodyTable"]["properties"]["formulation"]["enum"]
     known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
@@ -242,14 +242,14 @@ def test_tables_agree_with_the_modules_behind_them(crane: Scene) -> None:
     nodes, elements = element_counts(recipe)
     assert nodes == len(crane_mesh.points)
     assert elements == len(crane_mesh.cells["hex8"])
-    box = model.BoxMesh(builder="box", size_mm=[1e3, 2e3, 3e3], divisions=[2, 3, 4])
+    box = model.BoxMeshTable(builder="box", size_mm=[1e3, 2e3, 3e3], divisions=[2, 3, 4])
     assert element_counts(box) == (len(box_mesh.points), len(box_mesh.cells["hex8"]))
 
 
 def test_json_schema_describes_every_key() -> None:
     schema = json_schema()
     json.dumps(schema)
-    camera = schema["$defs"]["Camera"]
+    camera = schema["$defs"]["CameraTable"]
     assert camera["additionalProperties"] is False
     assert "optical axis" in camera["properties"]["target_mm"]["description"]
     assert schema["required"] == ["schema", "name"]

@@ -33,7 +33,15 @@ from gpusim.scene.description import model as m
 SMALL_TURN = 0.02  # rad: at most 0.08 % of the displacement, which takes no further look
 TOLD = 0.005
 LARGE = 0.1  # of a body's size
-FORCES = (m.Force, m.NodalForce, m.LineForce, m.Pressure, m.Traction, m.Gravity, m.Centrifugal)
+FORCES = (
+    m.ForceTable,
+    m.NodalForceTable,
+    m.LineForceTable,
+    m.PressureTable,
+    m.TractionTable,
+    m.GravityTable,
+    m.CentrifugalTable,
+)
 
 
 @dataclass(frozen=True)

@@ -57,14 +57,14 @@ def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]
         if camera.lens is not None and camera.calibration:
             yield partial(build_lens, camera, scene.input)
     for body in scene.bodies:
-        if isinstance(body.mesh, m.FieldMesh):
+        if isinstance(body.mesh, m.FieldMeshTable):
             yield partial(_check_field, body.mesh, body.name, scene, warnings)
-        elif isinstance(body.mesh, m.FileMesh) and body.mesh.size is None:
+        elif isinstance(body.mesh, m.FileMeshTable) and body.mesh.size is None:
             if Path(body.mesh.path).stat().st_size <= _QUICK:
                 yield partial(_check_size, body, scene, warnings)
     for thing in (*scene.bodies, *scene.props):
         for paint in thing.paints:
-            if isinstance(paint, m.Picture):
+            if isinstance(paint, m.PictureTable):
                 yield partial(_read_picture, paint, scene)
     yield partial(build_lights, scene)
 
@@ -81,14 +81,14 @@ def check_views(scene: Scene) -> None:
     build_lights(scene)
 
 
-def _read_picture(paint: m.Picture, scene: Scene) -> None:
+def _read_picture(paint: m.PictureTable, scene: Scene) -> None:
     if paint.path is not None:
         Image.read(
             scene.input(paint.path), paint.texel or 1.0, gamma=paint.gamma, channels=paint.channels
         )
 
 
-def _check_field(mesh: m.FieldMesh, name: str, scene: Scene, warnings: list[str]) -> None:
+def _check_field(mesh: m.FieldMeshTable, name: str, scene: Scene, warnings: list[str]) -> None:
     field = read_given_field(mesh, scene.input)
     check_field(field, scene.analysis.load_factors)
     warnings += size_warnings_of(name, mesh, field.mesh)

@@ -44,7 +44,9 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
     small = sum(isinstance(light, PointLight | SpotLight) for light in lights)
     if small + MOST_ACROSS**2 * (len(lights) - small) <= MAX_EMITTERS:
         return
-    lamps = [one for one in scene.lights if not isinstance(one, m.Ambient | m.Environment)]
+    lamps = [
+        one for one in scene.lights if not isinstance(one, m.AmbientTable | m.EnvironmentTable)
+    ]
     names = [one.name for one in sorted(lamps, key=lambda lamp: not lamp.shadows)]  # `lamps_of`
     for camera in cameras:
         rows = emitting_points(look(surfaces, camera, lit=False), lights)

@@ -27,7 +27,7 @@ MOSAIC_PX, GAMMA_PX = {"bilinear": 0.1, "malvar": 0.04}, 0.02  # RMS, of markers
 
 
 def marker_warnings(
-    spec: m.MarkerMeasure, scene: Scene, unloaded: Unloaded, *, least: int
+    spec: m.MarkerMeasureTable, scene: Scene, unloaded: Unloaded, *, least: int
 ) -> list[str]:
     """Markers that a camera of their measure can't see, or sees blurred.
 
@@ -58,7 +58,7 @@ def marker_warnings(
     return found
 
 
-def _developed(what: str, sensor: m.Sensor, camera: str) -> list[str]:
+def _developed(what: str, sensor: m.SensorTable, camera: str) -> list[str]:
     """A sentence for markers that are measured in pictures made for the eye."""
     parts = []
     if sensor.demosaic is not None:
@@ -76,7 +76,7 @@ def _developed(what: str, sensor: m.Sensor, camera: str) -> list[str]:
     ]
 
 
-def _blurred(what: str, marks: MarkerSet, spec: m.Camera, camera: Camera) -> list[str]:
+def _blurred(what: str, marks: MarkerSet, spec: m.CameraTable, camera: Camera) -> list[str]:
     """A sentence for markers so far out of focus that their crosses are blurred away."""
     lens = build_lens(spec)
     if lens is None or not lens.aperture or lens.focus_distance is None:
@@ -99,7 +99,7 @@ LEAST_ERROR = 1e-3
 """Of the motion; a structure that yields to its loads alike in all directions is off so far."""
 
 
-def axial_loads(spec: m.Deflection, scene: Scene, bodies: Sequence[BodyParts]) -> list[str]:
+def axial_loads(spec: m.DeflectionTable, scene: Scene, bodies: Sequence[BodyParts]) -> list[str]:
     """A sentence for each load that moves what a single camera measures along its axis."""
     found = []
     camera = build_camera(next(one for one in scene.cameras if one.name == spec.camera))
@@ -107,7 +107,7 @@ def axial_loads(spec: m.Deflection, scene: Scene, bodies: Sequence[BodyParts]) -
     for parts in bodies:
         paints = [
             paint for paint in parts.body.paints
-            if isinstance(paint, m.Markers) and paint.name in spec.groups
+            if isinstance(paint, m.MarkersTable) and paint.name in spec.groups
         ]  # fmt: skip
         if not paints:
             continue
@@ -139,7 +139,7 @@ def _vectors(parts: BodyParts) -> Iterator[tuple[str, Float]]:
             continue
         given = [getattr(load, key, None) for key in ("force", "traction", "acceleration")]
         vector = next((np.array(one) for one in given if one is not None), np.zeros(3))
-        if isinstance(load, m.Pressure) and load.pressure:
+        if isinstance(load, m.PressureTable) and load.pressure:
             vector = _resultant(parts, load.where)
         if vector.any():
             yield f"load {load.name!r}", vector
@@ -149,7 +149,7 @@ def _vectors(parts: BodyParts) -> Iterator[tuple[str, Float]]:
             yield f"the displacement of support {support.name!r}", moved
 
 
-def _resultant(parts: BodyParts, where: m.Where) -> Float:
+def _resultant(parts: BodyParts, where: m.WhereTable) -> Float:
     """The way (3,) that an even pressure on faces pushes as a whole; zero if it is balanced."""
     try:
         faces = faces_of(parts.mesh, boundary_faces(parts.mesh), where)

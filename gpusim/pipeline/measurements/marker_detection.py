@@ -34,7 +34,7 @@ class MarkerSet:
     (M,); ``groups``: body number and paint, in the order asked for.
     """
 
-    groups: tuple[tuple[int, m.Markers], ...]
+    groups: tuple[tuple[int, m.MarkersTable], ...]
     count: int
     position: Float
     size: Float
@@ -55,14 +55,16 @@ class MarkerSet:
         return every[0], every[1:] - every[0]
 
 
-def collect_markers(spec: m.MarkerMeasure, scene: Scene, bodies: Sequence[BodyParts]) -> MarkerSet:
+def collect_markers(
+    spec: m.MarkerMeasureTable, scene: Scene, bodies: Sequence[BodyParts]
+) -> MarkerSet:
     """The markers of the paints of ``spec`` on bodies, in order, and on props."""
     painted = [(k, paint) for k, parts in enumerate(bodies) for paint in parts.body.paints]
-    by_name = {paint.name: (k, paint) for k, paint in painted if isinstance(paint, m.Markers)}
+    by_name = {paint.name: (k, paint) for k, paint in painted if isinstance(paint, m.MarkersTable)}
     groups = tuple(by_name[name] for name in spec.groups)
     on_props = {paint.name: paint for prop in scene.props for paint in prop.paints}
     paints = [paint for _, paint in groups]
-    still = [paint for name in spec.static if isinstance(paint := on_props[name], m.Markers)]
+    still = [paint for name in spec.static if isinstance(paint := on_props[name], m.MarkersTable)]
     every = [(paint, marker) for paint in (*paints, *still) for marker in paint.markers]
     return MarkerSet(
         groups=groups,

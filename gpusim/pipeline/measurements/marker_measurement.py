@@ -61,7 +61,7 @@ class TrackedMarkers:
 
 
 def track_markers(
-    spec: m.MarkerMeasure, scene: Scene, objects: SceneObjects, sources: Sources
+    spec: m.MarkerMeasureTable, scene: Scene, objects: SceneObjects, sources: Sources
 ) -> TrackedMarkers:
     """The markers of ``spec`` in its cameras' pictures, every frame against the first.
 

@@ -30,9 +30,9 @@ def board_of(scene: Scene) -> Board | None:
         return None
     prop = next(p for p in scene.props if p.name == calibration.board)
     paint = prop.paints[0] if prop.paints else None
-    if isinstance(paint, m.Checker):
+    if isinstance(paint, m.CheckerTable):
         return measure.Chessboard(paint.columns, paint.rows, MM * paint.cell)
-    if isinstance(paint, m.Target) and paint.kind == "charuco":
+    if isinstance(paint, m.TargetTable) and paint.kind == "charuco":
         values: dict[str, Any] = dict(paint.values)
         return measure.CharucoBoard(
             values["columns"],

@@ -71,7 +71,7 @@ def lamps_inside(scene: Scene, surfaces: Sequence[Surface]) -> list[str]:
     """A sentence for each lamp with a place that a closed body encloses."""
     found = []
     for light in scene.lights:
-        if isinstance(light, m.Point | m.Spot | m.Area):
+        if isinstance(light, m.PointTable | m.SpotTable | m.AreaTable):
             inside = enclosing(surfaces, np.array(light.position))
             if inside:
                 found.append(

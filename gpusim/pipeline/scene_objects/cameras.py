@@ -23,7 +23,7 @@ from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
 
-def build_camera(camera: m.Camera, read: Reader = read_input) -> Camera:
+def build_camera(camera: m.CameraTable, read: Reader = read_input) -> Camera:
     """The camera of a scene, in metres; ``read``: how its calibration is read.
 
     Raises
@@ -54,7 +54,7 @@ def build_camera(camera: m.Camera, read: Reader = read_input) -> Camera:
     return Camera(columns, rows, K, bent, pose, camera.name)
 
 
-def _pose(camera: m.Camera) -> Float | None:
+def _pose(camera: m.CameraTable) -> Float | None:
     """camera_from_world, or None if only the calibration file knows."""
     if camera.position is not None and camera.target is not None:
         return Camera.from_lens(
@@ -81,7 +81,7 @@ def _pose(camera: m.Camera) -> Float | None:
     return pose
 
 
-def _calibrated(camera: m.Camera, read: Reader) -> Camera:
+def _calibrated(camera: m.CameraTable, read: Reader) -> Camera:
     which = camera.calibration_camera
     where = f"camera {camera.name!r} calibration {camera.calibration}"
     file = read(camera.calibration)
@@ -110,7 +110,7 @@ def _calibrated(camera: m.Camera, read: Reader) -> Camera:
     return replace(found, camera_from_world=pose, name=camera.name)
 
 
-def build_lens(camera: m.Camera, read: Reader = read_input) -> Lens | None:
+def build_lens(camera: m.CameraTable, read: Reader = read_input) -> Lens | None:
     """The lens; the camera's focal length is its image distance v, so that f = v s / (s + v).
 
     Raises
@@ -148,7 +148,7 @@ def build_lens(camera: m.Camera, read: Reader = read_input) -> Lens | None:
     )
 
 
-def _psf(spec: m.Psf, camera: m.Camera) -> psf.Psf:
+def _psf(spec: m.Psf, camera: m.CameraTable) -> psf.Psf:
     if spec.type == "gaussian":
         return psf.Gaussian(spec.size)
     if spec.type == "airy":
@@ -158,11 +158,11 @@ def _psf(spec: m.Psf, camera: m.Camera) -> psf.Psf:
     return psf.MeasuredPsf(np.array(spec.kernel), spec.size)
 
 
-def _pitch(camera: m.Camera) -> float:
+def _pitch(camera: m.CameraTable) -> float:
     return camera.sensor[0] / camera.resolution[0]
 
 
-def build_shutter(camera: m.Camera) -> Shutter | None:
+def build_shutter(camera: m.CameraTable) -> Shutter | None:
     """The shutter; None for an instant."""
     spec = camera.shutter
     if spec is None or not (spec.exposure or spec.line_time):
@@ -177,7 +177,7 @@ def opening(shutter: Shutter | None, camera: Camera) -> float:
     return -0.5 * shutter.exposure_time - 0.5 * (camera.height - 1) * shutter.line_time
 
 
-def build_sensor(scene_sensor: m.Sensor, camera: m.Camera, full_scale: float) -> Sensor:
+def build_sensor(scene_sensor: m.SensorTable, camera: m.CameraTable, full_scale: float) -> Sensor:
     """The sensor with a given exposure."""
     values: dict[str, Any] = dict(scene_sensor.values)
     if camera.shutter is not None:
@@ -192,7 +192,7 @@ def build_sensor(scene_sensor: m.Sensor, camera: m.Camera, full_scale: float) ->
     return Sensor(**values)
 
 
-def grey_weights(scene_sensor: m.Sensor, camera: m.Camera) -> Weights | None:
+def grey_weights(scene_sensor: m.SensorTable, camera: m.CameraTable) -> Weights | None:
     """Of red, green and blue in a camera's pictures; None where these are in colour."""
     if camera.channels == "rgb":
         return None
@@ -201,7 +201,7 @@ def grey_weights(scene_sensor: m.Sensor, camera: m.Camera) -> Weights | None:
     return tuple(rows.sum(axis=0) / rows.sum())
 
 
-def _gains_for(temperature: float, sensor: m.Sensor) -> tuple[float, ...]:
+def _gains_for(temperature: float, sensor: m.SensorTable) -> tuple[float, ...]:
     """Gains by which a grey surface in the light of ``temperature`` is grey; the smallest of them
     is 1: what is saturated stays white."""
     seen = np.array(blackbody(temperature))

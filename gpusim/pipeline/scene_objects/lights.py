@@ -34,9 +34,9 @@ def _tinted(light: m.Light, read: Reader) -> Light:
 
 
 def _light(light: m.Light, read: Reader) -> Light:
-    if isinstance(light, m.Ambient):
+    if isinstance(light, m.AmbientTable):
         return AmbientLight(light.radiance, light.occlusion)
-    if isinstance(light, m.Environment):
+    if isinstance(light, m.EnvironmentTable):
         along_y = abs(light.up[1]) > 0.999999 * float(np.linalg.norm(light.up))
         forward = light.forward or ((1.0, 0.0, 0.0) if along_y else (0.0, 1.0, 0.0))
         if light.path:
@@ -52,13 +52,13 @@ def _light(light: m.Light, read: Reader) -> Light:
         return EnvironmentLight(
             light.sky, light.ground, up=light.up, forward=forward, occlusion=light.occlusion
         )
-    if isinstance(light, m.Point):
+    if isinstance(light, m.PointTable):
         return PointLight(light.position, light.power, light.shadows)
-    if isinstance(light, m.Spot):
+    if isinstance(light, m.SpotTable):
         return SpotLight(
             light.position, light.target, light.power, light.cone, light.penumbra, light.shadows
         )
-    if isinstance(light, m.Area):
+    if isinstance(light, m.AreaTable):
         return AreaLight(
             light.position, light.target, light.size, light.power, light.shape, light.shadows
         )

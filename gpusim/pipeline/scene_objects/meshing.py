@@ -26,11 +26,11 @@ from gpusim.validation import by_number
 _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge6"}
 _WORST, _LISTED = 5, 20
 BUILDERS: dict[type, Callable[..., Mesh]] = {
-    m.BoxMesh: mesh.box,
-    m.BeamMesh: mesh.beam,
-    m.CraneMesh: mesh.crane,
-    m.PlateMesh: mesh.plate_with_hole,
-    m.BracketMesh: mesh.bracket,
+    m.BoxMeshTable: mesh.box,
+    m.BeamMeshTable: mesh.beam,
+    m.CraneMeshTable: mesh.crane,
+    m.PlateMeshTable: mesh.plate_with_hole,
+    m.BracketMeshTable: mesh.bracket,
 }
 
 
@@ -39,18 +39,18 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
 
     Raises InputError for a file that can't be read or meshed, and for notches that don't fit.
     """
-    if isinstance(recipe, m.FieldMesh):
+    if isinstance(recipe, m.FieldMeshTable):
         return read_given_field(recipe, read).mesh
-    if isinstance(recipe, m.FileMesh):
+    if isinstance(recipe, m.FileMeshTable):
         return _from_file(recipe, read)
     builder = BUILDERS[type(recipe)]
     values = _values_for(builder, recipe)
-    if isinstance(recipe, m.BoxMesh | m.BeamMesh):
+    if isinstance(recipe, m.BoxMeshTable | m.BeamMeshTable):
         notches = [_values_for(mesh.Notch, notch) for notch in recipe.notches]
         values["notches"] = [mesh.Notch(**notch) for notch in notches]
-    if isinstance(recipe, m.CraneMesh):
+    if isinstance(recipe, m.CraneMeshTable):
         values["element_size"] = recipe.element
-    elif isinstance(recipe, m.PlateMesh | m.BracketMesh):
+    elif isinstance(recipe, m.PlateMeshTable | m.BracketMeshTable):
         # midside nodes of bricks lie on the curves
         values["element"] = recipe.cells if recipe.cells in ("hex20", "hex27") else "hex8"
     return _of_cells(builder(**values), recipe.cells)
@@ -62,7 +62,7 @@ def _values_for(function: Callable[..., Any], recipe: object) -> dict[str, Any]:
     return {name: getattr(recipe, name) for name in names if hasattr(recipe, name)}
 
 
-def read_given_field(recipe: m.FieldMesh, read: Reader = read_input) -> Field:
+def read_given_field(recipe: m.FieldMeshTable, read: Reader = read_input) -> Field:
     """The displacements that a body is given, on their mesh."""
     return read_field(
         read(recipe.path), name=recipe.variable, scale=recipe.scale, magnify=recipe.magnify
@@ -79,7 +79,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
     return mesh.quadratic(grid, serendipity=mesh.CELL_TYPES[cells].serendipity)
 
 
-def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
+def _from_file(recipe: m.FileMeshTable, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
         return cached_cad_mesh(**{**_values_for(mesh.mesh_cad, recipe), "path": file})
@@ -97,7 +97,7 @@ def _from_file(recipe: m.FileMesh, read: Reader) -> Mesh:
 
 def size_warnings_of(name: str, recipe: m.MeshRecipe, grid: Mesh) -> list[str]:
     """What is implausible in the size of a mesh from a file; of others the plan has said it."""
-    if not isinstance(recipe, m.FileMesh | m.FieldMesh):
+    if not isinstance(recipe, m.FileMeshTable | m.FieldMeshTable):
         return []
     x, y, z = (float(side) for side in np.ptp(grid.points, axis=0))
     return size_warnings(name, (x, y, z))
@@ -133,36 +133,24 @@ def mesh_summary(name: str, grid: Mesh) -> tuple[MeshSummary, list[str]]:
 _FACING = np.deg2rad(30.0)  # as `mesh.select_faces` has it
 
 
-def nodes_of(grid: Mesh, where: m.Where) -> Int:
+def nodes_of(grid: Mesh, where: m.WhereTable) -> Int:
     """Node numbers. Raises InputError if there are none."""
     try:
-        return mesh.select_nodes(
-            grid,
-            bounds=_bounds(where),
-            normal=where.normal,
-            name=where.set,
-            tolerance=where.tolerance,
-        )
+        return mesh.select_nodes(grid, **_conditions(where))
     except EmptySelection as error:
         raise _none_found("nodes", where, grid.points) from error
 
 
-def faces_of(grid: Mesh, faces: Faces, where: m.Where) -> Faces:
+def faces_of(grid: Mesh, faces: Faces, where: m.WhereTable) -> Faces:
     """Of the boundary ``faces``, or of a named set. Raises InputError if there are none."""
     try:
-        return mesh.select_faces(
-            grid,
-            bounds=_bounds(where),
-            normal=where.normal,
-            name=where.set,
-            tolerance=where.tolerance,
-            faces=None if where.set is not None else faces,
-        )
+        among = None if where.set is not None else faces
+        return mesh.select_faces(grid, faces=among, **_conditions(where))
     except EmptySelection as error:
         raise _none_found("faces", where, grid.points) from error
 
 
-def surface_faces_of(points: Float, faces: Int, where: m.Where, told: str) -> Long:
+def surface_faces_of(points: Float, faces: Int, where: m.WhereTable, told: str) -> Long:
     """Numbers of the faces (F, 4) of a surface without solids, by bounds and outward normal.
 
     Raises InputError if there are none, or the surface is asked for a named set.
@@ -183,7 +171,7 @@ def surface_faces_of(points: Float, faces: Int, where: m.Where, told: str) -> Lo
     return np.flatnonzero(keep)
 
 
-def cells_of(grid: Mesh, where: m.Where) -> Long:
+def cells_of(grid: Mesh, where: m.WhereTable) -> Long:
     """Global numbers of the cells whose middle is there. Raises InputError if there are none."""
     low = np.array(where.lower) - where.tolerance
     high = np.array(where.upper) + where.tolerance
@@ -206,7 +194,7 @@ def cells_of(grid: Mesh, where: m.Where) -> Long:
     return found
 
 
-def _none_found(what: str, where: m.Where, points: Float) -> InputError:
+def _none_found(what: str, where: m.WhereTable, points: Float) -> InputError:
     """In the words and units of a scene file."""
     asked = [f"{key}_mm {1e3 * value:.6g}" for key, value in _bounds(where).items()]
     asked += [f"normal {where.normal}"] * (where.normal is not None)
@@ -219,7 +207,17 @@ def _none_found(what: str, where: m.Where, points: Float) -> InputError:
     )
 
 
-def _bounds(where: m.Where) -> dict[str, float]:
+def _conditions(where: m.WhereTable) -> dict[str, Any]:
+    """As `mesh.select_nodes` and `mesh.select_faces` take them."""
+    return {
+        "bounds": _bounds(where),
+        "normal": where.normal,
+        "name": where.set,
+        "tolerance": where.tolerance,
+    }
+
+
+def _bounds(where: m.WhereTable) -> dict[str, float]:
     """Only the finite limits."""
     limits = {}
     for axis, low, high in zip("xyz", where.lower, where.upper, strict=True):

@@ -110,7 +110,7 @@ def temperature(body: m.Body, frame: int | None) -> float:
     return sum(
         load.temperature_change * (1.0 if frame is None else load.amplitude[frame])
         for load in body.loads
-        if isinstance(load, m.Thermal)
+        if isinstance(load, m.ThermalTable)
     )
 
 
@@ -178,22 +178,22 @@ def _load(parts: MeshedBody, materials: list[fem.Material], of_cell: Int, load: 
     """(N,3) nodal forces at amplitude 1."""
     grid, body = parts.mesh, parts.body
     density = np.array([material.density for material in materials])[of_cell]
-    if isinstance(load, m.Gravity):
+    if isinstance(load, m.GravityTable):
         return fem.body_force(grid, density, load.acceleration)
-    if isinstance(load, m.Centrifugal):
+    if isinstance(load, m.CentrifugalTable):
         return fem.centrifugal(grid, density, load.axis_point, load.axis, load.omega)
-    if isinstance(load, m.Thermal):
+    if isinstance(load, m.ThermalTable):
         return fem.thermal(
             grid, materials, load.temperature_change, of_cell, formulation=body.formulation
         )
-    if isinstance(load, m.NodalForce):
+    if isinstance(load, m.NodalForceTable):
         nodes = nodes_of(grid, load.where)
         return fem.nodal_force(grid, nodes, np.array(load.force) * len(nodes))
-    if isinstance(load, m.LineForce):
+    if isinstance(load, m.LineForceTable):
         return fem.line_force(grid, nodes_of(grid, load.where), load.force)
     faces = faces_of(grid, parts.skin.faces, load.where)
-    if isinstance(load, m.Pressure):
+    if isinstance(load, m.PressureTable):
         return fem.pressure(grid, faces, load.pressure)
-    if isinstance(load, m.Traction):
+    if isinstance(load, m.TractionTable):
         return fem.traction(grid, faces, load.traction)
     return fem.face_force(grid, faces, load.force)

@@ -85,7 +85,7 @@ def build_pattern(
 
 
 def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints.Paint:
-    if isinstance(paint, m.Speckle):
+    if isinstance(paint, m.SpeckleTable):
         return paints.Speckle(
             paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
             paint.arrangement, paint.seed, paint.dot, paint.albedo, *finish_of(paint),
@@ -93,7 +93,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints
     finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
     if isinstance(frame, Atlas):
         raise InputError(f"{where}; got mapping 'unfold'; expected it for speckle only")
-    if isinstance(paint, m.Markers):
+    if isinstance(paint, m.MarkersTable):
         positions = np.array([marker.position for marker in paint.markers])
         off = _distance(frame, positions)
         bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
@@ -107,16 +107,16 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints
             frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo,
             **finish,
         )  # fmt: skip
-    if isinstance(paint, m.Target):
+    if isinstance(paint, m.TargetTable):
         return _target(paint, frame.coordinates(np.array(paint.places)))
     s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
-    if isinstance(paint, m.Picture):
+    if isinstance(paint, m.PictureTable):
         assert paint.path is not None and paint.texel is not None  # it isn't laid by UV
         return paints.Image.read(
             read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
             ground=paint.albedo, gamma=paint.gamma, channels=paint.channels, **finish,
         )  # fmt: skip
-    if isinstance(paint, m.Checker):
+    if isinstance(paint, m.CheckerTable):
         return paints.Checker(
             paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo,
             *finish_of(paint),
@@ -127,7 +127,7 @@ def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints
     )  # fmt: skip
 
 
-def _target(paint: m.Target, places: Float) -> paints.Paint:
+def _target(paint: m.TargetTable, places: Float) -> paints.Paint:
     values: dict[str, Any] = dict(paint.values)
     values |= zip(FINISH, finish_of(paint), strict=True)
     if paint.kind in CORNERS:
@@ -167,7 +167,7 @@ class BodyParts(MeshedBody):
 def mesh_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None) -> MeshedBody:
     """A body's mesh and skin; ``read``: how the files that it names are read. ``grid``: the mesh,
     if it has been made before."""
-    field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMesh) else None
+    field = read_given_field(body.mesh, read) if isinstance(body.mesh, m.FieldMeshTable) else None
     if grid is None:
         grid = field.mesh if field is not None else build_mesh(body.mesh, read)
     return MeshedBody(body, grid, Skin(grid, mesh.boundary_faces(grid)), field)
@@ -215,7 +215,7 @@ def _painted(
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
         found[paint.name] = Plain(paint.albedo, *finish_of(paint))
-        if isinstance(paint, m.Plain) or paint.mapping == "uv":
+        if isinstance(paint, m.PlainTable) or paint.mapping == "uv":
             continue
         own, place = region == number, f"{where}, paint {paint.name!r}"
         if not own.any():
@@ -230,12 +230,12 @@ def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
 
     ``read``: how the files that it names are read.
     """
-    if isinstance(prop, m.Plate):
+    if isinstance(prop, m.PlateTable):
         return _plate(prop, read)
-    if isinstance(prop, m.Shape) and Path(prop.path).suffix.lower() in SURFACE_SUFFIXES:
+    if isinstance(prop, m.ShapeTable) and Path(prop.path).suffix.lower() in SURFACE_SUFFIXES:
         return _faces(prop, read)
     # a box or a mesh is painted as a body is
-    if isinstance(prop, m.Box):
+    if isinstance(prop, m.BoxTable):
         x, y, z = (c - 0.5 * s for c, s in zip(prop.center, prop.size, strict=True))
         grid = mesh.box(prop.size, (1, 1, 1), (x, y, z))
     else:
@@ -244,7 +244,7 @@ def build_prop(prop: m.Prop, read: Reader = read_input) -> Surface:
     return _painted_skin(f"prop {prop.name!r}", prop.name, skin, prop.paints, read)
 
 
-def _plate(prop: m.Plate, read: Reader) -> Surface:
+def _plate(prop: m.PlateTable, read: Reader) -> Surface:
     normal = np.array(prop.normal) / np.linalg.norm(prop.normal)
     up = np.array(prop.up) - normal * (np.array(prop.up) @ normal)
     up /= np.linalg.norm(up)
@@ -254,7 +254,7 @@ def _plate(prop: m.Plate, read: Reader) -> Surface:
     points = np.stack([centre - x - z, centre + x - z, centre + x + z, centre - x + z])
     faces = np.array([[0, 1, 2, 3]], np.int32)
     where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
-    if isinstance(prop.paint, m.Plain):
+    if isinstance(prop.paint, m.PlainTable):
         plain = Plain(prop.paint.albedo, *finish_of(prop.paint))
         return Surface(points, faces, plain, name=prop.name)
     frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
@@ -263,9 +263,9 @@ def _plate(prop: m.Plate, read: Reader) -> Surface:
     return Surface(points, faces, {name: paint}, frames={name: frame}, name=prop.name)
 
 
-def _faces(prop: m.Shape, read: Reader) -> Surface:
+def _faces(prop: m.ShapeTable, read: Reader) -> Surface:
     """Triangles of a file without solids; a face belongs to the last paint that matches it."""
-    by_uv = [p for p in prop.paints if isinstance(p, m.Picture) and p.mapping == "uv"]
+    by_uv = [p for p in prop.paints if isinstance(p, m.PictureTable) and p.mapping == "uv"]
     look = read_textured(read(prop.path)) if by_uv else None
     points, faces = (look.points, look.faces) if look else read_surface(read(prop.path))
     points = points * prop.scale
@@ -296,7 +296,7 @@ def _new_name(name: str, known: Collection[str]) -> str:
 
 
 def _looks(
-    surface: TexturedSurface, paint: m.Picture, own: Long, where: str, read: Reader
+    surface: TexturedSurface, paint: m.PictureTable, own: Long, where: str, read: Reader
 ) -> list[tuple[Long, FileMaterial]]:
     """Of a paint's ``own`` faces (n,) those that look alike, and how."""
     if not len(own):
@@ -323,7 +323,7 @@ def _looks(
 
 def _by_uv(
     surface: TexturedSurface,
-    paint: m.Picture,
+    paint: m.PictureTable,
     own: Long,
     material: FileMaterial,
     where: str,
@@ -351,7 +351,7 @@ def _by_uv(
     return picture, Atlas(st)
 
 
-def posed(surface: Surface, prop: m.Prop, pose: m.Pose | Placed | None = None) -> Surface:
+def posed(surface: Surface, prop: m.Prop, pose: m.PoseTable | Placed | None = None) -> Surface:
     """The prop's surface in a pose (None: as it stands); its paint goes with it."""
     pose = pose or prop.stand
     if pose.position == prop.origin and not any(pose.rotation):

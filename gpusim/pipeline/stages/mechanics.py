@@ -94,7 +94,7 @@ def stress(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
 
 
 def solve_bodies(
-    solver: m.Solver,
+    solver: m.SolverTable,
     bodies: Sequence[m.Body],
     models: Sequence[fem.Model],
     options: RunOptions,

@@ -99,7 +99,7 @@ def _write_frames(
 
 def sight(
     objects: SceneObjects,
-    spec: m.Camera,
+    spec: m.CameraTable,
     frames: FrameTable,
     frame: int | None,
     session: Session,

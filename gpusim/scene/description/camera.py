@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .lens import Lens, Shutter
-from .sensor import CameraSensor, Gains, Sensor, merged
+from .lens import LensTable, ShutterTable
+from .sensor import CameraSensorTable, Gains, SensorTable, merged
 from .table import (
     SI,
     Direction,
@@ -27,13 +27,13 @@ from .table import (
     parallel,
 )
 
-__all__ = ["Camera"]
+__all__ = ["CameraTable"]
 
 PIXEL_SQUARE = 1e-3
 Side = Annotated[int, Field(ge=1, le=65535)]
 
 
-class Camera(Table):
+class CameraTable(Table):
     """A camera: as a photographer describes it, by its calibration, or from a calibration file.
 
     The lens is ``sensor_mm`` and ``focal_mm``, or ``fx_px`` … ``cy_px``, or ``calibration``; the
@@ -88,9 +88,9 @@ class Camera(Table):
     principal_point_offset = SI[tuple[float, float]]("mm")
     square_pixels: bool = True
     """Set to false to say that pixels of unequal sides are meant."""
-    lens: Lens | None = None
+    lens: LensTable | None = None
     """Without it a pinhole."""
-    shutter: Shutter | None = None
+    shutter: ShutterTable | None = None
     """Without it an instant."""
     channels: Literal["mono", "rgb"] = "mono"
     """Of its pictures: grey, or red, green and blue."""
@@ -98,9 +98,9 @@ class Camera(Table):
     """Gains of the digital numbers of red, green and blue."""
     white_balance_K: Annotated[float, Field(ge=2000, le=40_000)] | None = None
     """The temperature of the light in which a grey surface shall be grey, in their place."""
-    own_sensor: Annotated[CameraSensor | None, Field(alias="sensor")] = None
+    own_sensor: Annotated[CameraSensorTable | None, Field(alias="sensor")] = None
     """What differs from [sensor] in this camera."""
-    _electronics: Sensor | None = None
+    _electronics: SensorTable | None = None
 
     @property
     def sensor(self) -> tuple[float, float]:
@@ -130,11 +130,11 @@ class Camera(Table):
         return self.rotation_vector or ()
 
     @property
-    def electronics(self) -> Sensor | None:
+    def electronics(self) -> SensorTable | None:
         """Its sensor, where it isn't the scene's."""
         return self._electronics
 
-    def equip(self, common: Sensor, where: str) -> None:
+    def equip(self, common: SensorTable, where: str) -> None:
         """Enter what its own table makes of the scene's sensor. Raises a fault of the key ``where``
         if both, or a sensor and what the camera says of colour, don't go together."""
         if self.own_sensor is not None:
@@ -171,7 +171,7 @@ class Camera(Table):
         return words
 
     @model_validator(mode="after")
-    def _check(self) -> Camera:
+    def _check(self) -> CameraTable:
         self._check_lens()
         self._check_pose()
         self._check_blur()

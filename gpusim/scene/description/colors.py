@@ -64,7 +64,7 @@ def is_chromatic(value: object) -> bool:
     return isinstance(parts, list | tuple) and len(set(parts)) > 1
 
 
-class Tinted(Table):
+class TintedTable(Table):
     """Light, which has the colour of a temperature, or any other."""
 
     temperature_K: Annotated[float, Field(ge=800, le=40_000)] | None = None
@@ -74,7 +74,7 @@ class Tinted(Table):
     is grey."""
 
     @model_validator(mode="after")
-    def _check_color(self) -> Tinted:
+    def _check_color(self) -> TintedTable:
         if self.color is None:
             return self
         if self.temperature_K is not None:

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from .colors import SceneColor, Shade
 from .finishes import FINISHES, FinishName
-from .loads import Where
+from .loads import WhereTable
 from .table import (
     SI,
     Direction,
@@ -27,7 +27,7 @@ from .table import (
     parallel,
 )
 
-__all__ = ["Bump", "Finish", "Painted", "Patterned", "Wrap"]
+__all__ = ["Bump", "Finish", "PaintedTable", "PatternedTable", "Wrap"]
 
 _STEEPEST = 0.35
 
@@ -58,7 +58,7 @@ class Wrap(NamedTuple):
     axis: Vec3 | None
 
 
-class Painted(Table):
+class PaintedTable(Table):
     """How the ground shines. Markers, fields, dots and targets on it are matte prints; speckle and
     pictures shine with their ground, as under a varnish."""
 
@@ -79,7 +79,7 @@ class Painted(Table):
     """How many times longer they are in that direction."""
     bump_seed: Seed = 0
     name: Name
-    where: Where = Where()
+    where: WhereTable = WhereTable()
     """The faces; without it all."""
     albedo_: Annotated[Shade | None, Field(alias="albedo")] = None
     """Of the ground, outside the pattern; red, green and blue are linear, "#rrggbb" is sRGB."""
@@ -92,7 +92,7 @@ class Painted(Table):
         return cast(SceneColor, self.color if self.albedo_ is None else self.albedo_)
 
     @model_validator(mode="after")
-    def _check_albedo(self) -> Painted:
+    def _check_albedo(self) -> PaintedTable:
         if self.albedo_ is None and self.color is None:
             wanted = "a number from 0 to 1, or a colour (of the ground, outside the pattern)"
             raise fault("albedo", "missing", Words("neither albedo nor color"), wanted)
@@ -117,7 +117,7 @@ class Painted(Table):
         return finish.filled(given) if finish else given
 
     @model_validator(mode="after")
-    def _check_bump(self) -> Painted:
+    def _check_bump(self) -> PaintedTable:
         slope = sqrt(2.0) * self.bump_um * 1e-3 / self.bump_length_mm
         if not slope <= _STEEPEST:
             expected = f"at most {_STEEPEST / sqrt(2.0) * self.bump_length_mm * 1e3:.3g}"
@@ -129,7 +129,7 @@ class Painted(Table):
         return self
 
 
-class Patterned(Painted):
+class PatternedTable(PaintedTable):
     up: Direction | None = None
     """Roughly up on the surface; without it +z, on horizontal faces +y."""
     mapping: Literal["plane", "cylinder", "unfold", "uv"] = "plane"
@@ -150,7 +150,7 @@ class Patterned(Painted):
         return None if self.mapping in ("plane", "uv") else Wrap(self.axis_point, self.axis)
 
     @model_validator(mode="after")
-    def _check_mapping(self) -> Patterned:
+    def _check_mapping(self) -> PatternedTable:
         round_an_axis = self.mapping == "cylinder"
         for key in ("axis_point_mm", "axis"):
             if (getattr(self, key) is not None) != round_an_axis:
@@ -166,7 +166,7 @@ class Patterned(Painted):
         return self
 
     @model_validator(mode="after")
-    def _check_up(self) -> Patterned:
+    def _check_up(self) -> PatternedTable:
         if self.up is None:
             return self
         not_zero("up", self.up)

@@ -8,12 +8,12 @@ from pydantic import Field, model_validator
 
 from .table import SI, Length, Listed, Numbers, Table, Words, fault
 
-__all__ = ["Lens", "Psf", "Shutter", "Vignetting"]
+__all__ = ["LensTable", "Psf", "ShutterTable", "VignettingTable"]
 
 Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 
 
-class Gaussian(Table):
+class GaussianTable(Table):
     """A round Gaussian point spread."""
 
     type: Literal["gaussian"]
@@ -22,7 +22,7 @@ class Gaussian(Table):
     size = SI[float]("px", "sigma_px")
 
 
-class Airy(Table):
+class AiryTable(Table):
     """Diffraction at a round aperture."""
 
     type: Literal["airy"]
@@ -32,7 +32,7 @@ class Airy(Table):
     wavelength = SI[float]("nm")
 
 
-class Disc(Table):
+class DiscTable(Table):
     """An even disc, as of a lens that is out of focus everywhere alike."""
 
     type: Literal["disc"]
@@ -40,7 +40,7 @@ class Disc(Table):
     size = SI[float]("px", "radius_px")
 
 
-class Measured(Table):
+class MeasuredTable(Table):
     """A measured point spread."""
 
     type: Literal["measured"]
@@ -50,7 +50,7 @@ class Measured(Table):
     size = SI[float]("", "samples_per_px")
 
     @model_validator(mode="after")
-    def _check(self) -> Measured:
+    def _check(self) -> MeasuredTable:
         width = len(self.kernel[0])
         if len(self.kernel) % 2 == 0 or width % 2 == 0 or any(len(r) != width for r in self.kernel):
             sizes = f"{len(self.kernel)} rows of {sorted({len(r) for r in self.kernel})}"
@@ -62,11 +62,11 @@ class Measured(Table):
         return self
 
 
-Psf = Gaussian | Airy | Disc | Measured
+Psf = GaussianTable | AiryTable | DiscTable | MeasuredTable
 PsfTable = Annotated[Psf, Field(discriminator="type")]
 
 
-class Vignetting(Table):
+class VignettingTable(Table):
     """Fall-off towards the corners: the product of what is given."""
 
     cos4: bool = True
@@ -77,7 +77,7 @@ class Vignetting(Table):
     """Measured gains from corner to corner, rows of one length."""
 
     @model_validator(mode="after")
-    def _check(self) -> Vignetting:
+    def _check(self) -> VignettingTable:
         rows = self.map
         if rows is None:
             return self
@@ -89,7 +89,7 @@ class Vignetting(Table):
         return self
 
 
-class Lens(Table):
+class LensTable(Table):
     """A real lens; what isn't given isn't rendered."""
 
     psf: PsfTable | None = None
@@ -110,10 +110,10 @@ class Lens(Table):
     positions: Annotated[int, Field(ge=1, le=4096)] | None = None
     """Points of the aperture that are rendered; without it as many, up to 256, as
     ``render.error`` needs."""
-    vignetting: Vignetting | None = None
+    vignetting: VignettingTable | None = None
 
     @model_validator(mode="after")
-    def _check(self) -> Lens:
+    def _check(self) -> LensTable:
         if (self.f_number is None) != (self.focus_distance_mm is None):
             key = "focus_distance_mm" if self.focus_distance_mm is None else "f_number"
             raise fault(key, "missing", Words(""), "f_number and focus_distance_mm, or neither")
@@ -140,7 +140,7 @@ class Lens(Table):
         return done
 
 
-class Shutter(Table):
+class ShutterTable(Table):
     """Exposure in time, around the instant of each frame; needs ``analysis.frame_rate_Hz``."""
 
     exposure_ms: Annotated[float, Field(ge=0)] = 0.0

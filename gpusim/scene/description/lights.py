@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .colors import Tinted
+from .colors import TintedTable
 from .table import (
     SI,
     Direction,
@@ -29,14 +29,14 @@ from .table import (
 
 __all__ = [
     "PANORAMA_SUFFIXES",
-    "Ambient",
-    "Area",
-    "Environment",
+    "AmbientTable",
+    "AreaTable",
+    "EnvironmentTable",
     "Light",
     "LightTable",
-    "Point",
-    "Spot",
-    "Sun",
+    "PointTable",
+    "SpotTable",
+    "SunTable",
 ]
 
 LUMENS_PER_WATT = 683.0
@@ -45,7 +45,7 @@ PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 Radiance = Annotated[float, Field(ge=0)]
 
 
-class _Lamp(Tinted):
+class _Lamp(TintedTable):
     name: Name
     shadows: bool = True
     """Whether surfaces hide it."""
@@ -75,7 +75,7 @@ class _Powered(_Lamp):
         return self.power_W or (self.power_lm or 0.0) / LUMENS_PER_WATT
 
 
-class Point(_Powered):
+class PointTable(_Powered):
     """A small lamp that shines evenly in all directions."""
 
     type: Literal["point"]
@@ -92,7 +92,7 @@ class _Aimed(_Powered):
         return self
 
 
-class Spot(_Aimed):
+class SpotTable(_Aimed):
     """A small lamp with a beam, as of a halogen spot."""
 
     type: Literal["spot"]
@@ -103,7 +103,7 @@ class Spot(_Aimed):
     """Share of the half angle over which the beam fades (nothing to do with shadows)."""
 
 
-class Area(_Aimed):
+class AreaTable(_Aimed):
     """A lamp with a face, which looks at its target and radiates as a diffuse surface does."""
 
     type: Literal["area"]
@@ -113,7 +113,7 @@ class Area(_Aimed):
     shape: Literal["rectangle", "ellipse"] = "rectangle"
 
 
-class Sun(_Lamp):
+class SunTable(_Lamp):
     """Light from infinitely far."""
 
     type: Literal["sun"]
@@ -127,12 +127,12 @@ class Sun(_Lamp):
     diameter = SI[float]("deg")
 
     @model_validator(mode="after")
-    def _check(self) -> Sun:
+    def _check(self) -> SunTable:
         not_zero("direction", self.direction, "one that isn't zero")
         return self
 
 
-class Ambient(Tinted):
+class AmbientTable(TintedTable):
     """What the surroundings send back, equally from every direction."""
 
     name: Name
@@ -144,7 +144,7 @@ class Ambient(Tinted):
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
 
-class Environment(Tinted):
+class EnvironmentTable(TintedTable):
     """Surroundings that light all faces and are mirrored by glossy ones: bright sky (or ceiling)
     above and ground below, or a picture of them all."""
 
@@ -176,7 +176,7 @@ class Environment(Tinted):
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
     @model_validator(mode="after")
-    def _check(self) -> Environment:
+    def _check(self) -> EnvironmentTable:
         not_zero("up", self.up, "one that isn't zero")
         if self.studio_W_m2_sr is not None:
             for key, value in (("sky_W_m2_sr", self.sky_W_m2_sr), ("file", self.path),
@@ -201,5 +201,5 @@ class Environment(Tinted):
         return self
 
 
-Light = Point | Spot | Area | Sun | Ambient | Environment
+Light = PointTable | SpotTable | AreaTable | SunTable | AmbientTable | EnvironmentTable
 LightTable = Annotated[Light, Field(discriminator="type")]

@@ -24,25 +24,25 @@ from .table import (
 
 __all__ = [
     "Amplitude",
-    "Centrifugal",
-    "Force",
-    "Gravity",
-    "LineForce",
+    "CentrifugalTable",
+    "ForceTable",
+    "GravityTable",
+    "LineForceTable",
     "Load",
     "LoadTable",
-    "NodalForce",
-    "Pressure",
-    "Support",
-    "Thermal",
-    "Traction",
-    "Where",
+    "NodalForceTable",
+    "PressureTable",
+    "SupportTable",
+    "ThermalTable",
+    "TractionTable",
+    "WhereTable",
 ]
 
 Amplitude = tuple[float, ...]
 Factors = Annotated[Amplitude, Listed(1, 10_000)]
 
 
-class Where(Table):
+class WhereTable(Table):
     """All given conditions hold together; positions are those of the unloaded shape."""
 
     set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
@@ -80,7 +80,7 @@ class Where(Table):
         return x, y, z
 
     @model_validator(mode="after")
-    def _check(self) -> Where:
+    def _check(self) -> WhereTable:
         for axis in "xyz":
             low, high = getattr(self, f"{axis}_min_mm"), getattr(self, f"{axis}_max_mm")
             if low is not None and high is not None and not low <= high:
@@ -114,13 +114,13 @@ class _Driven(Table):
         return copy
 
 
-class Support(_Driven):
+class SupportTable(_Driven):
     """Nodes that are held, or moved by a given amount."""
 
     name: Name
     type: Literal["fixed", "symmetry"] = "fixed"
     """"symmetry": flat faces don't move along their normal, which is x, y or z."""
-    where: Where
+    where: WhereTable
     fix: Annotated[tuple[Axis, ...], Listed(1, 3)] = ("x", "y", "z")
     """The directions in which the nodes are held."""
     displacement_mm: Vector = (0.0, 0.0, 0.0)
@@ -140,7 +140,7 @@ class Support(_Driven):
         return self.type == "symmetry"
 
     @model_validator(mode="after")
-    def _check(self) -> Support:
+    def _check(self) -> SupportTable:
         each_once("fix", "a direction twice", self.fix, "each of x, y, z at most once")
         if self.where.is_everything:
             raise fault(
@@ -174,53 +174,53 @@ class _Load(_Driven):
     """One factor per frame for this load; without it the analysis' load_factors."""
 
 
-class Force(_Load):
+class ForceTable(_Load):
     """A total force, spread evenly over the area of the faces."""
 
     type: Literal["force"]
-    where: Where
+    where: WhereTable
     force_N: Vector
     force = SI[Vec3]("N")
 
 
-class NodalForce(_Load):
+class NodalForceTable(_Load):
     """The same force on every node."""
 
     type: Literal["nodal_force"]
-    where: Where
+    where: WhereTable
     force_N: Vector
     force = SI[Vec3]("N")
 
 
-class LineForce(_Load):
+class LineForceTable(_Load):
     """A total force, spread evenly over the length of a line of element edges."""
 
     type: Literal["line_force"]
-    where: Where
+    where: WhereTable
     """The nodes of the line: say two bounds, or a named set."""
     force_N: Vector
     force = SI[Vec3]("N")
 
 
-class Pressure(_Load):
+class PressureTable(_Load):
     """A pressure on faces; positive pushes into the body."""
 
     type: Literal["pressure"]
-    where: Where
+    where: WhereTable
     pressure_MPa: float
     pressure = SI[float]("MPa")
 
 
-class Traction(_Load):
+class TractionTable(_Load):
     """A force per area on faces."""
 
     type: Literal["traction"]
-    where: Where
+    where: WhereTable
     traction_MPa: Vector
     traction = SI[Vec3]("MPa")
 
 
-class Gravity(_Load):
+class GravityTable(_Load):
     """The body's own weight."""
 
     type: Literal["gravity"]
@@ -228,7 +228,7 @@ class Gravity(_Load):
     acceleration = SI[Vec3]("m_s2")
 
 
-class Centrifugal(_Load):
+class CentrifugalTable(_Load):
     """Steady rotation about an axis: the body is pulled outward."""
 
     type: Literal["centrifugal"]
@@ -241,12 +241,12 @@ class Centrifugal(_Load):
     omega = SI[float]("rpm", "speed_rpm")
 
     @model_validator(mode="after")
-    def _check(self) -> Centrifugal:
+    def _check(self) -> CentrifugalTable:
         not_zero("axis", self.axis)
         return self
 
 
-class Thermal(_Load):
+class ThermalTable(_Load):
     """A temperature change of the whole body; the material's expansion_per_K says what it does."""
 
     type: Literal["thermal"]
@@ -254,5 +254,14 @@ class Thermal(_Load):
     temperature_change = SI[float]("K")
 
 
-Load = Force | NodalForce | LineForce | Pressure | Traction | Gravity | Centrifugal | Thermal
+Load = (
+    ForceTable
+    | NodalForceTable
+    | LineForceTable
+    | PressureTable
+    | TractionTable
+    | GravityTable
+    | CentrifugalTable
+    | ThermalTable
+)
 LoadTable = Annotated[Load, Field(discriminator="type")]

@@ -23,10 +23,17 @@ from .table import (
     norm,
 )
 
-__all__ = ["AnyMeasure", "Damage", "Deflection", "MarkerMeasure", "Published", "Stereo"]
+__all__ = [
+    "AnyMeasure",
+    "DamageTable",
+    "DeflectionTable",
+    "MarkerMeasureTable",
+    "PublishedTable",
+    "StereoTable",
+]
 
 
-class Published(Table):
+class PublishedTable(Table):
     """What somebody else reached; the report sets it beside this run's error."""
 
     error_percent: Annotated[float, Field(ge=0)]
@@ -36,7 +43,7 @@ class Published(Table):
     """Where it is written."""
 
 
-class MarkerMeasure(MeasureTable):
+class MarkerMeasureTable(MeasureTable):
     """Markers tracked from frame 0 to every other one."""
 
     references: ClassVar[Mapping[str, str]] = {
@@ -51,14 +58,14 @@ class MarkerMeasure(MeasureTable):
     subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
     """Side of the tracked square, odd; without it as large as the marker allows."""
     subset = SI[int | None]("px")
-    published: Published | None = None
+    published: PublishedTable | None = None
 
     def seconds(self, markers: int, pixels: int, frames: int) -> float:
         """Each frame is compared with the first."""
         return (0.01 * markers + 2e-8 * pixels) * (frames - 1)
 
     @model_validator(mode="after")
-    def _check(self) -> MarkerMeasure:
+    def _check(self) -> MarkerMeasureTable:
         if self.subset_px is not None and self.subset_px % 2 == 0:
             raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
         for key, what in self.references.items():
@@ -67,11 +74,11 @@ class MarkerMeasure(MeasureTable):
         return self
 
 
-class Deflection(MarkerMeasure):
+class DeflectionTable(MarkerMeasureTable):
     """The deflection line of every frame, in the image of one camera."""
 
     type: Literal["deflection"]
-    references = {"camera": "camera", **MarkerMeasure.references}
+    references = {"camera": "camera", **MarkerMeasureTable.references}
 
     camera: Name
     direction: SignedAxis
@@ -97,7 +104,7 @@ class Deflection(MarkerMeasure):
                 )  # fmt: skip
 
 
-class Stereo(MarkerMeasure):
+class StereoTable(MarkerMeasureTable):
     """Points in space from two or more cameras that are calibrated from images alone.
 
     The cameras' calibration comes from the images of [calibration], which has to show a checker;
@@ -105,7 +112,7 @@ class Stereo(MarkerMeasure):
     """
 
     type: Literal["stereo"]
-    references = {"cameras": "camera", **MarkerMeasure.references}
+    references = {"cameras": "camera", **MarkerMeasureTable.references}
     uses_calibration = True
 
     cameras: Annotated[tuple[Name, ...], Listed(2)]
@@ -128,7 +135,7 @@ class Stereo(MarkerMeasure):
             )  # fmt: skip
 
 
-class Damage(MeasureTable):
+class DamageTable(MeasureTable):
     """Differences of a deflection line between the variants, and where their slope changes."""
 
     type: Literal["damage"]
@@ -160,6 +167,6 @@ def _numbers(value: Any) -> list[float] | None:
     return [float(v) for v in value] if good else None
 
 
-TABLES.update((table.kind(), table) for table in (Deflection, Stereo, Damage))
+TABLES.update((table.kind(), table) for table in (DeflectionTable, StereoTable, DamageTable))
 AnyMeasure = Annotated[MeasureTable, AnyKind()]
 """The table of any kind."""

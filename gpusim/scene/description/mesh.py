@@ -29,16 +29,16 @@ __all__ = [
     "MESH_SUFFIXES",
     "NOTCHABLE",
     "SETS",
-    "BeamMesh",
-    "BoxMesh",
-    "BracketMesh",
-    "CraneMesh",
-    "FieldMesh",
-    "FileMesh",
+    "BeamMeshTable",
+    "BoxMeshTable",
+    "BracketMeshTable",
+    "CraneMeshTable",
+    "FieldMeshTable",
+    "FileMeshTable",
     "MeshRecipe",
     "MeshTable",
-    "NotchRecipe",
-    "PlateMesh",
+    "NotchRecipeTable",
+    "PlateMeshTable",
 ]
 
 _SIDES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
@@ -68,7 +68,7 @@ Divisions = Annotated[tuple[Count, Count, Count], Listed()]
 Cells = Literal["hex8", "hex20", "hex27", "tet4", "tet10", "wedge6", "wedge15"]
 
 
-class NotchRecipe(Table):
+class NotchRecipeTable(Table):
     """A slot cut into a box or a beam; elements get finer towards it. Its faces are the set
     "notch_1" (2, … in the order of the file)."""
 
@@ -88,7 +88,7 @@ class NotchRecipe(Table):
     """Elements over its width."""
 
     @model_validator(mode="after")
-    def _check(self) -> NotchRecipe:
+    def _check(self) -> NotchRecipeTable:
         if self.side[1] == self.axis:
             raise fault("side", "is along the notch's axis", self.side, "a side across the axis")
         return self
@@ -100,19 +100,19 @@ class _Builder(Table):
 
 
 class _Notchable(_Builder):
-    _notches: tuple[NotchRecipe, ...] = ()
+    _notches: tuple[NotchRecipeTable, ...] = ()
 
     @property
-    def notches(self) -> tuple[NotchRecipe, ...]:
+    def notches(self) -> tuple[NotchRecipeTable, ...]:
         """Those of the body that the mesh is of."""
         return self._notches
 
-    def notched(self, notches: tuple[NotchRecipe, ...]) -> None:
+    def notched(self, notches: tuple[NotchRecipeTable, ...]) -> None:
         """Enter the slots: the file has them beside the mesh."""
         self._notches = notches
 
 
-class BoxMesh(_Notchable):
+class BoxMeshTable(_Notchable):
     """A block along the axes. Its sides are the sets "x_min" … "z_max"."""
 
     builder: Literal["box"]
@@ -125,7 +125,7 @@ class BoxMesh(_Notchable):
     origin = SI[Vec3]("mm")
 
 
-class BeamMesh(_Notchable):
+class BeamMeshTable(_Notchable):
     """A bar whose axis is the x axis, from x = 0. Its sides are the sets "x_min" … "z_max"."""
 
     builder: Literal["beam"]
@@ -156,7 +156,7 @@ class BeamMesh(_Notchable):
         return self.height if self.end_height_mm is None else self.end_height_mm / 1000.0
 
 
-class CraneMesh(_Builder):
+class CraneMeshTable(_Builder):
     """A column with a beam welded on top, of flat bars.
 
     The column's outer face is x = 0 and its clamped foot ends at z = 0; the beam reaches along +x
@@ -193,7 +193,7 @@ class CraneMesh(_Builder):
     """Elements across the width."""
 
     @model_validator(mode="after")
-    def _check(self) -> CraneMesh:
+    def _check(self) -> CraneMeshTable:
         if not self.column_thickness_mm + self.load_length_mm < self.length_mm:
             raise fault(
                 "length_mm", "the beam is too short", self.length_mm,
@@ -213,7 +213,7 @@ class _Holed(_Builder):
     """Elements through the thickness."""
 
 
-class PlateMesh(_Holed):
+class PlateMeshTable(_Holed):
     """A plate with a round hole at the origin, length along x, width along y, thickness from z = 0.
 
     Sets "hole" and "x_min" … "z_max". Midside nodes of hex20 and hex27 lie on the circle.
@@ -228,7 +228,7 @@ class PlateMesh(_Holed):
     thickness = SI[float]("mm")
 
     @model_validator(mode="after")
-    def _check(self) -> PlateMesh:
+    def _check(self) -> PlateMeshTable:
         room = 0.98 * min(self.length_mm, self.width_mm)
         if not self.hole_diameter_mm < room:
             raise fault(
@@ -237,7 +237,7 @@ class PlateMesh(_Holed):
         return self
 
 
-class BracketMesh(_Holed):
+class BracketMeshTable(_Holed):
     """An L-bracket of bent plate with a hole in each leg, half a width from the leg's end.
 
     The base lies on z = 0 and reaches along +x, the wall stands on x = 0 and reaches along +z.
@@ -265,7 +265,7 @@ class BracketMesh(_Holed):
     """Elements along the bend."""
 
     @model_validator(mode="after")
-    def _check(self) -> BracketMesh:
+    def _check(self) -> BracketMeshTable:
         least = self.width_mm + self.fillet_radius_mm + self.thickness_mm
         for key in ("base_length_mm", "wall_height_mm"):
             value = getattr(self, key)
@@ -279,7 +279,7 @@ class BracketMesh(_Holed):
         return self
 
 
-class FileMesh(Table):
+class FileMeshTable(Table):
     """A mesh from a file, or a CAD file to be meshed (needs gmsh).
 
     Groups of the file are sets: Gmsh's physical groups, sets of Abaqus and Exodus, MED's groups;
@@ -320,7 +320,7 @@ class FileMesh(Table):
         return float(in_si("mm" if step else self.unit, "a file's unit"))
 
     @model_validator(mode="after")
-    def _check(self) -> FileMesh:
+    def _check(self) -> FileMeshTable:
         suffix = known_suffix("mesh file", self.path, MESH_SUFFIXES + CAD_SUFFIXES)
         if self.is_cad and self.size_mm is None:
             raise fault("size_mm", "missing for a CAD file", Words(""), "the greatest element size")
@@ -337,12 +337,17 @@ class FileMesh(Table):
 
 
 MeshTable = Annotated[
-    BoxMesh | BeamMesh | CraneMesh | PlateMesh | BracketMesh | FileMesh,
+    BoxMeshTable
+    | BeamMeshTable
+    | CraneMeshTable
+    | PlateMeshTable
+    | BracketMeshTable
+    | FileMeshTable,
     Field(discriminator="builder"),
 ]
 
 
-class FieldMesh(Table):
+class FieldMeshTable(Table):
     """Mesh and nodal displacements of a result file; nothing is solved.
 
     Frames between its times are interpolated linearly; a file whose first time is above 0 is taken
@@ -364,9 +369,17 @@ class FieldMesh(Table):
     """Factor on the displacements, to show them larger than they are."""
 
     @model_validator(mode="after")
-    def _check(self) -> FieldMesh:
+    def _check(self) -> FieldMeshTable:
         known_suffix("result file", self.path, FIELD_SUFFIXES)
         return self
 
 
-MeshRecipe = BoxMesh | BeamMesh | CraneMesh | PlateMesh | BracketMesh | FileMesh | FieldMesh
+MeshRecipe = (
+    BoxMeshTable
+    | BeamMeshTable
+    | CraneMeshTable
+    | PlateMeshTable
+    | BracketMeshTable
+    | FileMeshTable
+    | FieldMeshTable
+)

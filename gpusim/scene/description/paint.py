@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from .colors import Shade
-from .ground import Painted, Patterned
+from .ground import PaintedTable, PatternedTable
 from .table import (
     SI,
     Count,
@@ -31,30 +31,38 @@ from .table import (
     in_si,
     norm,
 )
-from .targets import Aruco, Charuco, Circles, Lines, RingCodes, Star, Target
+from .targets import (
+    ArucoTable,
+    CharucoTable,
+    CirclesTable,
+    LinesTable,
+    RingCodesTable,
+    StarTable,
+    TargetTable,
+)
 
 __all__ = [
-    "Checker",
-    "Dots",
+    "CheckerTable",
+    "DotsTable",
     "Marker",
-    "Markers",
+    "MarkersTable",
     "Paint",
     "PaintTable",
     "Pattern",
-    "Picture",
-    "Plain",
-    "Speckle",
+    "PictureTable",
+    "PlainTable",
+    "SpeckleTable",
     "not_by_uv",
 ]
 
 
-class Plain(Painted):
+class PlainTable(PaintedTable):
     """One even colour."""
 
     type: Literal["plain"]
 
 
-class Line(Table):
+class LineTable(Table):
     """Positions at equal distances on a straight line, both ends included."""
 
     start_mm: Vector
@@ -69,7 +77,7 @@ class Marker(NamedTuple):
     position: Vec3
 
 
-class Markers(Patterned):
+class MarkersTable(PatternedTable):
     """Square markers of 2x2 black and white fields, dark at the lower left and upper right."""
 
     type: Literal["markers"]
@@ -78,12 +86,12 @@ class Markers(Patterned):
     size = SI[float]("mm")
     positions_mm: Annotated[tuple[Vector, ...], Listed(1)] | None = None
     """Their centres; or give line."""
-    line: Line | None = None
+    line: LineTable | None = None
     dark: Shade = 0.04
     light: Shade = 0.9
 
     @model_validator(mode="after")
-    def _check(self) -> Markers:
+    def _check(self) -> MarkersTable:
         if (self.positions_mm is None) == (self.line is None):
             got = Words("neither" if self.line is None else "both")
             raise fault(
@@ -124,7 +132,7 @@ class Markers(Patterned):
         )
 
 
-class Checker(Patterned):
+class CheckerTable(PatternedTable):
     """A chessboard; the field at its lower left corner is dark."""
 
     type: Literal["checker"]
@@ -139,7 +147,7 @@ class Checker(Patterned):
     light: Shade = 0.9
 
 
-class Dots(Patterned):
+class DotsTable(PatternedTable):
     """A regular grid of round dots."""
 
     type: Literal["dots"]
@@ -155,13 +163,13 @@ class Dots(Patterned):
     dot: Shade = 0.04
 
     @model_validator(mode="after")
-    def _check(self) -> Dots:
+    def _check(self) -> DotsTable:
         if not self.diameter_mm <= self.pitch_mm:
             raise fault("pitch_mm", "the dots overlap", self.pitch_mm, f">= {self.diameter_mm}")
         return self
 
 
-class Speckle(Patterned):
+class SpeckleTable(PatternedTable):
     """Round speckles at random places, sprayed or printed, as image correlation needs them.
 
     About 3 to 6 px wide in the image, half of the area covered, and edges at least half a pixel
@@ -190,7 +198,7 @@ class Speckle(Patterned):
     """Of the speckles."""
 
     @model_validator(mode="after")
-    def _check(self) -> Speckle:
+    def _check(self) -> SpeckleTable:
         if not self.softness_mm <= self.diameter_mm / 2:
             raise fault(
                 "softness_mm", "more than half the diameter", self.softness_mm,
@@ -217,7 +225,7 @@ class Speckle(Patterned):
         return self
 
 
-class Picture(Patterned):
+class PictureTable(PatternedTable):
     """A picture: its values are albedo, its pixels squares on the surface."""
 
     has_texels: ClassVar[bool] = True
@@ -241,7 +249,7 @@ class Picture(Patterned):
     """"rgb": a file in colour is paint in colour; "grey": its brightness (luma) alone counts."""
 
     @model_validator(mode="after")
-    def _check(self) -> Picture:
+    def _check(self) -> PictureTable:
         by_uv = self.mapping == "uv"
         for key, value in (("texel_mm", self.texel_mm), ("origin_mm", self.origin_mm)):
             if (value is not None) == by_uv:
@@ -255,26 +263,26 @@ class Picture(Patterned):
 def not_by_uv(paints: tuple[Paint, ...], key: str = "paint") -> None:
     """Refuse pictures by texture coordinates where there are none."""
     for number, paint in enumerate(paints):
-        if isinstance(paint, Picture) and paint.mapping == "uv":
+        if isinstance(paint, PictureTable) and paint.mapping == "uv":
             wanted = "another, or a [[prop]] of an .obj, .glb or .gltf"
             expected = f"{key}.{number}.mapping", "only a prop's file has texture coordinates"
             raise fault(*expected, Words("uv"), wanted)
 
 
-Pattern = Markers | Checker | Dots | Speckle | Picture | Target
-Paint = Plain | Pattern
+Pattern = MarkersTable | CheckerTable | DotsTable | SpeckleTable | PictureTable | TargetTable
+Paint = PlainTable | Pattern
 PaintTable = Annotated[
-    Plain
-    | Markers
-    | Checker
-    | Dots
-    | Speckle
-    | Picture
-    | Circles
-    | Star
-    | Aruco
-    | RingCodes
-    | Charuco
-    | Lines,
+    PlainTable
+    | MarkersTable
+    | CheckerTable
+    | DotsTable
+    | SpeckleTable
+    | PictureTable
+    | CirclesTable
+    | StarTable
+    | ArucoTable
+    | RingCodesTable
+    | CharucoTable
+    | LinesTable,
     Field(discriminator="type"),
 ]

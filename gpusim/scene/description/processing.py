@@ -12,7 +12,15 @@ from pydantic import BeforeValidator, Field, model_validator
 from .colors import Tint
 from .table import SI, Listed, Name, Table, Words, each_once, fault
 
-__all__ = ["ANALYSIS_TYPES", "Analysis", "AnalysisType", "Output", "Render", "Solver", "Variant"]
+__all__ = [
+    "ANALYSIS_TYPES",
+    "AnalysisTable",
+    "AnalysisType",
+    "OutputTable",
+    "RenderTable",
+    "SolverTable",
+    "VariantTable",
+]
 
 TruthLayer = Literal[
     "reference",
@@ -59,7 +67,7 @@ def _list_kinds(schema: dict[str, Any]) -> None:
     schema["enum"] = list(ANALYSIS_TYPES)
 
 
-class Analysis(Table):
+class AnalysisTable(Table):
     """Linear statics, or displacements that are given; one frame per load factor or time."""
 
     type: Annotated[str, BeforeValidator(_existing), Field(json_schema_extra=_list_kinds)] = (
@@ -81,7 +89,7 @@ class Analysis(Table):
         return self.times or self.load_factors_
 
     @model_validator(mode="after")
-    def _check(self) -> Analysis:
+    def _check(self) -> AnalysisTable:
         if ANALYSIS_TYPES[self.type].given:
             if self.times is None:
                 raise fault("times", "missing", Words("no times"), "the time of each frame")
@@ -93,7 +101,7 @@ class Analysis(Table):
         return self
 
 
-class Solver(Table):
+class SolverTable(Table):
     """How far to solve."""
 
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-6
@@ -105,7 +113,7 @@ class Solver(Table):
     """"auto": the quicker one of a direct solver and multigrid, by an estimate for the matrix."""
 
 
-class Render(Table):
+class RenderTable(Table):
     """How exact the images are."""
 
     error: Annotated[float, Field(gt=0, le=16)] = 0.25
@@ -114,7 +122,7 @@ class Render(Table):
     """Radiance where nothing is seen (W / (m2 sr); without lights: albedo)."""
 
 
-class Output(Table):
+class OutputTable(Table):
     """What is written beside images, measurements and report."""
 
     truth: Annotated[tuple[TruthLayer, ...], Listed()] = ()
@@ -127,12 +135,12 @@ class Output(Table):
     """The deformed surface, one file per paint and frame."""
 
     @model_validator(mode="after")
-    def _check(self) -> Output:
+    def _check(self) -> OutputTable:
         each_once("truth", "a layer twice", self.truth)
         return self
 
 
-class Variant(Table):
+class VariantTable(Table):
     """A state of the scene. With variants, a run makes all of them, in ``variants/<name>``."""
 
     name: Name

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from .mesh import MESH_SUFFIXES
-from .paint import Markers, Paint, PaintTable, not_by_uv
+from .paint import MarkersTable, Paint, PaintTable, not_by_uv
 from .table import (
     SI,
     Direction,
@@ -30,7 +30,16 @@ from .table import (
     unit,
 )
 
-__all__ = ["SURFACE_SUFFIXES", "Box", "Calibration", "Plate", "Pose", "Prop", "PropTable", "Shape"]
+__all__ = [
+    "SURFACE_SUFFIXES",
+    "BoxTable",
+    "CalibrationTable",
+    "PlateTable",
+    "PoseTable",
+    "Prop",
+    "PropTable",
+    "ShapeTable",
+]
 
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
@@ -39,7 +48,7 @@ TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 PropLength = Annotated[float, Field(gt=0, le=1e10)]
 
 
-class Pose(Table):
+class PoseTable(Table):
     """Where a prop is: turned about its own point, which then lies at ``position_mm``."""
 
     position_mm: Vector
@@ -50,7 +59,7 @@ class Pose(Table):
     rotation = SI[Vec3]("deg")
 
 
-Poses = Annotated[tuple[Pose, ...], Listed(1, 10_000)]
+Poses = Annotated[tuple[PoseTable, ...], Listed(1, 10_000)]
 
 
 class _Prop(Table):
@@ -58,10 +67,10 @@ class _Prop(Table):
     name: Name
     poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
-    poses = SI[tuple[Pose, ...]]("", "poses_", without=())
+    poses = SI[tuple[PoseTable, ...]]("", "poses_", without=())
 
 
-class Plate(_Prop):
+class PlateTable(_Prop):
     """A rigid rectangular plate: a wall, a target. Only its front is seen."""
 
     type: Literal["plate"] = "plate"
@@ -84,23 +93,23 @@ class Plate(_Prop):
         return self.paints[0]
 
     @property
-    def stand(self) -> Pose:
+    def stand(self) -> PoseTable:
         """The pose in which it stands."""
-        return Pose.model_construct(position_mm=self.center_mm)
+        return PoseTable.model_construct(position_mm=self.center_mm)
 
     @model_validator(mode="after")
-    def _check(self) -> Plate:
+    def _check(self) -> PlateTable:
         if parallel(self.normal, self.up):
             raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
         not_by_uv(self.paints)
         paint = self.paint
         if not paint.where.is_everything:
             raise fault("paint.0.where", "a plate has one face", Words("a selection"), "no where")
-        if isinstance(paint, Markers):
+        if isinstance(paint, MarkersTable):
             self._check_markers(paint)
         return self
 
-    def _check_markers(self, paint: Markers) -> None:
+    def _check_markers(self, paint: MarkersTable) -> None:
         n = unit(self.normal)
         up = unit(across(self.up, n))
         right = cross(up, n)
@@ -126,7 +135,7 @@ class _Shaped(_Prop):
     """A face belongs to the last entry that matches it; positions are those before any rotation."""
 
 
-class Box(_Shaped):
+class BoxTable(_Shaped):
     """A rigid block: a machine's frame, a base. Its sides are the sets "x_min" … "z_max"."""
 
     type: Literal["box"]
@@ -138,17 +147,17 @@ class Box(_Shaped):
     size = SI[Vec3]("mm")
 
     @model_validator(mode="after")
-    def _check(self) -> Box:
+    def _check(self) -> BoxTable:
         not_by_uv(self.paints)
         return self
 
     @property
-    def stand(self) -> Pose:
+    def stand(self) -> PoseTable:
         """The pose in which it stands."""
-        return Pose.model_construct(position_mm=self.center_mm, rotation_deg=self.rotation_deg)
+        return PoseTable.model_construct(position_mm=self.center_mm, rotation_deg=self.rotation_deg)
 
 
-class Shape(_Shaped):
+class ShapeTable(_Shaped):
     """A rigid thing of any shape: a mesh or a file of faces (.stl .ply .obj .off .glb .gltf)."""
 
     type: Literal["mesh"]
@@ -169,23 +178,25 @@ class Shape(_Shaped):
         return {"unit": file_unit(path), **given} if isinstance(path, str) else given
 
     @model_validator(mode="after")
-    def _check(self) -> Shape:
+    def _check(self) -> ShapeTable:
         suffix = known_suffix("file", self.path, SURFACE_SUFFIXES + MESH_SUFFIXES)
         if suffix not in TEXTURED_SUFFIXES:
             not_by_uv(self.paints)
         return self
 
     @property
-    def stand(self) -> Pose:
+    def stand(self) -> PoseTable:
         """The pose in which it stands."""
-        return Pose.model_construct(position_mm=self.position_mm, rotation_deg=self.rotation_deg)
+        return PoseTable.model_construct(
+            position_mm=self.position_mm, rotation_deg=self.rotation_deg
+        )
 
 
-Prop = Plate | Box | Shape
+Prop = PlateTable | BoxTable | ShapeTable
 PropTable = Annotated[Prop, Field(discriminator="type")]
 
 
-class Calibration(Table):
+class CalibrationTable(Table):
     """Images of a target for calibration, beside the frames: ``images/<camera>/calib-0000.png``.
 
     They show the target in each pose, without bodies and other props, in the scene's light.
@@ -197,7 +208,7 @@ class Calibration(Table):
     """Without it all."""
     show: Names = ()
     """Props that these images show too, such as a wall."""
-    poses: Annotated[tuple[Pose, ...], Field(alias="pose"), Listed(1, 10_000)]
+    poses: Annotated[tuple[PoseTable, ...], Field(alias="pose"), Listed(1, 10_000)]
     """One image per camera each."""
     _all_cameras: tuple[str, ...] = ()
 
@@ -211,7 +222,7 @@ class Calibration(Table):
         self._all_cameras = by
 
     @model_validator(mode="after")
-    def _check(self) -> Calibration:
+    def _check(self) -> CalibrationTable:
         for key, names in (("cameras", self.cameras), ("show", self.show)):
             each_once(key, "a name twice", names)
         if self.board in self.show:

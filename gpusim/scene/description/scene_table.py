@@ -8,16 +8,23 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .camera import Camera
+from .camera import CameraTable
 from .lights import LightTable
-from .loads import Amplitude, Load, LoadTable, Support, Where
+from .loads import Amplitude, Load, LoadTable, SupportTable, WhereTable
 from .material import Material, MaterialTable
 from .measures import AnyMeasure
-from .mesh import BeamMesh, BoxMesh, FieldMesh, MeshRecipe, MeshTable, NotchRecipe
+from .mesh import (
+    BeamMeshTable,
+    BoxMeshTable,
+    FieldMeshTable,
+    MeshRecipe,
+    MeshTable,
+    NotchRecipeTable,
+)
 from .paint import Paint, PaintTable, not_by_uv
-from .processing import Analysis, Output, Render, Solver, Variant
-from .prop import Calibration, PropTable
-from .sensor import Sensor
+from .processing import AnalysisTable, OutputTable, RenderTable, SolverTable, VariantTable
+from .prop import CalibrationTable, PropTable
+from .sensor import SensorTable
 from .table import Listed, Name, Table, Words, fault
 
 __all__ = ["Body", "Part", "SceneTable"]
@@ -28,7 +35,7 @@ class Part:
     """Elements whose middle is at ``where`` are of another material than their body."""
 
     material: Material
-    where: Where
+    where: WhereTable
 
 
 @dataclass(frozen=True)
@@ -37,7 +44,7 @@ class Body:
 
     A face belongs to the last paint whose ``where`` matches it, an element to the last part; where
     no part does it is of ``material``. A body whose displacements are given (its ``mesh`` is a
-    `FieldMesh`) has no material, supports or loads.
+    `FieldMeshTable`) has no material, supports or loads.
     """
 
     name: str
@@ -45,7 +52,7 @@ class Body:
     parts: tuple[Part, ...]
     formulation: str
     mesh: MeshRecipe
-    supports: tuple[Support, ...]
+    supports: tuple[SupportTable, ...]
     loads: tuple[Load, ...]
     paints: tuple[Paint, ...]
 
@@ -55,7 +62,7 @@ class PartTable(Table):
 
     material: Name
     """The name of a [[material]]."""
-    where: Where
+    where: WhereTable
     """The elements whose middle is there; ``set`` is a named set of elements."""
 
     @model_validator(mode="after")
@@ -74,7 +81,7 @@ class BodyTable(Table):
     name: Name
     material: Name | None = None
     """The name of a [[material]]."""
-    field: FieldMesh | None = None
+    field: FieldMeshTable | None = None
     """Mesh and displacements from a result file of another program, in place of material, mesh,
     supports and loads; ``analysis.type`` is "field" then."""
     part: Annotated[tuple[PartTable, ...], Listed()] = ()
@@ -84,9 +91,9 @@ class BodyTable(Table):
     bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
     type that doesn't have it takes its own default."""
     mesh: MeshTable | None = None
-    notch: Annotated[tuple[NotchRecipe, ...], Listed()] = ()
+    notch: Annotated[tuple[NotchRecipeTable, ...], Listed()] = ()
     """Slots in a box or a beam."""
-    support: Annotated[tuple[Support, ...], Listed()] = ()
+    support: Annotated[tuple[SupportTable, ...], Listed()] = ()
     load: Annotated[tuple[LoadTable, ...], Listed()] = ()
     paint: Annotated[tuple[PaintTable, ...], Listed(1)]
     """A face belongs to the last entry that matches it."""
@@ -112,7 +119,7 @@ class BodyTable(Table):
         what has no amplitude of its own."""
         mesh = self.mesh if self.field is None else self.field
         assert mesh is not None  # _check made sure
-        if isinstance(mesh, BoxMesh | BeamMesh):
+        if isinstance(mesh, BoxMeshTable | BeamMeshTable):
             mesh.notched(self.notch)
         for driven in (*self.support, *self.load):
             driven.driven(factors)
@@ -138,19 +145,19 @@ class SceneTable(Table):
     material: Annotated[tuple[MaterialTable, ...], Listed()] = ()
     body: Annotated[tuple[BodyTable, ...], Listed()] = ()
     prop: Annotated[tuple[PropTable, ...], Listed()] = ()
-    analysis: Analysis = Analysis()
-    solver: Solver = Solver()
-    camera: Annotated[tuple[Camera, ...], Listed()] = ()
+    analysis: AnalysisTable = AnalysisTable()
+    solver: SolverTable = SolverTable()
+    camera: Annotated[tuple[CameraTable, ...], Listed()] = ()
     light: Annotated[tuple[LightTable, ...], Listed()] = ()
     """Without any, images show the albedo."""
-    calibration: Calibration | None = None
+    calibration: CalibrationTable | None = None
     """Images of a calibration target, beside the frames."""
-    render: Render = Render()
-    sensor: Sensor = Sensor()
+    render: RenderTable = RenderTable()
+    sensor: SensorTable = SensorTable()
     measure: Annotated[tuple[AnyMeasure, ...], Listed()] = ()
-    variant: Annotated[tuple[Variant, ...], Listed()] = ()
+    variant: Annotated[tuple[VariantTable, ...], Listed()] = ()
     """States that are made in one run and compared."""
-    output: Output = Output()
+    output: OutputTable = OutputTable()
 
     @model_validator(mode="after")
     def _complete(self) -> SceneTable:

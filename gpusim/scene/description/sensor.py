@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, mo
 
 from .table import Length, Listed, Seed, Table, fault
 
-__all__ = ["CameraSensor", "Gains", "Sensor", "merged"]
+__all__ = ["CameraSensorTable", "Gains", "SensorTable", "merged"]
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
@@ -73,7 +73,7 @@ _NOISE = {
 }  # fmt: skip
 
 
-class Sensor(Table):
+class SensorTable(Table):
     """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
 
     Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
@@ -124,7 +124,7 @@ class Sensor(Table):
     rows of them, for the red, green and blue channel (by default each sees its band)."""
 
     @model_validator(mode="after")
-    def _check(self) -> Sensor:
+    def _check(self) -> SensorTable:
         counted = self.preset or self.gain_DN_per_e is not None or self.full_well_e is not None
         for key in ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent"):
             if getattr(self, key) and not counted:
@@ -172,7 +172,7 @@ class Sensor(Table):
         ]
 
 
-class CameraSensor(Table):
+class CameraSensorTable(Table):
     """What is another sensor in one camera: keys given here replace those of [sensor].
 
     A ``preset`` given here replaces all that [sensor] says of gain, noise and black level.
@@ -212,14 +212,14 @@ class CameraSensor(Table):
     """In the bands red, green, blue."""
 
 
-def merged(common: Sensor, own: CameraSensor, where: str) -> Sensor:
+def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTable:
     """The sensor of a camera. Raises a fault under the key ``where`` if both don't go together."""
     values = common.model_dump(by_alias=True, exclude_none=True)
     if own.preset is not None:
         values = {key: value for key, value in values.items() if key not in _NOISE}
     values |= own.model_dump(exclude_none=True)
     try:
-        return Sensor.model_validate(values)
+        return SensorTable.model_validate(values)
     except ValidationError as error:
         found = error.errors()[0].get("ctx", {})
         key = f"{where}.{found['key']}"

@@ -8,16 +8,24 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from .colors import Shade
-from .ground import Patterned
+from .ground import PatternedTable
 from .table import SI, Count, Length, Listed, Vec3, Vector, fault, in_si
 
-__all__ = ["Aruco", "Charuco", "Circles", "Lines", "RingCodes", "Star", "Target"]
+__all__ = [
+    "ArucoTable",
+    "CharucoTable",
+    "CirclesTable",
+    "LinesTable",
+    "RingCodesTable",
+    "StarTable",
+    "TargetTable",
+]
 
 Places = Annotated[tuple[Vector, ...], Listed(1)]
 Codes = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Listed()]
 
 
-class Target(Patterned):
+class TargetTable(PatternedTable):
     """A pattern that is drawn by the class of its ``kind`` in `gpusim.surface.paint`: its own keys
     are that class's parameters, by their names without unit."""
 
@@ -33,7 +41,7 @@ class Target(Patterned):
     @property
     def values(self) -> dict[str, Any]:
         """Parameters of the class that draws it, in SI."""
-        others = {"type", "positions_mm", "origin_mm", *Patterned.model_fields}
+        others = {"type", "positions_mm", "origin_mm", *PatternedTable.model_fields}
         own = [key for key in type(self).model_fields if key not in others]
         values = {key: getattr(self, key) for key in own}
         lengths = [key for key in own if key.endswith("_mm")]
@@ -47,14 +55,14 @@ def _one_each(key: str, values: tuple[int, ...], places: tuple[Vec3, ...]) -> No
         raise fault(key, "not one per position", len(values), expected)
 
 
-class _Centred(Target):
+class _Centred(TargetTable):
     positions_mm: Places
     """Their centres."""
     dark: Shade = 0.05
     light: Shade = 0.9
 
 
-class Circles(_Centred):
+class CirclesTable(_Centred):
     """Concentric circles: the largest is dark, then light and dark alternate."""
 
     type: Literal["circles"]
@@ -62,14 +70,14 @@ class Circles(_Centred):
     """From the largest to the smallest."""
 
     @model_validator(mode="after")
-    def _check(self) -> Circles:
+    def _check(self) -> CirclesTable:
         sizes = self.diameters_mm
         if any(not a > b for a, b in pairwise(sizes)):
             raise fault("diameters_mm", "don't fall", sizes, "the largest first")
         return self
 
 
-class Star(_Centred):
+class StarTable(_Centred):
     """Siemens stars: dark spokes as wide as the light gaps between them."""
 
     type: Literal["star"]
@@ -77,7 +85,7 @@ class Star(_Centred):
     spokes: Annotated[int, Field(ge=2, le=1000)] = 36
 
 
-class Aruco(_Centred):
+class ArucoTable(_Centred):
     """ArUco or AprilTag markers; the ground around them has to be light."""
 
     type: Literal["aruco"]
@@ -89,12 +97,12 @@ class Aruco(_Centred):
     """OpenCV's name without DICT_: 4X4_50, 6X6_250, APRILTAG_36h11, ..."""
 
     @model_validator(mode="after")
-    def _check(self) -> Aruco:
+    def _check(self) -> ArucoTable:
         _one_each("ids", self.ids, self.positions_mm)
         return self
 
 
-class RingCodes(Target):
+class RingCodesTable(TargetTable):
     """Coded targets of photogrammetry: a disc, and around it a ring of light and dark bits."""
 
     type: Literal["ring_codes"]
@@ -111,7 +119,7 @@ class RingCodes(Target):
     """Of the disc and of bits that are set; the ground (``albedo``) is darker, or lighter."""
 
     @model_validator(mode="after")
-    def _check(self) -> RingCodes:
+    def _check(self) -> RingCodesTable:
         _one_each("codes", self.codes, self.positions_mm)
         if not max(self.codes) < 1 << self.bits:
             raise fault("codes", f"more than {self.bits} bits", max(self.codes),
@@ -119,7 +127,7 @@ class RingCodes(Target):
         return self
 
 
-class Charuco(Target):
+class CharucoTable(TargetTable):
     """OpenCV's ChArUco board: a chessboard with a marker in every light square."""
 
     type: Literal["charuco"]
@@ -135,13 +143,13 @@ class Charuco(Target):
     light: Shade = 0.9
 
     @model_validator(mode="after")
-    def _check(self) -> Charuco:
+    def _check(self) -> CharucoTable:
         if not self.marker_mm < self.square_mm:
             raise fault("marker_mm", "no margin", self.marker_mm, f"less than {self.square_mm:g}")
         return self
 
 
-class Lines(Target):
+class LinesTable(TargetTable):
     """Lines at equal distances, along the surface's horizontal, its up direction, or both."""
 
     type: Literal["lines"]
@@ -163,7 +171,7 @@ class Lines(Target):
         return {"albedo": values.pop("line"), **values, "along": along}
 
     @model_validator(mode="after")
-    def _check(self) -> Lines:
+    def _check(self) -> LinesTable:
         if not self.width_mm < self.pitch_mm:
             raise fault("width_mm", "no gaps", self.width_mm, f"less than {self.pitch_mm:g}")
         return self

@@ -161,9 +161,9 @@ def test_a_colour_has_nothing_behind_it(tmp_path: Path) -> None:
 
 def test_the_schema_for_editors_says_what_a_colour_is() -> None:
     tables = json_schema()["$defs"]
-    for table, key, limits in (("Plain", "color", {"minimum": 0, "maximum": 1}),
-                               ("Dots", "dot", {"minimum": 0, "maximum": 1}),
-                               ("Point", "color", {"minimum": 0})):  # fmt: skip
+    for table, key, limits in (("PlainTable", "color", {"minimum": 0, "maximum": 1}),
+                               ("DotsTable", "dot", {"minimum": 0, "maximum": 1}),
+                               ("PointTable", "color", {"minimum": 0})):  # fmt: skip
         number, three, text = tables[table]["properties"][key]["anyOf"][:3]
         assert number == {"type": "number", **limits} == three["items"]
         assert (three["minItems"], three["maxItems"]) == (3, 3)

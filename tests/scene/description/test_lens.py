@@ -21,7 +21,7 @@ from gpusim.pipeline.scene_objects.cameras import (
     moving,
 )
 from gpusim.plan.plan import make_plan
-from gpusim.scene.description.sensor import Sensor
+from gpusim.scene.description.sensor import SensorTable
 
 SCENE = """
 schema = 1
@@ -88,7 +88,7 @@ def test_values_reach_the_optics(tmp_path: Path) -> None:
 
 
 def test_presets_of_scenes_are_those_of_the_sensor() -> None:
-    (literal, _none) = get_args(Sensor.model_fields["preset"].annotation)
+    (literal, _none) = get_args(SensorTable.model_fields["preset"].annotation)
     assert set(get_args(literal)) == set(CAMERAS)
 
 

@@ -19,7 +19,7 @@ from gpusim.pipeline.scene_objects.cameras import (
     build_shutter,
 )
 from gpusim.plan.plan import make_plan
-from gpusim.scene.description.sensor import CameraSensor, Sensor
+from gpusim.scene.description.sensor import CameraSensorTable, SensorTable
 from tests.support.small_scene import small_scene
 
 HEAD = """schema = 1
@@ -119,7 +119,9 @@ def test_plan_says_which_sensor(tmp_path: Path) -> None:
 
 
 def test_keys_of_both_tables_agree() -> None:
-    common, own = (set(table.model_json_schema()["properties"]) for table in (Sensor, CameraSensor))
+    common, own = (
+        set(table.model_json_schema()["properties"]) for table in (SensorTable, CameraSensorTable)
+    )
     assert common - own == {"format", "seed", "series"} and not own - common
 
 

@@ -30,7 +30,7 @@ def scene(checkout: Path, **changes: Any) -> gs.Scene:
 def test_values_arrive_in_si_and_the_body_is_painted(checkout: Path) -> None:
     loaded = scene(checkout)
     paint = loaded.bodies[0].paints[0]
-    assert isinstance(paint, model.Speckle)
+    assert isinstance(paint, model.SpeckleTable)
     assert (paint.diameter, paint.softness) == (0.0009, 0.000125)
     assert (paint.albedo, paint.dot, paint.coverage, paint.seed) == (0.8, 0.06, 0.45, 17)
     assert (paint.size_law, paint.spread, paint.arrangement) == ("lognormal", 0.2, "random")

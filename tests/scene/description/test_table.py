@@ -8,9 +8,9 @@ import pytest
 
 from gpusim.cli.console import importing
 from gpusim.scene import json_schema
-from gpusim.scene.description.ground import Painted
+from gpusim.scene.description.ground import PaintedTable
 from gpusim.scene.description.model import SceneTable
-from gpusim.scene.description.paint import Speckle
+from gpusim.scene.description.paint import SpeckleTable
 from gpusim.scene.description.table import Table, descriptions
 
 
@@ -36,7 +36,7 @@ def test_texts_are_those_below_the_keys() -> None:
         "first": "Said again.",
         "second_mm": "Two lines,\nput together as they are.",
     }
-    assert descriptions(Speckle)["roughness"] == descriptions(Painted)["roughness"]
+    assert descriptions(SpeckleTable)["roughness"] == descriptions(PaintedTable)["roughness"]
 
 
 def test_schema_for_editors_holds_them_all() -> None:
@@ -46,7 +46,7 @@ def test_schema_for_editors_holds_them_all() -> None:
     assert set(descriptions(SceneTable).values()) <= set(held)
     # keys with another name in the file; classes are found by their names, which are unique
     assert "description" in schema["properties"]["schema"]
-    assert "amplitude" in schema["$defs"]["Support"]["properties"]
+    assert "amplitude" in schema["$defs"]["SupportTable"]["properties"]
     assert not [name for name in schema["$defs"] if "__" in name]
 
 
@@ -62,3 +62,14 @@ def test_collection_is_as_it_was_after_importing(enabled: bool) -> None:
     finally:
         (gc.enable if before else gc.disable)()
         gc.unfreeze()
+
+
+def test_tables_are_named_so() -> None:
+    """A class that is a table of the file isn't mistaken for what is built of it."""
+
+    def below(table: type[Table]) -> set[type[Table]]:
+        return {table}.union(*map(below, table.__subclasses__()))
+
+    named = {table.__name__ for table in below(Table) if table.__module__.startswith("gpusim")}
+    wrong = [name for name in named if not name.endswith("Table") and not name.startswith("_")]
+    assert len(named) > 60 and wrong == []

@@ -107,12 +107,12 @@ def test_every_key_has_words_for_what_it_wants() -> None:
     }
     assert len(words) > 200 and all(words.values())
     assert not [text for text in words.values() if re.search(r"None|\$|inf|e\+18|dict", text)]
-    assert words["Camera", "rotation_matrix"] == "a list of 3 lists of 3 numbers"
-    assert words["Support", "fix"] == 'a list of some of "x", "y", "z"'
-    assert words["Speckle", "coverage"] == "a number > 0 and < 1"
+    assert words["CameraTable", "rotation_matrix"] == "a list of 3 lists of 3 numbers"
+    assert words["SupportTable", "fix"] == 'a list of some of "x", "y", "z"'
+    assert words["SpeckleTable", "coverage"] == "a number > 0 and < 1"
     assert words["SceneTable", "schema"] == "1"
     shade = 'a number from 0 to 1, or a list of 3 numbers from 0 to 1, or a text like "#c0a080"'
-    assert words["Plain", "color"] == words["Dots", "dot"] == shade
+    assert words["PlainTable", "color"] == words["DotsTable", "dot"] == shade
 
 
 def test_a_model_takes_one_material() -> None:

@@ -183,7 +183,9 @@ class DamageResult(Result):
         return figures
 
 
-def compare_states(spec: m.Damage, scene: Scene, read: Callable[[str, str], Any]) -> DamageResult:
+def compare_states(
+    spec: m.DamageTable, scene: Scene, read: Callable[[str, str], Any]
+) -> DamageResult:
     """Compare the deflection ``spec.of`` of every variant with that of the reference.
 
     ``read(variant, measure)`` gives a variant's result. Raises GpusimError if the reference's line
@@ -209,7 +211,7 @@ class _State(NamedTuple):
     notches: Sequence[tuple[str, float, float]]
 
 
-def _line(spec: m.Damage, group: str, variant: _State, base: DeflectionResult) -> DamageLine:
+def _line(spec: m.DamageTable, group: str, variant: _State, base: DeflectionResult) -> DamageLine:
     state, result, notches = variant
     rows, base_rows = (np.flatnonzero(np.array(r.group) == group) for r in (result, base))
     own = result.position_mm[rows]
@@ -258,13 +260,13 @@ def _notches(scene: Scene) -> list[tuple[str, float, float]]:
     return [
         (notch.axis, notch.position, _size(body.mesh)["xyz".index(notch.side[1])])
         for body in scene.bodies
-        if isinstance(body.mesh, m.BeamMesh | m.BoxMesh)
+        if isinstance(body.mesh, m.BeamMeshTable | m.BoxMeshTable)
         for notch in body.mesh.notches
     ]
 
 
-def _size(mesh: m.BeamMesh | m.BoxMesh) -> tuple[float, float, float]:
-    return mesh.size if isinstance(mesh, m.BoxMesh) else (mesh.length, mesh.width, mesh.height)
+def _size(mesh: m.BeamMeshTable | m.BoxMeshTable) -> tuple[float, float, float]:
+    return mesh.size if isinstance(mesh, m.BoxMeshTable) else (mesh.length, mesh.width, mesh.height)
 
 
 _BREAKS = (
@@ -315,4 +317,4 @@ def _curve(line: DamageLine, measured: Float, true: Float) -> StateCurve:
     )
 
 
-register(Kind(m.Damage, DamageResult, compare=compare_states))
+register(Kind(m.DamageTable, DamageResult, compare=compare_states))

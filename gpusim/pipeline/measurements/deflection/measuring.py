@@ -30,7 +30,7 @@ TRUTH_POINTS = 200
 
 
 def measure_deflection(
-    spec: m.Deflection, scene: Scene, objects: SceneObjects, sources: Sources
+    spec: m.DeflectionTable, scene: Scene, objects: SceneObjects, sources: Sources
 ) -> DeflectionResult:
     """Track the markers of ``spec`` from the first frame to every other one and scale to mm.
 
@@ -152,10 +152,10 @@ def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Float) ->
     return np.array(curves)
 
 
-def _checks(spec: m.Deflection, scene: Scene, unloaded: Unloaded) -> list[str]:
+def _checks(spec: m.DeflectionTable, scene: Scene, unloaded: Unloaded) -> list[str]:
     """A scale needs two markers in sight, and nothing that moves along the camera's axis."""
     sight = marker_warnings(spec, scene, unloaded, least=2)
     return [*sight, *axial_loads(spec, scene, unloaded.bodies)]
 
 
-register(Kind(m.Deflection, DeflectionResult, measure_deflection, _checks))
+register(Kind(m.DeflectionTable, DeflectionResult, measure_deflection, _checks))

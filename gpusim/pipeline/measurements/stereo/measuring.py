@@ -29,7 +29,7 @@ LEAST_SPREAD = 0.05  # of static markers, width over length
 
 
 def measure_stereo(
-    spec: m.Stereo, scene: Scene, objects: SceneObjects, sources: Sources
+    spec: m.StereoTable, scene: Scene, objects: SceneObjects, sources: Sources
 ) -> StereoResult:
     """Displacement in space of the markers of ``spec`` from the first frame to every other one.
 
@@ -101,7 +101,7 @@ def measure_stereo(
 
 
 def _calibrated(
-    spec: m.Stereo, scene: Scene, corners: Callable[[str, int], measure.Sighting]
+    spec: m.StereoTable, scene: Scene, corners: Callable[[str, int], measure.Sighting]
 ) -> tuple[Board, measure.Calibration]:
     """The board, and the cameras as its pictures give them."""
     what, calibration, board = f"measure {spec.name!r}", scene.calibration, board_of(scene)
@@ -194,4 +194,4 @@ def _boards(calibration: measure.Calibration, frame: measure.Alignment, board: B
 
 # three markers make a plane
 _checks = partial(marker_warnings, least=3)
-register(Kind(m.Stereo, StereoResult, measure_stereo, _checks, prepare=track_markers))
+register(Kind(m.StereoTable, StereoResult, measure_stereo, _checks, prepare=track_markers))
