@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from contextlib import suppress
 from typing import Any
 
@@ -27,7 +26,7 @@ def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     (spec,) = scene.measures
     tracked = f"tracks/{spec.name}"
     for name in inputs.names(tracked) if inputs.has(tracked) else ():
-        shutil.copy(inputs.path(tracked, name), inputs.new_file(name))
+        inputs.new_file(name).write_bytes(inputs.read(tracked, name).data)
     sources = _sources(scene, inputs)
     result = measured(spec, scene, _objects(scene, inputs), sources)
     result.write(sources.markers.folder)
