@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import os
-import stat
+import sys
 import time
 import zlib
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-_AT_ONCE = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0)
+from gpusim.files.cache_files import open_cached
 
 
 class Log:
@@ -33,7 +33,7 @@ class Log:
         with self._lock:
             if self._descriptor < 0:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
-                flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | _AT_ONCE
+                flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
                 self._descriptor = os.open(self.path, flags, 0o644)
             line = b"%s%08x %s\n" % (self._torn, zlib.crc32(text), text)
             self._torn = b"\n"  # if the disk takes a part of the line alone
@@ -58,19 +58,13 @@ class Log:
 def read_log(path: Path, start: int = 0) -> tuple[list[Any], int]:
     """What was added after byte ``start``, and where to go on; nothing of what is no plain file."""
     try:
-        with open(path, "rb", opener=_open) as stream:
-            if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                return [], start
+        with open_cached(path, sys.maxsize) as stream:
             stream.seek(start)
             data = stream.read()
     except OSError:  # put together with others meanwhile, a folder, a link, or not ours to read
         return [], start
     whole = data[: data.rfind(b"\n") + 1]
     return list(_contents(whole)), start + len(whole)
-
-
-def _open(path: str, flags: int) -> int:
-    return os.open(path, flags | _AT_ONCE)
 
 
 def _contents(lines: bytes) -> Iterator[dict[str, Any]]:

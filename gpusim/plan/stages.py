@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
+from gpusim.graph.graph import State
 from gpusim.plan.machine_speed import Speed, Workload
 
-State = Literal["run", "skipped", "reused"]
 START_SECONDS = 1.5
 """What Python and its libraries take before the first stage."""
 

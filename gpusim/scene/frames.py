@@ -63,11 +63,6 @@ class FrameTable(tuple[Instant, ...]):
         return Shown((None,) * len(first.states), (None,) * len(first.places))
 
     @property
-    def props_move(self) -> bool:
-        """Whether a prop has a pose of its own in each frame."""
-        return any(place is not None for place in self[0].shown.places)
-
-    @property
     def last_moved(self) -> int:
         """The last frame in which something has moved; the last one if nothing does."""
         moved = [instant.number for instant in self if not instant.shown.still]

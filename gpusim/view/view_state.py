@@ -319,8 +319,9 @@ class ViewState:
             self.size = target.width, target.height
             if self.through is not None or self.view is self._framed:  # else it is the user's
                 self._white = None
-        if self._layout != (self.size, self.taken()):
-            self._layout = self.size, self.taken()
+        layout = self.size, self.taken()
+        if self._layout != layout:
+            self._layout = layout
             self._frame_again()
         more = False
         with self.faults_shown():

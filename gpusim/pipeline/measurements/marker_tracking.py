@@ -25,7 +25,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import GpusimError
 from gpusim.files.atomic_files import atomic_stream, safe_name
-from gpusim.files.input_file import Reader, read_input
+from gpusim.files.input_file import read_input
 from gpusim.files.output_folder import inside
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
@@ -253,11 +253,11 @@ class MarkerCache:
     """Markers followed once in the same pictures.
 
     ``folder``: where what was found is kept, in one file for each measure and camera; ``reuse``:
-    whether an earlier run's is taken, and ``read`` how.
+    whether what lies there is taken.
     """
 
-    def __init__(self, folder: Path, reuse: bool = True, read: Reader = read_input) -> None:
-        self.folder, self.reuse, self.read = folder, reuse, read
+    def __init__(self, folder: Path, reuse: bool = True) -> None:
+        self.folder, self.reuse = folder, reuse
         self._found: dict[Path, dict[str, MarkerTracks]] = {}
 
     @property
@@ -278,7 +278,7 @@ class MarkerCache:
         """The markers of the measure ``name``, from the first of the ``pictures`` into each of the
         others. Raises as `FirstPicture.of`."""
         path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}.markers.npz")
-        kept = _stored(path, self.read) if self.reuse and path not in self._found else {}
+        kept = _stored(path) if self.reuse and path not in self._found else {}
         known = self._found.get(path, kept)
         rest = iter(pictures)
         reference, first = next(rest), None
@@ -342,10 +342,10 @@ def _store(path: Path, tracks: Mapping[str, MarkerTracks]) -> None:
         np.savez(stream, allow_pickle=False, **{_KEYS: np.array(list(tracks))}, **arrays)
 
 
-def _stored(path: Path, read: Reader) -> dict[str, MarkerTracks]:
+def _stored(path: Path) -> dict[str, MarkerTracks]:
     """What lies there, by its keys; nothing if that is damaged."""
     try:
-        with np.load(read(str(path)).stream(), allow_pickle=False) as file:
+        with np.load(read_input(str(path)).stream(), allow_pickle=False) as file:
             arrays = dict(file)
         keys = arrays.pop(_KEYS).tolist()
         rows = [MarkerTracks(**{n: one[k] for n, one in arrays.items()}) for k in range(len(keys))]

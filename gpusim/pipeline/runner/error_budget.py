@@ -12,7 +12,7 @@ from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
 from gpusim.pipeline.runner.execution import Execution, RunFailed
-from gpusim.pipeline.runner.stage_log import Progress
+from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.pipeline.runner.variants import tell_failure
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
@@ -65,7 +65,7 @@ def run_budget(
     options = RunOptions(chosen_backend("run", backend))
     with claim(out) as folder:
         check_folders(scene, folder)
-        execution = Execution(scene, scenes, folder, options, progress or _silent)
+        execution = Execution(scene, scenes, folder, options, progress or silent)
         try:
             execution.run()
         except RunFailed as failed:
@@ -89,10 +89,6 @@ def _budget(scene: Scene, execution: Execution, states: Sequence[tuple[State, st
     effects = (len(states) - 1) // 2
     execution.log.tell("budget", 1.0, f"{len(states) + 1} states of {effects} effects")
     return report
-
-
-def _silent(stage: str, done: float, text: str) -> None:
-    """No progress."""
 
 
 def _counted(scene: Scene, items: Sequence[Measurement]) -> list[Measurement]:

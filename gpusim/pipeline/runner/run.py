@@ -11,7 +11,7 @@ from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
 from gpusim.pipeline.runner.execution import Execution, RunFailed
 from gpusim.pipeline.runner.scene_report import learn
-from gpusim.pipeline.runner.stage_log import Progress
+from gpusim.pipeline.runner.stage_log import Progress, silent
 from gpusim.pipeline.runner.variants import compare_variants, tell_failure
 from gpusim.plan.decision import states_of
 from gpusim.plan.stages import RunOptions
@@ -62,7 +62,7 @@ def run(
     options = RunOptions(chosen_backend("run", backend), fresh, skip)
     shared = None if store is None else Path(store).absolute()
     with claim(out) as folder:
-        return run_claimed(scene, folder, options, progress or _silent, shared, verify)
+        return run_claimed(scene, folder, options, progress or silent, shared, verify)
 
 
 def run_claimed(
@@ -85,7 +85,3 @@ def run_claimed(
     (report,) = execution.reports.values()
     learn(execution.speed, execution.plan, report.stages, execution.session)
     return report
-
-
-def _silent(stage: str, done: float, text: str) -> None:
-    """No progress."""

@@ -199,12 +199,14 @@ class SceneReport:
         return tuple(links)
 
 
-def read_results(decision: Decision, place: str) -> list[Result]:
-    """What was measured in the scene at a place."""
+def read_results(decision: Decision, place: str, only: str | None = None) -> list[Result]:
+    """What was measured in the scene at a place; ``only`` by the measure of that name."""
     store, graph = decision.store, decision.graph
     assert store is not None
     results = []
     for spec in decision.scenes[place].measures:
+        if only is not None and spec.name != only:
+            continue
         (key,) = graph.records[place][f"measure/{spec.name}"]
         record = store.find(key)
         assert record is not None, spec.name

@@ -15,6 +15,10 @@ _BEFORE = ("mesh", "model", "surface")
 Progress = Callable[[str, float, str], None]
 
 
+def silent(stage: str, done: float, text: str) -> None:
+    """No progress."""
+
+
 def public_name(place: str, stage: str) -> str:
     """What a stage of a variant is called in the whole: ``<variant>/<stage>``."""
     return f"{place.removeprefix('variants/')}/{stage}" if place else stage

@@ -24,8 +24,8 @@ def compare_variants(execution: Execution) -> Report:
 
     def recorded(variant: str, measure: str) -> Result:
         """What a variant's run has recorded of a measure."""
-        found = read_results(decision, f"variants/{variant}")
-        return next(result for result in found if result.name == measure)
+        (found,) = read_results(decision, f"variants/{variant}", measure)
+        return found
 
     for spec in scene.measures:
         compare = kind_of(spec).compare

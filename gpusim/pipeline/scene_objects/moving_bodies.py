@@ -62,10 +62,15 @@ class SceneObjects(MovingBodies):
         return bodies + props
 
 
-def scene_objects(scene: Scene, inputs: Inputs, frames: Sequence[Shown]) -> SceneObjects:
-    """What a stage was given of bodies, props and motions; ``scene`` names the bodies."""
+def scene_objects(
+    scene: Scene, inputs: Inputs, frames: Sequence[Shown], board: str = ""
+) -> SceneObjects:
+    """What a stage was given of bodies, props and motions; ``scene`` names the bodies, ``board`` is
+    as `SceneObjects` has it."""
     bodies = [replace(inputs[f"surface/{body.name}"], body=body) for body in scene.bodies]
-    return SceneObjects(scene, frames, bodies, _motions(scene, inputs), inputs.get("props") or ())
+    return SceneObjects(
+        scene, frames, bodies, _motions(scene, inputs), inputs.get("props") or (), board
+    )
 
 
 def moving_bodies(scene: Scene, inputs: Inputs, frames: Sequence[Shown]) -> MovingBodies:

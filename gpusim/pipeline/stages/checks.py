@@ -13,9 +13,8 @@ from gpusim.scene import Scene
 
 def geometry(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """Warnings. Raises InputError for a measure that can't work."""
-    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row])
-    if scene.calibration is not None:
-        objects.board = scene.calibration.board
+    board = "" if scene.calibration is None else scene.calibration.board
+    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row], board)
     return StageResult(notes=notes_of(geometry_warnings(objects)))
 
 

@@ -61,8 +61,7 @@ def radiance(scene: Scene, inputs: Inputs, session: Session) -> Radiance:
     """A camera's frame, drawn; the last one of the camera where that shows the same."""
     (camera,) = scene.cameras
     frames, now, between, board = inputs.row[:4]
-    objects = scene_objects(scene, inputs, frames)
-    objects.board = board
+    objects = scene_objects(scene, inputs, frames, board)
     around = [objects.surfaces(number) for number in range(len(frames))]
     surfaces = moving_surfaces(around, now, between)
     viewer, shutter = build_camera(camera, scene.input), build_shutter(camera)

@@ -32,9 +32,8 @@ Sight = tuple[Frame, Window]
 def truth(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """The layers that the scene asks for; frame by frame, so that no two are held at once."""
     frames = FrameTable(inputs.row)
-    objects = scene_objects(scene, inputs, [one.shown for one in frames])
-    if scene.calibration is not None:
-        objects.board = scene.calibration.board
+    board = "" if scene.calibration is None else scene.calibration.board
+    objects = scene_objects(scene, inputs, [one.shown for one in frames], board)
     path = inputs.new_file("truth.h5")
     bodies, word = objects.bodies, frame_word(scene)
     regions = [f"{parts.body.name}/{name}" for parts in bodies for name in parts.surface.paints]

@@ -34,6 +34,7 @@ def gltf_looks(file: InputFile) -> tuple[Float, Int, list[Look]]:
     places, numbers = [np.zeros((0, 3, 2))], [np.zeros(0, np.int32)]
     looks: list[Look] = []
     known: dict[tuple[float | None, ...], int] = {}
+    pictures: dict[int | None, Look] = {}
     with gltf_document(file) as document, np.errstate(all="ignore"):
         for one in placed_primitives(document):
             number = one.primitive.get("material")
@@ -49,7 +50,9 @@ def gltf_looks(file: InputFile) -> tuple[Float, Int, list[Look]]:
                     known[key] = len(looks)
                     name = str(material.get("name") or f"material-{number or 0}")
                     color = tuple((factor * tint).tolist())
-                    looks.append({"name": name, "color": color, **_picture(document, texture)})
+                    if number not in pictures:
+                        pictures[number] = _picture(document, texture)
+                    looks.append({"name": name, "color": color, **pictures[number]})
                 chosen[row] = known[key]
             if len(looks) > MOST_LOOKS:
                 document.fail(
