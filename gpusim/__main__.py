@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 
 from gpusim.interrupts import end_at_once
@@ -12,7 +13,12 @@ def main() -> int:
     end_at_once()
     from gpusim.cli import main as command_line
 
-    return command_line()
+    try:
+        return command_line()
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done and said
+        if "gpusim.parallel.processes" in sys.modules:
+            sys.modules["gpusim.parallel.processes"].stop()
 
 
 if __name__ == "__main__":

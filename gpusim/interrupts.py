@@ -2,7 +2,9 @@
 
 While a command starts, one in the middle of an import comes out as any error, with a traceback, or
 is swallowed by a library: it ends the process, for nothing has been begun that would have to be put
-in order. A window is closed between two pictures, then the process ends as it was told to.
+in order. Later in a command it waits for an import to end, which might leave a lock behind that a
+thread waits for, and for what a library calls and must not fail. A window is closed between two
+pictures, then the process ends as it was told to.
 """
 
 from __future__ import annotations
@@ -11,21 +13,24 @@ import os
 import signal
 import threading
 from collections.abc import Iterable
-from types import FrameType
+from types import CodeType, FrameType
 from typing import Any
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
+UNINTERRUPTED: set[CodeType] = set()
+"""Functions that a library calls which doesn't expect KeyboardInterrupt."""
+_PATIENCE_S = 0.02
 
 
 def end_at_once() -> None:
     """From now on an interrupt ends the process, with one line; unless somebody handles it."""
-    _replace(signal.default_int_handler, _end)
+    _handle_by(_end)
 
 
 def raise_again() -> None:
-    """From now on an interrupt raises KeyboardInterrupt again."""
-    _replace(_end, signal.default_int_handler)
+    """From now on an interrupt raises KeyboardInterrupt, as soon as it may."""
+    _handle_by(_raise)
 
 
 class DelayedSignals:
@@ -71,13 +76,24 @@ def _ending() -> Iterable[signal.Signals]:
     return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
 
-def _replace(old: object, new: signal._HANDLER) -> None:
+def _handle_by(handler: signal._HANDLER) -> None:
     main = threading.current_thread() is threading.main_thread()
-    if main and signal.getsignal(signal.SIGINT) is old:
-        signal.signal(signal.SIGINT, new)
+    if main and signal.getsignal(signal.SIGINT) in (signal.default_int_handler, _end, _raise):
+        signal.signal(signal.SIGINT, handler)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     del number, frame
     os.write(2, b"error: interrupted\n")
     os._exit(INTERRUPTED)
+
+
+def _raise(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, or come again a little later."""
+    while frame is not None and hasattr(signal, "setitimer"):  # Windows has none
+        code, frame = frame.f_code, frame.f_back
+        if code in UNINTERRUPTED or code.co_filename.startswith("<frozen importlib"):
+            signal.signal(signal.SIGALRM, _raise)
+            signal.setitimer(signal.ITIMER_REAL, _PATIENCE_S)
+            return
+    raise KeyboardInterrupt

@@ -157,10 +157,10 @@ def run(
         check_folder(output)
         with importing(), starting(output, backend):
             loaded = _load(scene, sets).with_effects(only or (), no or ())
-            from gpusim import pipeline
+            from gpusim.pipeline import run as run_scene
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
-            report = pipeline.run(
+            report = run_scene(
                 loaded,
                 output,
                 backend=backend.value,
@@ -214,7 +214,8 @@ def solve(
 ) -> None:
     """Solve the linear static steps of an input deck and write displacements and reactions."""
     with exit_codes():
-        from gpusim.applications import solve_deck
+        with importing():
+            from gpusim.applications.decks import solve_deck
 
         options: dict[str, Any] = {"backend": backend.value, "tolerance": tolerance}
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
@@ -253,11 +254,12 @@ def plan(
     with exit_codes():
         if output is not None:
             check_folder(output)
-        loaded = _load(scene, sets)
-        from gpusim.pipeline.checks.resources import check_files, memory_fault
-        from gpusim.pipeline.checks.warnings import scene_warnings
-        from gpusim.plan.machine_speed import Speed
-        from gpusim.plan.plan import make_plan
+        with importing():
+            loaded = _load(scene, sets)
+            from gpusim.pipeline.checks.resources import check_files, memory_fault
+            from gpusim.pipeline.checks.warnings import scene_warnings
+            from gpusim.plan.machine_speed import Speed
+            from gpusim.plan.plan import make_plan
 
         strange = check_files(loaded) if loaded.reads_files else []
         speed = Speed.read(backend.value).measured()

@@ -20,6 +20,7 @@ from gpusim.cli.console import (
     ProgressDisplay,
     Quiet,
     exit_codes,
+    importing,
     out,
 )
 from gpusim.cli.tables import print_calibration, print_correlation
@@ -109,8 +110,8 @@ def dic(
     gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
     """
     with exit_codes(), options_named():
-        from gpusim.applications import CorrelationSettings, correlate_files, correlate_pairs
-
+        with importing():
+            from gpusim.applications import CorrelationSettings, correlate_files, correlate_pairs
         settings = CorrelationSettings(
             subset=subset, step=step, shape=shape, roi=_roi(roi), mask=mask,
             calibration=calibration, calibration_unit=calibration_unit, update=update, start=start,
@@ -171,7 +172,8 @@ def calibrate(
     gpusim calibrate photos/ --kind charuco --board 7x5 --square-mm 30 --marker-mm 22 -o out
     """
     with exit_codes(), options_named():
-        from gpusim.applications import calibrate_files
+        with importing():
+            from gpusim.applications import calibrate_files
 
         pictures = [images, *([folder] for folder in others or [])]
         target = _board(board, square_mm, kind, marker_mm, dictionary)

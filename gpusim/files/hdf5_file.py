@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.interrupts import UNINTERRUPTED
 from gpusim.parallel.processes import call_in_child
 
 if TYPE_CHECKING:
@@ -131,3 +132,6 @@ class _Stream(io.FileIO):
             except OSError as error:
                 self._error = error
         return size or 0
+
+
+UNINTERRUPTED.update((_Stream.write.__code__, _Stream.truncate.__code__))

@@ -305,6 +305,15 @@ def prepare(*modules: str) -> None:
                 _pool.submit(os.getpid)
 
 
+def stop() -> None:
+    """End the pool, whatever it is at: who ends this process needn't wait for it."""
+    global _pool
+    helpers = () if _pool is None else tuple(_pool._processes.values())
+    _pool = None
+    for helper in helpers:
+        helper.terminate()
+
+
 def begin(function: Callable[P, R], *args: P.args, **options: P.kwargs) -> Call[R]:
     """Begin with a call whose function, arguments and result can be pickled.
 

@@ -99,6 +99,17 @@ print(*{{processes.begin(os.getpid).result() for _ in range(20)}}, flush=True)
 
 
 @needs_helpers
+def test_a_command_does_not_wait_for_helpers(tmp_path: Path) -> None:
+    (tmp_path / "slow.py").write_text("import time; time.sleep(300)")
+    code = "from gpusim.parallel import processes; processes.prepare('slow'); processes.stop()"
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join((os.getcwd(), str(tmp_path)))},
+    )  # fmt: skip
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "", "")
+
+
+@needs_helpers
 def test_a_program_without_a_main_guard_is_not_run_again(tmp_path: Path) -> None:
     program = tmp_path / "program.py"
     program.write_text(
