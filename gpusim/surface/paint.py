@@ -10,6 +10,7 @@ integrated as a smooth surface.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -18,10 +19,23 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
 from gpusim.surface.color import Albedo, Color, Colored, grey
-from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Paint, Stack, check_paint
+from gpusim.surface.features import (
+    DISC,
+    PATCH,
+    SECTOR,
+    Angle,
+    Bump,
+    Count,
+    Features,
+    Length,
+    Paint,
+    Place,
+    Stack,
+    set_centres,
+)
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
-from gpusim.validation import checked
+from gpusim.validation import Share, checked, one_of, require, within
 
 __all__ = [
     "Aruco",
@@ -66,12 +80,9 @@ class Plain(Colored):
     """
 
     albedo: Albedo = Albedo(0.5)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
-
-    def __post_init__(self) -> None:
-        check_paint(self)
 
     @property
     def ground(self) -> Color:
@@ -97,19 +108,16 @@ class Checker(Colored):
     0.9
     """
 
-    size: float
-    columns: int | None = None
-    rows: int | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
+    size: Length
+    columns: Count | None = None
+    rows: Count | None = None
+    origin: Place = (0.0, 0.0)
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
-
-    def __post_init__(self) -> None:
-        check_paint(self)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One patch; an unlimited one is cut to the region, on a whole number of square pairs."""
@@ -140,21 +148,20 @@ class Dots(Colored):
     0.9
     """
 
-    diameter: float
-    pitch: float
-    columns: int | None = None
-    rows: int | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
+    diameter: Length
+    pitch: Length
+    columns: Count | None = None
+    rows: Count | None = None
+    origin: Place = (0.0, 0.0)
     albedo: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not self.diameter <= self.pitch:
-            raise InputError(f"Dots diameter; got {self.diameter}; expected at most the pitch")
+        fits = self.diameter <= self.pitch
+        require(fits, "Dots diameter", self.diameter, "at most the pitch")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One disc per grid point; an unlimited grid covers the region."""
@@ -197,18 +204,18 @@ class Markers(Colored):
     """
 
     centres: Float
-    size: float
+    size: Length
     dark: Albedo = Albedo(0.04)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.5)
-    angle: float = 0.0
-    roughness: float = 1.0
-    metallic: float = 0.0
+    angle: Angle = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
+        set_centres(self)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One 2 x 2 patch per centre."""
@@ -244,19 +251,17 @@ class Circles(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
+        set_centres(self)
         sizes = np.asarray(self.diameters, np.float64)
-        good = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
-        if not good or not (sizes > 0.0).all() or not (np.diff(sizes) < 0.0).all():
-            raise InputError(
-                f"Circles diameters; got {self.diameters}; expected lengths above 0 that fall"
-            )
+        fits = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
+        fits = fits and (sizes > 0.0).all() and (np.diff(sizes) < 0.0).all()
+        require(fits, "Circles diameters", self.diameters, "lengths above 0 that fall")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """Discs upon discs."""
@@ -282,24 +287,20 @@ class Lines(Colored):
     0.05
     """
 
-    pitch: float
-    width: float
-    along: str = "both"
-    columns: int | None = None
-    rows: int | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
+    pitch: Length
+    width: Length
+    along: Annotated[str, one_of("s", "t", "both")] = "both"
+    columns: Count | None = None
+    rows: Count | None = None
+    origin: Place = (0.0, 0.0)
     albedo: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not self.width < self.pitch:
-            raise InputError(f"Lines width; got {self.width}; expected less than the pitch")
-        if self.along not in ("s", "t", "both"):
-            raise InputError(f"Lines along; got {self.along!r}; expected 's', 't' or 'both'")
+        require(self.width < self.pitch, "Lines width", self.width, "less than the pitch")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """Strips along s; along t too, less the crossings."""
@@ -352,21 +353,19 @@ class Star(Colored):
     """
 
     centres: Float
-    diameter: float
-    spokes: int = 36
-    angle: float = 0.0
+    diameter: Length
+    spokes: Annotated[int, within(2, 1000)] = 36
+    angle: Angle = 0.0
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not (2 <= self.spokes <= 1000 and self.spokes == int(self.spokes)):
-            raise InputError(f"Star spokes; got {self.spokes}; expected a whole number, 2 to 1000")
+        set_centres(self)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """Light discs and the spokes on them."""

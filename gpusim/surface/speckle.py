@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -20,8 +21,8 @@ import scipy
 from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.surface.color import Albedo, Colored, grey
-from gpusim.surface.features import Bump, Features, check_paint
-from gpusim.validation import checked
+from gpusim.surface.features import Bump, Features, Length
+from gpusim.validation import Rule, Share, checked, one_of, require
 
 Seeds = npt.NDArray[np.uint64]
 
@@ -30,6 +31,9 @@ EDGE = 3.0
 
 LONGEST_TAIL = 3.0
 """Standard deviations of the logarithm at which lognormal diameters end."""
+
+WIDEST_SPREAD = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}
+"""Of each law of sizes."""
 
 PER_CELL = 2.0
 """Mean number of discs in a germ cell."""
@@ -76,45 +80,26 @@ class Speckle(Colored):
     0.003
     """
 
-    diameter: float
-    coverage: float = 0.5
+    diameter: Length
+    coverage: Annotated[float, Rule("above 0, below 1", lambda value: 0.0 < value < 1.0)] = 0.5
     softness: float = 0.0
-    size_law: str = "lognormal"
+    size_law: Annotated[str, one_of(*WIDEST_SPREAD)] = "lognormal"
     spread: float = 0.0
-    arrangement: str = "random"
-    seed: int = 0
+    arrangement: Annotated[str, one_of("random", "grid")] = "random"
+    seed: Annotated[int, Rule("a whole number from 0 up", lambda value: 0 <= value < 2**63)] = 0
     dot: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not (np.isfinite(self.coverage) and 0.0 < self.coverage < 1.0):
-            raise InputError(f"Speckle coverage; got {self.coverage}; expected above 0, below 1")
-        if not (np.isfinite(self.softness) and 0.0 <= self.softness <= 0.5 * self.diameter):
-            raise InputError(
-                f"Speckle softness; got {self.softness}; expected 0 to half the diameter "
-                f"({0.5 * self.diameter:g})"
-            )
-        limits = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}
-        if self.size_law not in limits:
-            raise InputError(f"Speckle size_law; got {self.size_law!r}; expected {list(limits)}")
-        most = limits[self.size_law]
-        if not (np.isfinite(self.spread) and 0.0 <= self.spread <= most):
-            raise InputError(
-                f"Speckle spread; got {self.spread}; expected 0 to {most} with size_law "
-                f"{self.size_law!r}"
-            )
-        if self.arrangement not in ("random", "grid"):
-            raise InputError(
-                f"Speckle arrangement; got {self.arrangement!r}; expected 'random' or 'grid'"
-            )
-        if isinstance(self.seed, bool) or not (
-            isinstance(self.seed, int | np.integer) and 0 <= self.seed < 2**63
-        ):
-            raise InputError(f"Speckle seed; got {self.seed!r}; expected a whole number from 0 up")
+        half = 0.5 * self.diameter
+        expected = f"0 to half the diameter ({half:g})"
+        require(0.0 <= self.softness <= half, "Speckle softness", self.softness, expected)
+        most = WIDEST_SPREAD[self.size_law]
+        expected = f"0 to {most} with size_law {self.size_law!r}"
+        require(0.0 <= self.spread <= most, "Speckle spread", self.spread, expected)
         if self.arrangement == "grid" and not self.largest <= 0.5 * self.pitch:
             highest = self.coverage * (0.5 * self.pitch / self.largest) ** 2
             raise InputError(
