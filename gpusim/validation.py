@@ -47,9 +47,9 @@ def one_of(*texts: str) -> Rule:
     return Rule(" or ".join(map(repr, texts)), texts.__contains__)
 
 
-def within(low: float, high: float) -> Rule:
+def within(low: float, high: float, unit: str = "") -> Rule:
     """From ``low`` to ``high``, both included."""
-    return Rule(f"{low:g} to {high:g}", lambda value: low <= value <= high)
+    return Rule(f"{low:g} to {high:g} {unit}".rstrip(), lambda value: low <= value <= high)
 
 
 def positive(expected: str = "above 0") -> Rule:
@@ -186,9 +186,11 @@ def _wrapped(
 
     def check(given: dict[str, Any], ruled: bool) -> None:
         """Those arguments whose types have a rule, or the others."""
+        label = given.get("name") if own_first else None  # of a camera, a surface
+        where = f"{name} {label!r}" if isinstance(label, str) else name
         for key, alternatives in types_of().items():
             if key in given and any(one.rule for one in alternatives) == ruled:
-                _check(f"{name} {key}", given[key], alternatives)
+                _check(f"{where} {key}", given[key], alternatives)
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:

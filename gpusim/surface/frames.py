@@ -19,7 +19,7 @@ from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.topology import triangulate
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 
@@ -170,15 +170,15 @@ class CylinderFrame:
     def __post_init__(self) -> None:
         axis, start = np.asarray(self.axis, np.float64), np.asarray(self.start, np.float64)
         length = float(np.linalg.norm(axis))
-        if axis.shape != (3,) or not (length > 0.0 and np.isfinite(length)):
-            raise InputError(f"CylinderFrame axis; got {self.axis}; expected a direction (3,)")
+        fits = axis.shape == (3,) and 0.0 < length < np.inf
+        require(fits, "CylinderFrame axis", self.axis, "a direction (3,)")
         axis = axis / length
         across = start - axis * (start @ axis)
         size = float(np.linalg.norm(across))
-        if not size > 1e-9 * float(np.linalg.norm(start)):
-            raise InputError(f"CylinderFrame start; got {self.start}; expected one across the axis")
-        if not (np.isfinite(self.radius) and self.radius > 0.0):
-            raise InputError(f"CylinderFrame radius; got {self.radius}; expected a length above 0")
+        fits = size > 1e-9 * float(np.linalg.norm(start))
+        require(fits, "CylinderFrame start", self.start, "one across the axis")
+        fits = 0.0 < self.radius < np.inf
+        require(fits, "CylinderFrame radius", self.radius, "a length above 0")
         object.__setattr__(self, "origin", np.asarray(self.origin, np.float64))
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "start", across / size)
@@ -204,11 +204,10 @@ class CylinderFrame:
         across = used - np.outer(used @ unit, unit)
         distance = np.linalg.norm(across, axis=1)
         radius = float(distance.mean())
-        if not (np.abs(distance - radius) <= ROUND * radius).all():
-            raise InputError(
-                f"{where}: a region round an axis; got points {distance.min():.6g} to "
-                f"{distance.max():.6g} away from it; expected one distance within {ROUND:.0%}"
-            )
+        fits = (np.abs(distance - radius) <= ROUND * radius).all()
+        got = f"points {distance.min():.6g} to {distance.max():.6g} away from it"
+        expected = f"one distance within {ROUND:.0%}"
+        require(fits, f"{where}: a region round an axis", got, expected)
         normals = face_normals(points, faces)
         last = np.where(faces[:, 3:] >= 0, faces[:, 3:], faces[:, 2:3])
         centre = points[np.concatenate([faces[:, :3], last], axis=1)].mean(axis=1) - base

@@ -19,7 +19,7 @@ from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradi
 from gpusim.surface.frames import Frame, face_normals
 from gpusim.surface.paint import Paint
 from gpusim.surface.surface import Surface
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 _WIDTH = 9
 # Pieces along a quadratic face's side, and up to how many such faces: at most 130,000 pieces.
@@ -52,8 +52,7 @@ def cut(faces: Faces, subdivisions: int) -> tuple[Int, Long, Vertices]:
 
     Raises InputError where ``subdivisions`` is less than 1.
     """
-    if subdivisions < 1:
-        raise InputError(f"skin: subdivisions; got {subdivisions}; expected at least 1")
+    require(subdivisions >= 1, "skin: subdivisions", subdivisions, "at least 1")
     if not faces.is_quadratic.any():
         nodes, pieces = _numbered(faces.nodes[:, :4])
         everyone = np.arange(len(faces), dtype=np.int64)

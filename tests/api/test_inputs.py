@@ -89,7 +89,10 @@ def test_wrong_types_are_input_errors(name: str) -> None:
         (lambda: gs.Lens(fill_factor="a"), "Lens fill_factor; got 'a'; expected a number"),
         (lambda: gs.Shutter("a"), "Shutter exposure_time; got 'a'; expected a number"),
         (lambda: gs.Shutter(samples=2.5), "got 2.5; expected a whole number or None"),
-        (lambda: gs.PointLight("here", 1.0), "position; got here; expected three finite"),
+        (
+            lambda: gs.PointLight("here", 1.0),
+            "position; got 'here'; expected 3 numbers: three finite",
+        ),
         (lambda: gs.PointLight((0, 0, 1), "60 W"), "power; got '60 W'; expected a number"),
         (lambda: gs.PointLight((0, 0, 1), 1.0, shadows="no"), "'no'; expected True or False"),
         (lambda: a_photograph(shuter=None), "'shuter'; expected some of surfaces, camera"),

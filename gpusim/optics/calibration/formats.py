@@ -42,6 +42,7 @@ from gpusim.optics.calibration.rig_formats import (
     write_vic,
 )
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.validation import require
 
 Size = tuple[int, int] | None
 Source = str | PathLike[str] | InputFile
@@ -190,10 +191,8 @@ def write_calibration(
     >>> gs.read_calibration("rig.yml")[0].eye.round(6) + 0.0
     array([0., 0., 2.])
     """
-    if format not in _READ:
-        raise InputError(f"write_calibration format; got {format!r}; expected {sorted(_READ)}")
-    if not cameras:
-        raise InputError("write_calibration cameras; got none; expected at least one")
+    require(format in _READ, "write_calibration format", repr(format), f"{sorted(_READ)}")
+    require(len(cameras) > 0, "write_calibration cameras", "none", "at least one")
     for camera in cameras:
         if not isinstance(camera, Camera):
             raise InputError(f"write_calibration cameras; got {camera!r}; expected a Camera")
@@ -203,12 +202,11 @@ def write_calibration(
                 "format holds a lens with an axis of its own"
             )
     names = [camera.name for camera in cameras]
-    if len(set(names)) < len(names) and format == "opencv":
-        raise InputError(f"write_calibration cameras; got names {names}; expected different ones")
+    distinct = len(set(names)) == len(names) or format != "opencv"
+    require(distinct, "write_calibration cameras", f"names {names}", "different ones")
     own = unit or ("m" if format == "opencv" else _HABIT[format])
     able = list(UNITS) if format == "opencv" else [_HABIT[format]]
-    if own not in able:
-        raise InputError(f"write_calibration unit; got {own!r}; expected {' or '.join(able)}")
+    require(own in able, "write_calibration unit", repr(own), " or ".join(able))
     scaled = [_scaled(camera, 1.0 / UNITS[own]) for camera in cameras]
     where = f"write_calibration {path}"
     text = write_opencv(scaled, where, own) if format == "opencv" else _WRITE[format](scaled, where)
@@ -223,17 +221,17 @@ def _scaled(camera: Camera, factor: float) -> Camera:
 
 def _unit(text: str, kind: str, where: str, given: str | None) -> str:
     """The unit that a file states, else the one given, else its format's."""
-    if given is not None and given not in UNITS:
-        raise InputError(f"calibration unit; got {given!r}; expected {', '.join(UNITS)}")
+    known = given is None or given in UNITS
+    require(known, "calibration unit", repr(given), ", ".join(UNITS))
     match = _STATED.search(text)
     stated = match[1] if match else None
     if '"camera_from_first_mm"' in text:
         stated = "mm"
-    if stated is not None and stated not in UNITS:
-        raise InputError(f"{where}: length_unit; got {stated!r}; expected {', '.join(UNITS)}")
-    if stated and given and stated != given:
-        raise InputError(f"{where}: length_unit; got {stated} there, and unit {given}; expected "
-                         "the unit of the file")  # fmt: skip
+    known = stated is None or stated in UNITS
+    require(known, f"{where}: length_unit", repr(stated), ", ".join(UNITS))
+    one = not (stated and given) or stated == given
+    got = f"{stated} there, and unit {given}"
+    require(one, f"{where}: length_unit", got, "the unit of the file")
     return stated or given or _HABIT[kind]
 
 
@@ -251,6 +249,6 @@ def _read(source: Source) -> InputFile:
 
 
 def _text(file: InputFile) -> str:
-    if len(file.data) > LONGEST:
-        raise InputError(f"{file.path}; got {len(file.data)} bytes; expected a calibration file")
+    size = len(file.data)
+    require(size <= LONGEST, f"{file.path}", f"{size} bytes", "a calibration file")
     return file.text("a readable text: a calibration file")
