@@ -25,7 +25,7 @@ from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import read_picture
 from gpusim.surface.color import BANDS, Albedo, Colored, grey
-from gpusim.surface.features import Bump, Features, Length, Place
+from gpusim.surface.features import PATCH, Bump, Features, Length, Place
 from gpusim.validation import Share, checked, one_of, require
 
 MARGIN = 8
@@ -231,5 +231,4 @@ class Image(Colored):
 
     def features(self, low: Float, high: Float) -> Features | None:
         """A pattern, but none of shapes."""
-        empty = np.zeros((0, 2))
-        return Features(np.zeros(0, np.int32), empty, np.zeros(0), empty, empty, empty)
+        return Features.alike(PATCH, np.zeros((0, 2)), 0.0, 0.0)

@@ -70,6 +70,23 @@ class Features:
             lowest = np.zeros(len(self.kind)) if self.layer is None else self.layer
             object.__setattr__(self, "covers", (lowest == 0).astype(np.float64))
 
+    @staticmethod
+    def alike(
+        kind: int,
+        position: Float,
+        size: npt.ArrayLike,
+        albedo: npt.ArrayLike,
+        *,
+        angle: float = 0.0,
+        squares: npt.ArrayLike = 1.0,
+    ) -> Features:
+        """Features of one ``kind`` at ``position`` (n, 2), all else equal or one for each."""
+        angles = np.full(len(position), angle)
+        pairs = [
+            np.array(np.broadcast_to(v, position.shape), float) for v in (size, squares, albedo)
+        ]
+        return Features(np.full(len(position), kind, np.int32), position, angles, *pairs)
+
     def __len__(self) -> int:
         return len(self.kind)
 

@@ -126,15 +126,9 @@ class Checker(Colored):
         count = np.ceil((high - origin) / self.size) + 2.0 - first
         columns, rows = self.columns, self.rows
         start = np.where([columns is None, rows is None], first, 0.0)
-        squares = np.array([columns or count[0], rows or count[1]], np.float64)
-        return Features(
-            np.zeros(1, np.int32),
-            (origin + start * self.size)[None],
-            np.zeros(1),
-            np.full((1, 2), self.size),
-            squares[None],
-            np.array([[grey(self.dark), grey(self.light)]]),
-        )
+        squares = [columns or count[0], rows or count[1]]
+        albedo, corner = [grey(self.dark), grey(self.light)], (origin + start * self.size)[None]
+        return Features.alike(PATCH, corner, self.size, albedo, squares=squares)
 
 
 @checked
@@ -178,15 +172,8 @@ class Dots(Colored):
         i = np.arange(first[0], last[0] + 1) if self.columns is None else np.arange(self.columns)
         j = np.arange(first[1], last[1] + 1) if self.rows is None else np.arange(self.rows)
         grid = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)
-        count = len(grid)
-        return Features(
-            np.ones(count, np.int32),
-            origin + grid * self.pitch,
-            np.zeros(count),
-            np.full((count, 2), 0.5 * self.diameter),
-            np.ones((count, 2)),
-            np.full((count, 2), grey(self.albedo)),
-        )
+        places, radius = origin + grid * self.pitch, 0.5 * self.diameter
+        return Features.alike(DISC, places, radius, grey(self.albedo))
 
 
 @checked
@@ -219,18 +206,11 @@ class Markers(Colored):
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One 2 x 2 patch per centre."""
-        count = len(self.centres)
         half = 0.5 * self.size
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         corner = np.array([-cos * half + sin * half, -sin * half - cos * half])
-        return Features(
-            np.zeros(count, np.int32),
-            self.centres + corner,
-            np.full(count, self.angle),
-            np.full((count, 2), half),
-            np.full((count, 2), 2.0),
-            np.tile([grey(self.dark), grey(self.light)], (count, 1)),
-        )
+        albedo, corners = [grey(self.dark), grey(self.light)], self.centres + corner
+        return Features.alike(PATCH, corners, half, albedo, angle=self.angle, squares=2.0)
 
 
 @checked

@@ -179,19 +179,18 @@ class Surface:
         now = _points(points, f"Surface {self.name!r} points")
         same = now.shape == self.rest.shape
         require(same, f"Surface {self.name!r} points", now.shape, f"{self.rest.shape}")
-        frames = self._all_frames()
-        # nothing that has been checked and found for the shape at rest is done again
-        _ = self.topology, self.extents, self.inside_out
-        result = copy.copy(self)
-        object.__setattr__(result, "points", now)
-        object.__setattr__(result, "frames", frames)
-        return result
+        return self._changed(points=now, frames=self._all_frames())
 
     def relative_to(self, origin: Float) -> Surface:
         """The same surface seen from ``origin`` (3,); its undeformed shape and paint stay."""
+        return self._changed(points=self.points - origin)
+
+    def _changed(self, **values: Any) -> Surface:
+        """A copy with other ``values``; what was found for the shape at rest isn't done again."""
         _ = self.topology, self.extents, self.inside_out, self._found_frames
         result = copy.copy(self)
-        object.__setattr__(result, "points", self.points - origin)
+        for name, value in values.items():
+            object.__setattr__(result, name, value)
         return result
 
     def paint_frame(self, region: int) -> Frame:

@@ -361,15 +361,10 @@ def _grazing_row(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Float, las
     return result
 
 
-def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
+def _steps(grid: SpeckleGrid) -> list[tuple[Float, Float]]:
     """Positions in 0 … 1 and weights of a triangle's rows, and of a soft row's points."""
-    if not grid.soft:
-        count = EDGE_ROWS
-        return [((i + 0.5) / count, 1.0 / count) for i in range(count)]
-    n = grid.cuts
-    return [
-        ((i + 0.5 + float(GAUSS[k])) / n, float(WEIGHT[k]) / n) for i in range(n) for k in range(3)
-    ]
+    count = 3 * grid.cuts if grid.soft else EDGE_ROWS
+    return [_row_step(grid, row, np.array(count)) for row in range(count)]
 
 
 def _row_cover(

@@ -192,7 +192,7 @@ def _region(
             meets &= ((at >= 0) & (at < np.array([columns, rows]))).all(axis=1)
             slots.append(at[meets, 1] * columns + at[meets, 0])
             owners.append(own[meets])
-    slot, owner = _sorted(slots, owners, columns * rows, len(centre))
+    slot, owner = _sorted(slots, owners, len(centre))
     corner = np.stack([slot % columns, slot // columns], axis=1) * cell + origin
     inverse = 0.5 / (radius * half) if half > 0.0 else np.zeros_like(radius)
     disc = np.column_stack([centre[owner] - corner, radius[owner], inverse[owner]])
@@ -207,17 +207,12 @@ def _texels(paint: Speckle, extent: Float, outer: float, cell: float) -> float:
     return area / cell**2 + meets * paint.intensity * area
 
 
-def _sorted(slots: list[Long], owners: list[Long], cells: int, discs: int) -> tuple[Long, Long]:
+def _sorted(slots: list[Long], owners: list[Long], discs: int) -> tuple[Long, Long]:
     """Pairs of cell and disc by cell, then by disc."""
-    from scipy.sparse import coo_array  # not without speckle
-
-    if not slots:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    slot, owner = np.concatenate(slots), np.concatenate(owners)
-    ones = np.ones(len(slot), np.int8)
-    table = coo_array((ones, (slot, owner)), shape=(cells, max(discs, 1))).tocsr()
-    table.sort_indices()
-    return np.repeat(np.arange(cells), np.diff(table.indptr)), table.indices.astype(np.int64)
+    none = np.zeros(0, np.int64)
+    pair = np.concatenate([none, *slots]) * max(discs, 1) + np.concatenate([none, *owners])
+    slot, owner = np.divmod(np.sort(pair), max(discs, 1))
+    return slot, owner
 
 
 def _cuts(paint: Speckle, reach: float) -> int:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.ragged import in_boxes, summed
+from gpusim.arrays.ragged import expand, in_boxes, summed
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
@@ -271,8 +271,7 @@ def _file_features(region: RegionPaint, longest: float) -> _RegionCells | None:
     c1 = np.clip(np.floor(high / cell).astype(int) - lowest + 1, 0, [columns, rows])
     wide, tall = (c1 - c0).T
     per = np.maximum(wide, 0) * np.maximum(tall, 0)
-    which = np.repeat(np.arange(len(features)), per)
-    offset = np.arange(len(which)) - np.repeat(np.cumsum(per) - per, per)
+    which, offset = expand(per)
     i = c0[which, 0] + offset % np.maximum(wide[which], 1)
     j = c0[which, 1] + offset // np.maximum(wide[which], 1)
     slot = j * columns + i
