@@ -172,44 +172,27 @@ class _Block:
             raise self._fault(self.lines[self.at], f"{indent} blanks before it")
 
     def _flow(self, line: _Line, text: str) -> Any:
-        """A value in one line: a word, or lists and maps in brackets."""
+        """A value in one line: a word, or lists and maps in brackets, which are nearly JSON."""
         if text[0] not in "[{\"'":
             return self._word(line, text)
         words = _WORD.findall(text)
         if "".join(words).replace(" ", "") != text.replace(" ", ""):
             raise self._fault(line, "words, numbers and brackets")
-        found, end = self._part(line, words, 0, 0)
-        if end != len(words):
-            raise self._fault(line, "one value")
-        return found
-
-    def _part(self, line: _Line, words: list[str], at: int, depth: int) -> tuple[Any, int]:
-        if depth > DEEPEST or at >= len(words) or words[at] in "]},:":
-            raise self._fault(line, f"values in brackets, at most {DEEPEST} deep")
-        begin = words[at]
-        if begin not in "[{":
-            return self._word(line, begin.strip()), at + 1
-        close = "]" if begin == "[" else "}"
-        values: list[Any] = []
-        keys: list[str] = []
-        at += 1
-        while at < len(words) and words[at] != close:
-            if begin == "{":
-                if words[at] in "[]{},:" or at + 1 >= len(words) or words[at + 1] != ":":
-                    raise self._fault(line, "{key: value, …}")
-                keys.append(_unquoted(words[at].strip()))
-                at += 2
-            value, at = self._part(line, words, at, depth + 1)
-            values.append(value)
-            if at < len(words) and words[at] == ",":
-                at += 1
-            elif at >= len(words) or words[at] != close:
-                raise self._fault(line, f"',' or {close!r}")
-        if at >= len(words):
-            raise self._fault(line, f"{close!r}")
-        if begin == "[":
-            return values, at + 1
-        return dict(zip(keys, values, strict=True)), at + 1
+        written, depth = [""], 0
+        for word, after in zip(words, [*words[1:], ""], strict=True):
+            depth += (word in "[{") - (word in "]}")
+            if depth > DEEPEST:
+                raise self._fault(line, f"values in brackets, at most {DEEPEST} deep")
+            if word == "," and after in ("]", "}") and written[-1] not in "[{,:":
+                continue  # YAML's lists may end with a comma
+            if word not in "[]{},:":
+                value = _unquoted(word.strip()) if after == ":" else self._word(line, word.strip())
+                word = json.dumps(value)
+            written.append(word)
+        try:
+            return json.loads("".join(written))
+        except ValueError:
+            raise self._fault(line, "one value: [a, b, …] or {key: value, …}") from None
 
     def _word(self, line: _Line, text: str) -> Any:
         if text[0] in "&*|>@`":
