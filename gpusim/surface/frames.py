@@ -18,7 +18,7 @@ from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.surface.topology import triangulate
+from gpusim.surface.topology import Topology
 from gpusim.validation import require, unmasked
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
@@ -262,7 +262,8 @@ class Atlas:
         within 2 % of an edge's length of the right one takes it, so that the pattern goes on
         without a seam wherever the surface can be unfolded.
         """
-        triangles, source = triangulate(faces)
+        topology = Topology.of(faces)
+        triangles, source = topology.triangles, topology.source
         used = np.ones(len(faces), bool) if wanted is None else np.asarray(wanted, bool)
         chosen = np.flatnonzero(used[source])
         st = np.full((len(triangles), 3, 2), np.nan)
@@ -272,7 +273,7 @@ class Atlas:
         area = np.linalg.norm(normal, axis=1)
         unit = normal / np.where(area > 0.0, area, 1.0)[:, None]
         centre = corners.mean(axis=1)
-        neighbours = _neighbours(triangles, chosen)
+        neighbours = _neighbours(topology.edge, chosen)
         order = chosen[np.argsort(-area[chosen], kind="stable")]
         done = np.zeros(len(triangles), bool)
         for first in order.tolist():
@@ -281,7 +282,7 @@ class Atlas:
             frame = PaintFrame.facing(unit[first], points[triangles[chosen]].reshape(-1, 3), up)
             st[first] = frame.coordinates(corners[first])
             places: dict[int, list[Float]] = {}
-            _grow(first, triangles, corners, unit, centre, neighbours, st, done, places)
+            _grow(first, topology, corners, unit, centre, neighbours, st, done, places)
         return Atlas(st)
 
     def of_triangles(self, corners: Float, number: Long) -> Float:
@@ -296,39 +297,36 @@ class Atlas:
         return st
 
 
-def _neighbours(triangles: Int, chosen: Long) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """Triangles and the number of their side, by edge (lower vertex, higher vertex)."""
-    edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
+def _neighbours(edge: Long, chosen: Long) -> dict[int, list[tuple[int, int]]]:
+    """By edge, the ``chosen`` triangles that have it, and as which side."""
+    of_edge: dict[int, list[tuple[int, int]]] = {}
     for number in chosen.tolist():
-        v = triangles[number].tolist()
-        for side in range(3):
-            a, b = v[side], v[(side + 1) % 3]
-            edges.setdefault((min(a, b), max(a, b)), []).append((number, side))
-    return edges
+        for side, own in enumerate(edge[number].tolist()):
+            of_edge.setdefault(own, []).append((number, side))
+    return of_edge
 
 
 def _grow(
     first: int,
-    triangles: Int,
+    topology: Topology,
     corners: Float,
     unit: Float,
     centre: Float,
-    neighbours: dict[tuple[int, int], list[tuple[int, int]]],
+    neighbours: dict[int, list[tuple[int, int]]],
     st: Float,
     done: Bool,
     places: dict[int, list[Float]],
 ) -> None:
     """Lay out all that hangs together with triangle ``first``, which has its place."""
     heap: list[tuple[bool, float, int, int, int]] = []
+    triangles = topology.triangles
 
     def settle(number: int, distance: float) -> None:
         done[number] = True
         for vertex, place in zip(triangles[number].tolist(), st[number], strict=True):
             places.setdefault(vertex, []).append(place)
-        v = triangles[number].tolist()
-        for side in range(3):
-            a, b = v[side], v[(side + 1) % 3]
-            for other, own in neighbours[min(a, b), max(a, b)]:
+        for edge in topology.edge[number].tolist():
+            for other, own in neighbours[edge]:
                 if not done[other]:
                     step = distance + float(np.linalg.norm(centre[other] - centre[number]))
                     crease = float(unit[other] @ unit[number]) < 0.8

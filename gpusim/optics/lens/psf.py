@@ -21,7 +21,7 @@ import scipy
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.validation import Positive, checked, positive, require, unmasked
+from gpusim.validation import Portion, Positive, checked, positive, require, unmasked, within
 
 __all__ = [
     "Airy",
@@ -281,8 +281,13 @@ class SampledKernel:
         return 2 * self.halo + self.n
 
 
+@checked
 def sample(
-    psf: Psf | None, *, fill_factor: float = 1.0, tolerance: float = 1e-3, n: int | None = None
+    psf: Psf | None,
+    *,
+    fill_factor: Portion = 1.0,
+    tolerance: float = 1e-3,
+    n: Annotated[int, within(1, 16)] | None = None,
 ) -> SampledKernel:
     """Sample ``psf`` and a square pixel aperture of area ``fill_factor`` px^2.
 
@@ -299,9 +304,6 @@ def sample(
     >>> gs.psf.sample(gs.psf.Gaussian(0.7), tolerance=1e-3).n
     4
     """
-    require(0.0 < fill_factor <= 1.0, "fill_factor", fill_factor, "above 0, up to 1")
-    whole = n is None or (int(n) == n and 1 <= n <= 16)
-    require(whole, "samples per pixel", n, "1 to 16")
     side = float(np.sqrt(fill_factor))
     if n is not None:
         return _sampled(psf, side, int(n))

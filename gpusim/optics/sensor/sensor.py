@@ -182,25 +182,20 @@ class Sensor:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
         return replace(sensor, full_scale=level / (AUTO_LEVEL * sensor._filled))
 
+    @checked
     def metered(
         self,
-        pixel: float,
-        f_number: float,
-        exposure_time: float,
-        wavelength: float = 550e-9,
-        magnification: float = 0.0,
+        pixel: Positive,
+        f_number: Positive,
+        exposure_time: Positive,
+        wavelength: Positive = 550e-9,
+        magnification: FromZero = 0.0,
     ) -> Sensor:
         """This sensor behind a lens, for radiance in W / (m2 sr): its ``full_scale`` follows.
 
         Irradiance on the sensor is pi L / (4 N^2 (1 + magnification)^2); a photon carries
         h c / wavelength; ``pixel`` (side), wavelength in m, ``exposure_time`` in s.
         """
-        given = (pixel, f_number, exposure_time, wavelength)
-        if not all(np.isfinite(v) and v > 0.0 for v in given) or not magnification >= 0.0:
-            raise InputError(
-                f"Sensor metered; got {(*given, magnification)}; expected pixel, f_number, "
-                "exposure_time and wavelength above 0, magnification from 0"
-            )
         require(self.noisy, "Sensor metered", "no gain and no full_well", "one of them")
         irradiance = np.pi / (4.0 * (f_number * (1.0 + magnification)) ** 2)
         photons = irradiance * pixel**2 * exposure_time * wavelength / PLANCK_TIMES_LIGHT
