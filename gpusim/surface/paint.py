@@ -15,7 +15,6 @@ from typing import Annotated
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
 from gpusim.surface.color import Albedo, Color, Colored, grey
@@ -131,6 +130,16 @@ class Checker(Colored):
         return Features.alike(PATCH, corner, self.size, albedo, squares=squares)
 
 
+def _numbers(grid: Dots | Lines, low: Float, high: Float, margin: float) -> tuple[Float, Float]:
+    """First and last pitch (2,) of a grid: 0 and how many it has, or where it has covered a region
+    from ``low`` to ``high`` and a ``margin`` of pitches."""
+    begin, end = ((corner - np.array(grid.origin)) / grid.pitch for corner in (low, high))
+    count = np.array([np.nan if n is None else n for n in (grid.columns, grid.rows)])
+    unlimited = np.isnan(count)
+    first = np.where(unlimited, np.floor(begin) - margin, 0.0)
+    return first, np.where(unlimited, np.ceil(end) + margin, count)
+
+
 @checked
 @dataclass(frozen=True)
 class Dots(Colored):
@@ -159,20 +168,15 @@ class Dots(Colored):
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One disc per grid point; an unlimited grid covers the region."""
-        origin = np.array(self.origin)
-        first = np.floor((low - origin) / self.pitch)
-        last = np.ceil((high - origin) / self.pitch)
-        across = last[0] + 1 - first[0] if self.columns is None else self.columns
-        along = last[1] + 1 - first[1] if self.rows is None else self.rows
-        if across * along > MOST_DOTS:
-            raise InputError(
-                f"Dots pitch; got {self.pitch}, which makes {across:.0f} x {along:.0f} dots; "
-                f"expected at most {MOST_DOTS} in a region"
-            )
-        i = np.arange(first[0], last[0] + 1) if self.columns is None else np.arange(self.columns)
-        j = np.arange(first[1], last[1] + 1) if self.rows is None else np.arange(self.rows)
-        grid = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)
-        places, radius = origin + grid * self.pitch, 0.5 * self.diameter
+        first, last = _numbers(self, low, high, 0.0)
+        last -= [self.columns is not None, self.rows is not None]
+        across, along = last - first + 1.0
+        got = f"{self.pitch}, which makes {across:.0f} x {along:.0f} dots"
+        expected = f"at most {MOST_DOTS} in a region"
+        require(across * along <= MOST_DOTS, "Dots pitch", got, expected)
+        numbers = (np.arange(a, b + 1.0) for a, b in zip(first, last, strict=True))
+        grid = np.stack(np.meshgrid(*numbers), axis=-1).reshape(-1, 2)
+        places, radius = np.array(self.origin) + grid * self.pitch, 0.5 * self.diameter
         return Features.alike(DISC, places, radius, grey(self.albedo))
 
 
@@ -285,18 +289,11 @@ class Lines(Colored):
     def features(self, low: Float, high: Float) -> Features | None:
         """Strips along s; along t too, less the crossings."""
         origin = np.array(self.origin)
-        given = [self.columns, self.rows]
-        first = np.where([n is None for n in given], np.floor((low - origin) / self.pitch) - 1, 0)
-        last = np.where(
-            [n is None for n in given],
-            np.ceil((high - origin) / self.pitch) + 1,
-            [n or 0 for n in given],
-        )
-        if not np.prod(last - first + 1.0) <= MOST_LINES:
-            raise InputError(
-                f"Lines pitch; got {self.pitch}, which makes {np.prod(last - first + 1):.3g} "
-                f"crossings; expected at most {MOST_LINES} in a region"
-            )
+        first, last = _numbers(self, low, high, 1.0)
+        crossings = np.prod(last - first + 1.0)
+        got = f"{self.pitch}, which makes {crossings:.3g} crossings"
+        expected = f"at most {MOST_LINES} in a region"
+        require(crossings <= MOST_LINES, "Lines pitch", got, expected)
         stack = Stack(self.ground)
         places = [origin[k] + np.arange(first[k], last[k] + 1) * self.pitch for k in (0, 1)]
         length = (last - first) * self.pitch + self.width

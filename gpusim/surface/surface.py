@@ -199,17 +199,14 @@ class Surface:
         if name in self.frames:
             return self.frames[name]
         if region not in self._found_frames:
-            self._found_frames[region] = self._own_frame(region, name)
+            where, own = f"Surface {self.name!r} region {name!r}", self.regions == region
+            self._found_frames[region] = plane_frame(self.rest, self.faces[own], where)
         found: Frame = self._found_frames[region]
         return found
 
     @cached_property
     def _found_frames(self) -> dict[int, Frame]:
         return {}
-
-    def _own_frame(self, region: int, name: str) -> Frame:
-        where = f"Surface {self.name!r} region {name!r}"
-        return plane_frame(self.rest, self.faces[self.regions == region], where)
 
     def _all_frames(self) -> dict[str, Frame]:
         frames = dict(self.frames)
