@@ -1,8 +1,9 @@
 """Arguments of the Python API: refused with one clear message, before anything works with them.
 
 `checked` reads the types from a function's or dataclass' annotations, so that what the signature
-says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers.
-Other types, ranges and shapes are left to the function itself.
+says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers. A
+`Rule` beside a type says what else a value must be (``power: Positive``). Other types, shapes and
+what depends on several arguments are left to the function itself, which asks by `require`.
 
 `unmasked`, which is part of `checked`, is the rule for NumPy's masked arrays, whose masks
 `np.asarray` would drop without a word. Masked pixels of a picture that is measured count as NaN
@@ -19,7 +20,8 @@ import re
 import types
 import typing
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -27,7 +29,54 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 
 T = TypeVar("T", bound=Callable[..., Any])
-Test = tuple[str, Callable[[Any], bool]]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a value must be beside its type, in ``Annotated[float, Rule("0 to 1", ...)]``.
+
+    ``expected`` is how that is said; ``fits`` is asked of values of the type alone, NaN included.
+    """
+
+    expected: str
+    fits: Callable[[Any], bool]
+
+
+def one_of(*texts: str) -> Rule:
+    """One of some texts."""
+    return Rule(" or ".join(map(repr, texts)), texts.__contains__)
+
+
+def within(low: float, high: float, unit: str = "") -> Rule:
+    """From ``low`` to ``high``, both included."""
+    return Rule(f"{low:g} to {high:g} {unit}".rstrip(), lambda value: low <= value <= high)
+
+
+def positive(expected: str = "above 0") -> Rule:
+    """Finite and above 0; ``expected`` says of what."""
+    return Rule(expected, lambda value: 0.0 < value < np.inf)
+
+
+Positive = Annotated[float, positive()]
+FromZero = Annotated[float, Rule("from 0 up", lambda value: 0.0 <= value < np.inf)]
+Share = Annotated[float, within(0.0, 1.0)]
+"""0 to 1."""
+Portion = Annotated[float, Rule("above 0, up to 1", lambda value: 0.0 < value <= 1.0)]
+Finite = Annotated[float, Rule("a finite number", np.isfinite)]
+
+
+def require(fits: bool | np.bool_, what: str, got: object, expected: str) -> None:
+    """Raises InputError "what; got …; expected …" unless an argument ``fits``."""
+    if not fits:
+        raise InputError(f"{what}; got {got}; expected {expected}")
+
+
+class _Alternative(NamedTuple):
+    """One of the types that a value may have: its name, whether a value is of it, and its rule."""
+
+    name: str
+    is_one: Callable[[Any], bool]
+    rule: Rule | None = None
 
 
 def real_numbers(value: Any, what: str) -> Float:
@@ -130,38 +179,56 @@ def _wrapped(
     own = [p for p in signature.parameters if p != "self"]
 
     @functools.cache
-    def tests() -> dict[str, list[Test]]:
+    def types_of() -> dict[str, list[_Alternative]]:
         # at the first call: annotations may name what the module defines further down
-        hints = typing.get_type_hints(function)
-        found = {key: _tests(hints[key]) for key in own if key in hints}
-        return {key: kinds for key, kinds in found.items() if kinds}
+        hints = typing.get_type_hints(function, include_extras=True)
+        return {key: _alternatives(hints[key]) for key in own if key in hints}
 
-    def check(given: dict[str, Any]) -> None:
-        for key, kinds in tests().items():
-            if key in given and not any(fits(given[key]) for _, fits in kinds):
-                words = " or ".join(dict.fromkeys(word for word, _ in kinds))
-                raise InputError(f"{name} {key}; got {_shown(given[key])}; expected {words}")
+    def check(given: dict[str, Any], ruled: bool) -> None:
+        """Those arguments whose types have a rule, or the others."""
+        label = given.get("name") if own_first else None  # of a camera, a surface
+        where = f"{name} {label!r}" if isinstance(label, str) else name
+        for key, alternatives in types_of().items():
+            if key in given and any(one.rule for one in alternatives) == ruled:
+                _check(f"{where} {key}", given[key], alternatives)
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         try:
-            given = signature.bind(*args, **kwargs).arguments
+            bound = signature.bind(*args, **kwargs)
         except TypeError as error:
             raise _misfit(name, own, kwargs, error) from None
+        given = bound.arguments
+        for key, value in given.items():
+            if isinstance(value, np.ndarray) and value.ndim == 0:
+                given[key] = value[()]  # a number, which has a hash
+        check(given, ruled=True)
         if not own_first:
-            check(given)
-            return function(*args, **kwargs)
+            check(given, ruled=False)
+            return function(*bound.args, **bound.kwargs)
         try:
-            function(*args, **kwargs)
+            function(*bound.args, **bound.kwargs)
         except InputError:
             raise
         except (TypeError, ValueError, AttributeError, IndexError):
-            check(given)
+            check(given, ruled=False)
             raise
-        check(given)
+        check(given, ruled=False)
         return None
 
     return call
+
+
+def _check(what: str, value: Any, alternatives: Sequence[_Alternative]) -> None:
+    """Refuse a value that is of none of some types, or breaks the rule of the one that it is of."""
+    own = [one for one in alternatives if one.is_one(value)]
+    if not alternatives or any(one.rule is None or one.rule.fits(value) for one in own):
+        return
+    rules = " or ".join(dict.fromkeys(one.rule.expected for one in alternatives if one.rule))
+    types_named = " or ".join(dict.fromkeys(one.name for one in alternatives))
+    expected = rules if own else f"{types_named}: {rules}" if rules else types_named
+    raise InputError(f"{what}; got {value if is_number(value) else _shown(value)}; "
+                     f"expected {expected}")  # fmt: skip
 
 
 def _misfit(name: str, own: Sequence[str], given: Iterable[str], error: TypeError) -> InputError:
@@ -177,25 +244,28 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:40]}… ({type(value).__name__})"
 
 
-def _tests(hint: Any) -> list[Test]:
-    """What a value of an annotated type must be, one entry per alternative; [] if not known."""
+def _alternatives(hint: Any) -> list[_Alternative]:
+    """What a value of an annotated type may be; [] if not known."""
     hint = getattr(hint, "__value__", hint)  # ``type`` statements, as NumPy's ArrayLike from 2.5 on
     origin = typing.get_origin(hint)
+    if origin is Annotated:
+        kind, rule = typing.get_args(hint)
+        return [one._replace(rule=rule) for one in _alternatives(kind)]
     if origin in (types.UnionType, typing.Union):
-        parts = [_tests(part) for part in typing.get_args(hint)]
-        return [test for part in parts for test in part] if all(parts) else []
+        parts = [_alternatives(part) for part in typing.get_args(hint)]
+        return [one for part in parts for one in part] if all(parts) else []
     if hint is type(None):
-        return [("None", lambda value: value is None)]
+        return [_Alternative("None", lambda value: value is None)]
     if hint is bool:
-        return [("True or False", lambda value: isinstance(value, bool | np.bool_))]
+        return [_Alternative("True or False", lambda value: isinstance(value, bool | np.bool_))]
     if hint is str:
-        return [("a text", lambda value: isinstance(value, str))]
+        return [_Alternative("a text", lambda value: isinstance(value, str))]
     if hint is float:
-        return [("a number", is_number)]
+        return [_Alternative("a number", is_number)]
     if hint is int:
-        return [("a whole number", lambda value: is_number(value) and float(value).is_integer())]
+        return [_Alternative("a whole number", _is_whole)]
     if hint is np.ndarray or origin is np.ndarray:
-        return [("an array of real numbers", _is_real)]
+        return [_Alternative("an array of real numbers", _is_real)]
     items = [part for part in typing.get_args(hint) if part is not Ellipsis]
     if origin in (tuple, Sequence) and items and all(part in (int, float) for part in items):
         count = len(items) if origin is tuple and Ellipsis not in typing.get_args(hint) else None
@@ -205,8 +275,12 @@ def _tests(hint: Any) -> list[Test]:
             array = _array(value)
             return array is not None and array.ndim == 1 and count in (None, len(array))
 
-        return [(words, row)]
+        return [_Alternative(words, row)]
     return []
+
+
+def _is_whole(value: Any) -> bool:
+    return is_number(value) and float(value).is_integer()
 
 
 def _is_real(value: Any) -> bool:

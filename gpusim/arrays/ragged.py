@@ -18,6 +18,15 @@ def expand(count: Long) -> tuple[Long, Long]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
 
 
+def cells_of_boxes(first: Long, stop: Long) -> tuple[Long, Long]:
+    """Owner (n,) and place (n, 2) of every cell (column, row) of boxes from ``first`` (m, 2) up to
+    ``stop`` (m, 2), which lies beyond them."""
+    columns, rows = np.maximum(stop - first, 0).T
+    owner, number = expand(columns * rows)
+    row, column = np.divmod(number, columns[owner])
+    return owner, first[owner] + np.stack([column, row], axis=1)
+
+
 def batches(count: Long, most: int) -> Iterator[slice]:
     """Slices of owners with at most so many items together, or of one that has more."""
     stops = np.cumsum(count)

@@ -6,7 +6,6 @@ compared by 64-bit hashes.
 
 from __future__ import annotations
 
-import math
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,11 +18,7 @@ Hash = npt.NDArray[np.uint64]
 
 # coordinates are compared on a grid of this fraction of the element's smallest extent
 _GRID = 2.0**-38
-# rows of more columns than this are compared as bytes
-_WIDE = 100
-# rows with fewer possible values than this become one number each, and with fewer than this many
-# times the rows a table finds them
-_ONE_NUMBER, _TABLE = 2**62, 8
+_CHUNK = 1 << 14  # rows whose hashes stay in the cache
 
 
 def distinct(values: npt.NDArray[Number]) -> npt.NDArray[Number]:
@@ -54,54 +49,14 @@ def unique_rows(rows: Long) -> tuple[Long, Long]:
     Hashing with two independent streams; if they disagree anywhere (a collision), every row
     counts as its own class, which is slow and still right.
     """
-    columns = rows.shape[1]
-    if columns > _WIDE:
-        return _unique_wide(rows)
-    if len(rows):
-        # column by column: several times as fast as along the first axis
-        low = np.array([rows[:, column].min() for column in range(columns)])
-        high = [int(rows[:, column].max()) for column in range(columns)]
-        extent = [top - int(bottom) + 1 for top, bottom in zip(high, low, strict=True)]
-        if math.prod(extent) < _ONE_NUMBER:
-            return _unique_numbers(rows, low, extent)
-    first_hash = np.zeros(len(rows), dtype=np.uint64)
-    second_hash = np.zeros(len(rows), dtype=np.uint64)
-    for column in range(columns):
-        first_hash = mix(first_hash ^ mix(rows[:, column], 2 * column), 0)
-        second_hash = mix(second_hash ^ mix(rows[:, column], 2 * column + 1), 1)
-    return unique_hashes(first_hash, second_hash)
-
-
-def _unique_numbers(rows: Long, low: Long, extent: list[int]) -> tuple[Long, Long]:
-    """The same where a row's values fit one number."""
-    place = np.concatenate([[1], np.cumprod(extent[:-1], dtype=np.int64)]).astype(np.int64)
-    number = (rows - low) @ place
-    if math.prod(extent) > _TABLE * len(rows):
-        return _by_first(*np.unique(number, return_index=True, return_inverse=True)[1:])
-    first = np.full(math.prod(extent), -1, dtype=np.int64)
-    first[number[::-1]] = np.arange(len(rows))[::-1]
-    used = first >= 0
-    return _by_first(first[used], (np.cumsum(used) - 1)[number])
-
-
-def _by_first(first: Long, kind: Long) -> tuple[Long, Long]:
-    """Classes numbered by first occurrence."""
-    order = np.argsort(first, kind="stable")
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return first[order].astype(np.int64), rank[kind].astype(np.int64)
-
-
-def _unique_wide(rows: Long) -> tuple[Long, Long]:
-    """The same by the bytes of each row: for few rows of many columns."""
-    numbers: dict[bytes, int] = {}
-    first: list[int] = []
-    kind = np.empty(len(rows), dtype=np.int64)
-    for position, row in enumerate(np.ascontiguousarray(rows)):
-        kind[position] = numbers.setdefault(row.tobytes(), len(numbers))
-        if kind[position] == len(first):
-            first.append(position)
-    return np.array(first, dtype=np.int64), kind
+    column = mix(np.arange(rows.shape[1]), 0)
+    hashes = np.empty((2, len(rows)), np.uint64)
+    for start in range(0, len(rows), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        keyed = rows[part].astype(np.uint64) ^ column
+        for stream in (0, 1):
+            mix(keyed, stream).sum(axis=1, out=hashes[stream, part])
+    return unique_hashes(hashes[0], hashes[1])
 
 
 def unique_hashes(first_hash: Hash, second_hash: Hash) -> tuple[Long, Long]:
@@ -110,7 +65,10 @@ def unique_hashes(first_hash: Hash, second_hash: Hash) -> tuple[Long, Long]:
     if not np.array_equal(second_hash[first][inverse], second_hash):
         everyone = np.arange(len(first_hash), dtype=np.int64)
         return everyone, everyone
-    return _by_first(first, inverse)
+    order = np.argsort(first, kind="stable")
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order].astype(np.int64), rank[inverse].astype(np.int64)
 
 
 def congruence_classes(nodes: Float, material: Int) -> tuple[Long, Long]:

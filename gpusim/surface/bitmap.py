@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,8 @@ from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import read_picture
 from gpusim.surface.color import BANDS, Albedo, Colored, grey
-from gpusim.surface.features import Bump, Features, check_paint
-from gpusim.validation import checked
+from gpusim.surface.features import PATCH, Bump, Features, Length, Place
+from gpusim.validation import Share, checked, one_of, require
 
 MARGIN = 8
 """Coefficients that every level has beyond each of its four sides."""
@@ -139,19 +139,18 @@ class Image(Colored):
     """
 
     pixels: npt.NDArray[Any]
-    texel: float
-    origin: tuple[float, float] = (0.0, 0.0)
+    texel: Length
+    origin: Place = (0.0, 0.0)
     dark: Albedo = Albedo(0.0)
     light: Albedo = Albedo(1.0)
     ground: Albedo = Albedo(0.5)
-    gamma: str = "linear"
-    roughness: float = 1.0
-    metallic: float = 0.0
+    gamma: Annotated[str, one_of("linear", "srgb")] = "linear"
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
         pixels = np.asarray(self.pixels)
         shaped = pixels.ndim == 2 or pixels.shape[2:] == (3,)
         if not shaped or not pixels.size or pixels.dtype.kind not in "uif":
@@ -159,18 +158,12 @@ class Image(Colored):
                 f"Image pixels; got {pixels.dtype} of shape {pixels.shape}; expected one grey "
                 "picture (H, W), or one of colours (H, W, 3), of integers or floats"
             )
-        if max(pixels.shape) > WIDEST:
-            raise InputError(
-                f"Image pixels; got {pixels.shape}; expected at most {WIDEST} pixels a side"
-            )
+        small = max(pixels.shape) <= WIDEST
+        require(small, "Image pixels", pixels.shape, f"at most {WIDEST} pixels a side")
         full = _full_scale(pixels)
-        if not (pixels.min() >= 0 and pixels.max() <= full):
-            raise InputError(
-                f"Image pixels; got values from {pixels.min()} to {pixels.max()}; "
-                f"expected 0 to {full:g}"
-            )
-        if self.gamma not in ("linear", "srgb"):
-            raise InputError(f"Image gamma; got {self.gamma!r}; expected 'linear' or 'srgb'")
+        low, high = pixels.min(), pixels.max()
+        fits = low >= 0 and high <= full
+        require(fits, "Image pixels", f"values from {low} to {high}", f"0 to {full:g}")
         if pixels.ndim == 3 and (pixels == pixels[..., :1]).all():
             pixels = pixels[..., 0]
         object.__setattr__(self, "pixels", pixels)
@@ -189,8 +182,7 @@ class Image(Colored):
         (luma, ITU-R BT.601). ``options`` are the other parameters. Raises InputError if the file
         can't be read.
         """
-        if channels not in ("rgb", "grey"):
-            raise InputError(f"Image channels; got {channels!r}; expected 'rgb' or 'grey'")
+        require(channels in ("rgb", "grey"), "Image channels", repr(channels), "'rgb' or 'grey'")
         try:
             image = Image(read_picture(path), texel, **options)
             if channels == "rgb" or image.pixels.ndim == 2:
@@ -239,5 +231,4 @@ class Image(Colored):
 
     def features(self, low: Float, high: Float) -> Features | None:
         """A pattern, but none of shapes."""
-        empty = np.zeros((0, 2))
-        return Features(np.zeros(0, np.int32), empty, np.zeros(0), empty, empty, empty)
+        return Features.alike(PATCH, np.zeros((0, 2)), 0.0, 0.0)

@@ -19,7 +19,7 @@ import numpy as np
 
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
-from gpusim.validation import is_number
+from gpusim.validation import is_number, require
 
 Color = float | tuple[float, float, float]
 """A grey value, or red, green and blue, linear."""
@@ -56,8 +56,8 @@ def color(value: float | str | Sequence[float]) -> Color:
     if is_number(given) and np.isfinite(given):
         return float(given)
     numbers = given if isinstance(given, list | tuple) else ()
-    if len(numbers) != 3 or not all(is_number(v) and np.isfinite(v) for v in numbers):
-        raise InputError(f"colour; got {value!r}; expected '#rrggbb', a number, or three numbers")
+    fits = len(numbers) == 3 and all(is_number(v) and np.isfinite(v) for v in numbers)
+    require(fits, "colour", repr(value), "'#rrggbb', a number, or three numbers")
     red, green, blue = map(float, numbers)
     return red if red == green == blue else (red, green, blue)
 

@@ -9,10 +9,9 @@ curved faces or is cut at edges, and they move with the material.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +21,7 @@ from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.color import Color, grey
-from gpusim.validation import checked
+from gpusim.validation import Rule, checked, positive, require
 
 PATCH, DISC, SECTOR = range(3)  # kinds of features
 WAVES = 32
@@ -70,6 +69,23 @@ class Features:
         if self.covers is None:
             lowest = np.zeros(len(self.kind)) if self.layer is None else self.layer
             object.__setattr__(self, "covers", (lowest == 0).astype(np.float64))
+
+    @staticmethod
+    def alike(
+        kind: int,
+        position: Float,
+        size: npt.ArrayLike,
+        albedo: npt.ArrayLike,
+        *,
+        angle: float = 0.0,
+        squares: npt.ArrayLike = 1.0,
+    ) -> Features:
+        """Features of one ``kind`` at ``position`` (n, 2), all else equal or one for each."""
+        angles = np.full(len(position), angle)
+        pairs = [
+            np.array(np.broadcast_to(v, position.shape), float) for v in (size, squares, albedo)
+        ]
+        return Features(np.full(len(position), kind, np.int32), position, angles, *pairs)
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -164,45 +180,21 @@ class Paint(Protocol):
         ...
 
 
-# what a field of a paint holds, by its name: which values it may have, and how that is said
-_LENGTH = (lambda value: value > 0.0, "a length above 0")
-_COUNT = (lambda value: value >= 1 and value == int(value), "a whole number of at least 1")
-_SHARE = (lambda value: 0.0 <= value <= 1.0, "0 to 1")
-_ANGLE = (lambda value: True, "a finite angle in rad")
-_NUMBERS: dict[str, tuple[Callable[[Any], bool], str]] = {
-    **dict.fromkeys(("roughness", "metallic"), _SHARE),
-    **dict.fromkeys(("size", "diameter", "pitch", "width", "square", "marker", "texel"), _LENGTH),
-    **dict.fromkeys(("columns", "rows"), _COUNT),
-    "angle": _ANGLE,
-}
+Length = Annotated[float, positive("a length above 0")]
+Count = Annotated[int, Rule("a whole number of at least 1", lambda value: value >= 1)]
+Angle = Annotated[float, Rule("a finite angle in rad", np.isfinite)]
+Place = Annotated[
+    tuple[float, float], Rule("two finite numbers", lambda place: bool(np.isfinite(place).all()))
+]
+"""(s, t)."""
 
 
-def check_paint(paint: Any) -> None:
-    """Refuse fields of a paint that can't be what their names say; make ``centres`` an array.
-
-    Names that `_NUMBERS` hasn't, but for ``origin`` and ``centres``, are left to the paint's class.
-    """
-    what = type(paint).__name__
-    for field in fields(paint):
-        name, value = field.name, getattr(paint, field.name)
-        if name in _NUMBERS and not (value is None and field.default is None):
-            fits, expected = _NUMBERS[name]
-            if not (_is_number(value) and fits(value)):
-                raise InputError(f"{what} {name}; got {value}; expected {expected}")
-        elif name == "origin" and not (np.shape(value) == (2,) and all(map(_is_number, value))):
-            raise InputError(f"{what} origin; got {value}; expected two finite numbers")
-        elif name == "centres":
-            places = np.asarray(value, np.float64)
-            if places.ndim != 2 or places.shape[1] != 2 or not np.isfinite(places).all():
-                raise InputError(
-                    f"{what} centres; got shape {places.shape}; expected finite (M, 2)"
-                )
-            object.__setattr__(paint, "centres", places)
-
-
-def _is_number(value: object) -> bool:
-    """Whether it is one finite real number."""
-    return isinstance(value, int | float | np.integer | np.floating) and bool(np.isfinite(value))
+def set_centres(paint: Any) -> None:
+    """Make the ``centres`` of a paint an array (M, 2). Raises InputError for another shape."""
+    places = np.asarray(paint.centres, np.float64)
+    fits = places.ndim == 2 and places.shape[1] == 2 and np.isfinite(places).all()
+    require(fits, f"{type(paint).__name__} centres", f"shape {places.shape}", "finite (M, 2)")
+    object.__setattr__(paint, "centres", places)
 
 
 @checked
@@ -228,31 +220,22 @@ class Bump:
     0.00566
     """
 
-    height: float
-    length: float
+    height: Length
+    length: Length
     along: tuple[float, float, float] | None = None
-    stretch: float = 1.0
-    seed: int = 0
+    stretch: Annotated[float, Rule("1 to 1e4", lambda value: 1.0 <= value <= 1e4)] = 1.0
+    seed: Annotated[int, Rule("a whole number from 0 on", lambda value: value >= 0)] = 0
 
     def __post_init__(self) -> None:
-        for name, value in (("height", self.height), ("length", self.length)):
-            if not 0.0 < value < np.inf:
-                raise InputError(f"Bump {name}; got {value}; expected a length above 0")
-        if not 1.0 <= self.stretch <= 1e4:
-            raise InputError(f"Bump stretch; got {self.stretch}; expected 1 to 1e4")
         if self.along is not None:
             size = np.linalg.norm(np.asarray(self.along, np.float64))
-            if np.shape(self.along) != (3,) or not 0.0 < size < np.inf:
-                raise InputError(f"Bump along; got {self.along}; expected a direction (x, y, z)")
+            fits = np.shape(self.along) == (3,) and 0.0 < size < np.inf
+            require(fits, "Bump along", self.along, "a direction (x, y, z)")
         elif self.stretch != 1.0:
             raise InputError(f"Bump stretch; got {self.stretch} without along; expected both")
-        if not self.seed >= 0:
-            raise InputError(f"Bump seed; got {self.seed}; expected a whole number from 0 on")
-        if not self.slope <= STEEPEST:
-            raise InputError(
-                f"Bump height; got {self.height:g} over a length of {self.length:g}, RMS slope "
-                f"{self.slope:.3g}; expected slopes up to {STEEPEST}: a fine relief"
-            )
+        got = f"{self.height:g} over a length of {self.length:g}, RMS slope {self.slope:.3g}"
+        expected = f"slopes up to {STEEPEST}: a fine relief"
+        require(self.slope <= STEEPEST, "Bump height", got, expected)
 
     @property
     def slope(self) -> float:

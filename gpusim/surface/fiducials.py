@@ -2,25 +2,45 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.color import Albedo, Color, Colored
-from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Stack, check_paint
-from gpusim.validation import checked
+from gpusim.surface.features import (
+    DISC,
+    PATCH,
+    SECTOR,
+    Angle,
+    Bump,
+    Count,
+    Features,
+    Length,
+    Place,
+    Stack,
+    set_centres,
+)
+from gpusim.validation import Share, checked, require, within
 
 
 def _dictionary(what: str, name: str) -> Any:
     names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))
-    if name not in names:
-        raise InputError(f"{what} dictionary; got {name!r}; expected one of {names}")
+    require(name in names, f"{what} dictionary", repr(name), f"one of {names}")
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
+
+
+def _check_numbers(
+    numbers: Sequence[int], count: int, centres: Float, what: str, which: str
+) -> None:
+    """Refuse other than a whole number below ``count`` for each of ``centres``."""
+    fits = len(numbers) == len(centres) and all(i == int(i) and 0 <= i < count for i in numbers)
+    got = f"{list(numbers)} for {len(centres)} centres"
+    require(fits, what, got, f"as many numbers {which}")
 
 
 def _white_runs(dictionary: Any, number: int) -> tuple[Float, int]:
@@ -66,27 +86,21 @@ class Aruco(Colored):
 
     centres: Float
     ids: tuple[int, ...]
-    size: float
+    size: Length
     dictionary: str = "4X4_50"
-    angle: float = 0.0
+    angle: Angle = 0.0
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
+        set_centres(self)
         count = len(_dictionary("Aruco", self.dictionary).bytesList)
-        if len(self.ids) != len(self.centres) or not all(
-            i == int(i) and 0 <= i < count for i in self.ids
-        ):
-            raise InputError(
-                f"Aruco ids; got {list(self.ids)} for {len(self.centres)} centres; expected as "
-                f"many numbers from 0 to {count - 1}"
-            )
+        _check_numbers(self.ids, count, self.centres, "Aruco ids", f"from 0 to {count - 1}")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """A dark square per marker, and its white cells."""
@@ -115,29 +129,24 @@ class Charuco(Colored):
     (12, 2)
     """
 
-    columns: int
-    rows: int
-    square: float
-    marker: float
+    columns: Count
+    rows: Count
+    square: Length
+    marker: Length
     dictionary: str = "4X4_50"
-    origin: tuple[float, float] = (0.0, 0.0)
+    origin: Place = (0.0, 0.0)
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not self.marker < self.square:
-            raise InputError(f"Charuco marker; got {self.marker}; expected less than the square")
+        require(self.marker < self.square, "Charuco marker", self.marker, "less than the square")
         count = len(_dictionary("Charuco", self.dictionary).bytesList)
-        if not self.columns * self.rows // 2 <= count:
-            raise InputError(
-                f"Charuco dictionary; got {self.dictionary!r} with {count} markers; expected at "
-                f"least {self.columns * self.rows // 2}"
-            )
+        needed, got = self.columns * self.rows // 2, f"{self.dictionary!r} with {count} markers"
+        require(needed <= count, "Charuco dictionary", got, f"at least {needed}")
 
     def board(self) -> Any:
         """The `cv2.aruco.CharucoBoard` that detects it, in the unit of ``square``."""
@@ -201,27 +210,20 @@ class RingCodes(Colored):
 
     centres: Float
     codes: tuple[int, ...]
-    diameter: float
-    bits: int = 12
-    angle: float = 0.0
+    diameter: Length
+    bits: Annotated[int, within(3, 20)] = 12
+    angle: Angle = 0.0
     dot: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.05)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not (3 <= self.bits <= 20 and self.bits == int(self.bits)):
-            raise InputError(f"RingCodes bits; got {self.bits}; expected 3 to 20")
-        if len(self.codes) != len(self.centres) or not all(
-            c == int(c) and 0 <= c < 1 << self.bits for c in self.codes
-        ):
-            raise InputError(
-                f"RingCodes codes; got {list(self.codes)} for {len(self.centres)} centres; "
-                f"expected as many numbers of {self.bits} bits"
-            )
+        set_centres(self)
+        of_bits = f"of {self.bits} bits"
+        _check_numbers(self.codes, 1 << self.bits, self.centres, "RingCodes codes", of_bits)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """The discs, and per run of set bits a sector less the same of the ring's inner radius.

@@ -18,8 +18,8 @@ from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.surface.topology import triangulate
-from gpusim.validation import unmasked
+from gpusim.surface.topology import Topology
+from gpusim.validation import require, unmasked
 
 PLANAR_COSINE = float(np.cos(np.radians(1.0)))
 
@@ -170,15 +170,15 @@ class CylinderFrame:
     def __post_init__(self) -> None:
         axis, start = np.asarray(self.axis, np.float64), np.asarray(self.start, np.float64)
         length = float(np.linalg.norm(axis))
-        if axis.shape != (3,) or not (length > 0.0 and np.isfinite(length)):
-            raise InputError(f"CylinderFrame axis; got {self.axis}; expected a direction (3,)")
+        fits = axis.shape == (3,) and 0.0 < length < np.inf
+        require(fits, "CylinderFrame axis", self.axis, "a direction (3,)")
         axis = axis / length
         across = start - axis * (start @ axis)
         size = float(np.linalg.norm(across))
-        if not size > 1e-9 * float(np.linalg.norm(start)):
-            raise InputError(f"CylinderFrame start; got {self.start}; expected one across the axis")
-        if not (np.isfinite(self.radius) and self.radius > 0.0):
-            raise InputError(f"CylinderFrame radius; got {self.radius}; expected a length above 0")
+        fits = size > 1e-9 * float(np.linalg.norm(start))
+        require(fits, "CylinderFrame start", self.start, "one across the axis")
+        fits = 0.0 < self.radius < np.inf
+        require(fits, "CylinderFrame radius", self.radius, "a length above 0")
         object.__setattr__(self, "origin", np.asarray(self.origin, np.float64))
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "start", across / size)
@@ -204,11 +204,10 @@ class CylinderFrame:
         across = used - np.outer(used @ unit, unit)
         distance = np.linalg.norm(across, axis=1)
         radius = float(distance.mean())
-        if not (np.abs(distance - radius) <= ROUND * radius).all():
-            raise InputError(
-                f"{where}: a region round an axis; got points {distance.min():.6g} to "
-                f"{distance.max():.6g} away from it; expected one distance within {ROUND:.0%}"
-            )
+        fits = (np.abs(distance - radius) <= ROUND * radius).all()
+        got = f"points {distance.min():.6g} to {distance.max():.6g} away from it"
+        expected = f"one distance within {ROUND:.0%}"
+        require(fits, f"{where}: a region round an axis", got, expected)
         normals = face_normals(points, faces)
         last = np.where(faces[:, 3:] >= 0, faces[:, 3:], faces[:, 2:3])
         centre = points[np.concatenate([faces[:, :3], last], axis=1)].mean(axis=1) - base
@@ -263,7 +262,8 @@ class Atlas:
         within 2 % of an edge's length of the right one takes it, so that the pattern goes on
         without a seam wherever the surface can be unfolded.
         """
-        triangles, source = triangulate(faces)
+        topology = Topology.of(faces)
+        triangles, source = topology.triangles, topology.source
         used = np.ones(len(faces), bool) if wanted is None else np.asarray(wanted, bool)
         chosen = np.flatnonzero(used[source])
         st = np.full((len(triangles), 3, 2), np.nan)
@@ -273,7 +273,7 @@ class Atlas:
         area = np.linalg.norm(normal, axis=1)
         unit = normal / np.where(area > 0.0, area, 1.0)[:, None]
         centre = corners.mean(axis=1)
-        neighbours = _neighbours(triangles, chosen)
+        neighbours = _neighbours(topology.edge, chosen)
         order = chosen[np.argsort(-area[chosen], kind="stable")]
         done = np.zeros(len(triangles), bool)
         for first in order.tolist():
@@ -282,7 +282,7 @@ class Atlas:
             frame = PaintFrame.facing(unit[first], points[triangles[chosen]].reshape(-1, 3), up)
             st[first] = frame.coordinates(corners[first])
             places: dict[int, list[Float]] = {}
-            _grow(first, triangles, corners, unit, centre, neighbours, st, done, places)
+            _grow(first, topology, corners, unit, centre, neighbours, st, done, places)
         return Atlas(st)
 
     def of_triangles(self, corners: Float, number: Long) -> Float:
@@ -297,39 +297,36 @@ class Atlas:
         return st
 
 
-def _neighbours(triangles: Int, chosen: Long) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """Triangles and the number of their side, by edge (lower vertex, higher vertex)."""
-    edges: dict[tuple[int, int], list[tuple[int, int]]] = {}
+def _neighbours(edge: Long, chosen: Long) -> dict[int, list[tuple[int, int]]]:
+    """By edge, the ``chosen`` triangles that have it, and as which side."""
+    of_edge: dict[int, list[tuple[int, int]]] = {}
     for number in chosen.tolist():
-        v = triangles[number].tolist()
-        for side in range(3):
-            a, b = v[side], v[(side + 1) % 3]
-            edges.setdefault((min(a, b), max(a, b)), []).append((number, side))
-    return edges
+        for side, own in enumerate(edge[number].tolist()):
+            of_edge.setdefault(own, []).append((number, side))
+    return of_edge
 
 
 def _grow(
     first: int,
-    triangles: Int,
+    topology: Topology,
     corners: Float,
     unit: Float,
     centre: Float,
-    neighbours: dict[tuple[int, int], list[tuple[int, int]]],
+    neighbours: dict[int, list[tuple[int, int]]],
     st: Float,
     done: Bool,
     places: dict[int, list[Float]],
 ) -> None:
     """Lay out all that hangs together with triangle ``first``, which has its place."""
     heap: list[tuple[bool, float, int, int, int]] = []
+    triangles = topology.triangles
 
     def settle(number: int, distance: float) -> None:
         done[number] = True
         for vertex, place in zip(triangles[number].tolist(), st[number], strict=True):
             places.setdefault(vertex, []).append(place)
-        v = triangles[number].tolist()
-        for side in range(3):
-            a, b = v[side], v[(side + 1) % 3]
-            for other, own in neighbours[min(a, b), max(a, b)]:
+        for edge in topology.edge[number].tolist():
+            for other, own in neighbours[edge]:
                 if not done[other]:
                     step = distance + float(np.linalg.norm(centre[other] - centre[number]))
                     crease = float(unit[other] @ unit[number]) < 0.8

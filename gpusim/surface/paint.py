@@ -10,18 +10,31 @@ integrated as a smooth surface.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.surface.bitmap import Image
 from gpusim.surface.color import Albedo, Color, Colored, grey
-from gpusim.surface.features import DISC, PATCH, SECTOR, Bump, Features, Paint, Stack, check_paint
+from gpusim.surface.features import (
+    DISC,
+    PATCH,
+    SECTOR,
+    Angle,
+    Bump,
+    Count,
+    Features,
+    Length,
+    Paint,
+    Place,
+    Stack,
+    set_centres,
+)
 from gpusim.surface.fiducials import Aruco, Charuco, RingCodes
 from gpusim.surface.speckle import Speckle
-from gpusim.validation import checked
+from gpusim.validation import Share, checked, one_of, require, within
 
 __all__ = [
     "Aruco",
@@ -66,12 +79,9 @@ class Plain(Colored):
     """
 
     albedo: Albedo = Albedo(0.5)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
-
-    def __post_init__(self) -> None:
-        check_paint(self)
 
     @property
     def ground(self) -> Color:
@@ -97,19 +107,16 @@ class Checker(Colored):
     0.9
     """
 
-    size: float
-    columns: int | None = None
-    rows: int | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
+    size: Length
+    columns: Count | None = None
+    rows: Count | None = None
+    origin: Place = (0.0, 0.0)
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
-
-    def __post_init__(self) -> None:
-        check_paint(self)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One patch; an unlimited one is cut to the region, on a whole number of square pairs."""
@@ -118,15 +125,19 @@ class Checker(Colored):
         count = np.ceil((high - origin) / self.size) + 2.0 - first
         columns, rows = self.columns, self.rows
         start = np.where([columns is None, rows is None], first, 0.0)
-        squares = np.array([columns or count[0], rows or count[1]], np.float64)
-        return Features(
-            np.zeros(1, np.int32),
-            (origin + start * self.size)[None],
-            np.zeros(1),
-            np.full((1, 2), self.size),
-            squares[None],
-            np.array([[grey(self.dark), grey(self.light)]]),
-        )
+        squares = [columns or count[0], rows or count[1]]
+        albedo, corner = [grey(self.dark), grey(self.light)], (origin + start * self.size)[None]
+        return Features.alike(PATCH, corner, self.size, albedo, squares=squares)
+
+
+def _numbers(grid: Dots | Lines, low: Float, high: Float, margin: float) -> tuple[Float, Float]:
+    """First and last pitch (2,) of a grid: 0 and how many it has, or where it has covered a region
+    from ``low`` to ``high`` and a ``margin`` of pitches."""
+    begin, end = ((corner - np.array(grid.origin)) / grid.pitch for corner in (low, high))
+    count = np.array([np.nan if n is None else n for n in (grid.columns, grid.rows)])
+    unlimited = np.isnan(count)
+    first = np.where(unlimited, np.floor(begin) - margin, 0.0)
+    return first, np.where(unlimited, np.ceil(end) + margin, count)
 
 
 @checked
@@ -140,46 +151,33 @@ class Dots(Colored):
     0.9
     """
 
-    diameter: float
-    pitch: float
-    columns: int | None = None
-    rows: int | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
+    diameter: Length
+    pitch: Length
+    columns: Count | None = None
+    rows: Count | None = None
+    origin: Place = (0.0, 0.0)
     albedo: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not self.diameter <= self.pitch:
-            raise InputError(f"Dots diameter; got {self.diameter}; expected at most the pitch")
+        fits = self.diameter <= self.pitch
+        require(fits, "Dots diameter", self.diameter, "at most the pitch")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One disc per grid point; an unlimited grid covers the region."""
-        origin = np.array(self.origin)
-        first = np.floor((low - origin) / self.pitch)
-        last = np.ceil((high - origin) / self.pitch)
-        across = last[0] + 1 - first[0] if self.columns is None else self.columns
-        along = last[1] + 1 - first[1] if self.rows is None else self.rows
-        if across * along > MOST_DOTS:
-            raise InputError(
-                f"Dots pitch; got {self.pitch}, which makes {across:.0f} x {along:.0f} dots; "
-                f"expected at most {MOST_DOTS} in a region"
-            )
-        i = np.arange(first[0], last[0] + 1) if self.columns is None else np.arange(self.columns)
-        j = np.arange(first[1], last[1] + 1) if self.rows is None else np.arange(self.rows)
-        grid = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)
-        count = len(grid)
-        return Features(
-            np.ones(count, np.int32),
-            origin + grid * self.pitch,
-            np.zeros(count),
-            np.full((count, 2), 0.5 * self.diameter),
-            np.ones((count, 2)),
-            np.full((count, 2), grey(self.albedo)),
-        )
+        first, last = _numbers(self, low, high, 0.0)
+        last -= [self.columns is not None, self.rows is not None]
+        across, along = last - first + 1.0
+        got = f"{self.pitch}, which makes {across:.0f} x {along:.0f} dots"
+        expected = f"at most {MOST_DOTS} in a region"
+        require(across * along <= MOST_DOTS, "Dots pitch", got, expected)
+        numbers = (np.arange(a, b + 1.0) for a, b in zip(first, last, strict=True))
+        grid = np.stack(np.meshgrid(*numbers), axis=-1).reshape(-1, 2)
+        places, radius = np.array(self.origin) + grid * self.pitch, 0.5 * self.diameter
+        return Features.alike(DISC, places, radius, grey(self.albedo))
 
 
 @checked
@@ -197,33 +195,26 @@ class Markers(Colored):
     """
 
     centres: Float
-    size: float
+    size: Length
     dark: Albedo = Albedo(0.04)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.5)
-    angle: float = 0.0
-    roughness: float = 1.0
-    metallic: float = 0.0
+    angle: Angle = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
+        set_centres(self)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """One 2 x 2 patch per centre."""
-        count = len(self.centres)
         half = 0.5 * self.size
         cos, sin = np.cos(self.angle), np.sin(self.angle)
         corner = np.array([-cos * half + sin * half, -sin * half - cos * half])
-        return Features(
-            np.zeros(count, np.int32),
-            self.centres + corner,
-            np.full(count, self.angle),
-            np.full((count, 2), half),
-            np.full((count, 2), 2.0),
-            np.tile([grey(self.dark), grey(self.light)], (count, 1)),
-        )
+        albedo, corners = [grey(self.dark), grey(self.light)], self.centres + corner
+        return Features.alike(PATCH, corners, half, albedo, angle=self.angle, squares=2.0)
 
 
 @checked
@@ -244,19 +235,17 @@ class Circles(Colored):
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
+        set_centres(self)
         sizes = np.asarray(self.diameters, np.float64)
-        good = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
-        if not good or not (sizes > 0.0).all() or not (np.diff(sizes) < 0.0).all():
-            raise InputError(
-                f"Circles diameters; got {self.diameters}; expected lengths above 0 that fall"
-            )
+        fits = sizes.ndim == 1 and len(sizes) > 0 and np.isfinite(sizes).all()
+        fits = fits and (sizes > 0.0).all() and (np.diff(sizes) < 0.0).all()
+        require(fits, "Circles diameters", self.diameters, "lengths above 0 that fall")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """Discs upon discs."""
@@ -282,40 +271,29 @@ class Lines(Colored):
     0.05
     """
 
-    pitch: float
-    width: float
-    along: str = "both"
-    columns: int | None = None
-    rows: int | None = None
-    origin: tuple[float, float] = (0.0, 0.0)
+    pitch: Length
+    width: Length
+    along: Annotated[str, one_of("s", "t", "both")] = "both"
+    columns: Count | None = None
+    rows: Count | None = None
+    origin: Place = (0.0, 0.0)
     albedo: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not self.width < self.pitch:
-            raise InputError(f"Lines width; got {self.width}; expected less than the pitch")
-        if self.along not in ("s", "t", "both"):
-            raise InputError(f"Lines along; got {self.along!r}; expected 's', 't' or 'both'")
+        require(self.width < self.pitch, "Lines width", self.width, "less than the pitch")
 
     def features(self, low: Float, high: Float) -> Features | None:
         """Strips along s; along t too, less the crossings."""
         origin = np.array(self.origin)
-        given = [self.columns, self.rows]
-        first = np.where([n is None for n in given], np.floor((low - origin) / self.pitch) - 1, 0)
-        last = np.where(
-            [n is None for n in given],
-            np.ceil((high - origin) / self.pitch) + 1,
-            [n or 0 for n in given],
-        )
-        if not np.prod(last - first + 1.0) <= MOST_LINES:
-            raise InputError(
-                f"Lines pitch; got {self.pitch}, which makes {np.prod(last - first + 1):.3g} "
-                f"crossings; expected at most {MOST_LINES} in a region"
-            )
+        first, last = _numbers(self, low, high, 1.0)
+        crossings = np.prod(last - first + 1.0)
+        got = f"{self.pitch}, which makes {crossings:.3g} crossings"
+        expected = f"at most {MOST_LINES} in a region"
+        require(crossings <= MOST_LINES, "Lines pitch", got, expected)
         stack = Stack(self.ground)
         places = [origin[k] + np.arange(first[k], last[k] + 1) * self.pitch for k in (0, 1)]
         length = (last - first) * self.pitch + self.width
@@ -352,21 +330,19 @@ class Star(Colored):
     """
 
     centres: Float
-    diameter: float
-    spokes: int = 36
-    angle: float = 0.0
+    diameter: Length
+    spokes: Annotated[int, within(2, 1000)] = 36
+    angle: Angle = 0.0
     dark: Albedo = Albedo(0.05)
     light: Albedo = Albedo(0.9)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not (2 <= self.spokes <= 1000 and self.spokes == int(self.spokes)):
-            raise InputError(f"Star spokes; got {self.spokes}; expected a whole number, 2 to 1000")
+        set_centres(self)
 
     def features(self, low: Float, high: Float) -> Features | None:
         """Light discs and the spokes on them."""

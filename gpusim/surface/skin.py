@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import distinct
@@ -19,7 +20,7 @@ from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradi
 from gpusim.surface.frames import Frame, face_normals
 from gpusim.surface.paint import Paint
 from gpusim.surface.surface import Surface
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 _WIDTH = 9
 # Pieces along a quadratic face's side, and up to how many such faces: at most 130,000 pieces.
@@ -52,8 +53,7 @@ def cut(faces: Faces, subdivisions: int) -> tuple[Int, Long, Vertices]:
 
     Raises InputError where ``subdivisions`` is less than 1.
     """
-    if subdivisions < 1:
-        raise InputError(f"skin: subdivisions; got {subdivisions}; expected at least 1")
+    require(subdivisions >= 1, "skin: subdivisions", subdivisions, "at least 1")
     if not faces.is_quadratic.any():
         nodes, pieces = _numbered(faces.nodes[:, :4])
         everyone = np.arange(len(faces), dtype=np.int64)
@@ -233,16 +233,10 @@ class Skin:
         for name, rows in faces.kinds():
             names[rows] = name
         reach = 1.5 * radius + tolerance
-        # along the body's longest axis only a few faces are near a point
-        axis = int(np.argmax(high - low))
-        order = np.argsort(centre[:, axis], kind="stable")
-        first, last = (
-            np.searchsorted(centre[order, axis], points[:, axis] + side * reach.max())
-            for side in (-1.0, 1.0)
-        )
         of_point: list[Long] = []
-        for point, begin, end in zip(points, first, last, strict=True):
-            some = order[begin:end]
+        around = scipy.spatial.cKDTree(centre).query_ball_point(points, reach.max())
+        for point, rows in zip(points, around, strict=True):
+            some = np.array(rows, np.int64)
             relative = point - centre[some]
             off = np.abs(np.sum(relative * normal[some], axis=1))
             near = np.linalg.norm(relative, axis=1) <= reach[some]

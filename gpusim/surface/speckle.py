@@ -10,26 +10,31 @@ pattern is asked for.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.ragged import expand
+from gpusim.arrays.unique import Hash, mix
 from gpusim.errors import InputError
 from gpusim.surface.color import Albedo, Colored, grey
-from gpusim.surface.features import Bump, Features, check_paint
-from gpusim.validation import checked
-
-Seeds = npt.NDArray[np.uint64]
+from gpusim.surface.features import SECTOR, Bump, Features, Length
+from gpusim.validation import Rule, Share, checked, one_of, require
 
 EDGE = 3.0
 """Half width of a soft edge over its standard deviation: beyond it, opacity is exactly 0 or 1."""
 
 LONGEST_TAIL = 3.0
 """Standard deviations of the logarithm at which lognormal diameters end."""
+
+WIDEST_SPREAD = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}
+"""Of each law of sizes."""
 
 PER_CELL = 2.0
 """Mean number of discs in a germ cell."""
@@ -76,45 +81,26 @@ class Speckle(Colored):
     0.003
     """
 
-    diameter: float
-    coverage: float = 0.5
+    diameter: Length
+    coverage: Annotated[float, Rule("above 0, below 1", lambda value: 0.0 < value < 1.0)] = 0.5
     softness: float = 0.0
-    size_law: str = "lognormal"
+    size_law: Annotated[str, one_of(*WIDEST_SPREAD)] = "lognormal"
     spread: float = 0.0
-    arrangement: str = "random"
-    seed: int = 0
+    arrangement: Annotated[str, one_of("random", "grid")] = "random"
+    seed: Annotated[int, Rule("a whole number from 0 up", lambda value: 0 <= value < 2**63)] = 0
     dot: Albedo = Albedo(0.05)
     ground: Albedo = Albedo(0.9)
-    roughness: float = 1.0
-    metallic: float = 0.0
+    roughness: Share = 1.0
+    metallic: Share = 0.0
     bump: Bump | None = None
 
     def __post_init__(self) -> None:
-        check_paint(self)
-        if not (np.isfinite(self.coverage) and 0.0 < self.coverage < 1.0):
-            raise InputError(f"Speckle coverage; got {self.coverage}; expected above 0, below 1")
-        if not (np.isfinite(self.softness) and 0.0 <= self.softness <= 0.5 * self.diameter):
-            raise InputError(
-                f"Speckle softness; got {self.softness}; expected 0 to half the diameter "
-                f"({0.5 * self.diameter:g})"
-            )
-        limits = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}
-        if self.size_law not in limits:
-            raise InputError(f"Speckle size_law; got {self.size_law!r}; expected {list(limits)}")
-        most = limits[self.size_law]
-        if not (np.isfinite(self.spread) and 0.0 <= self.spread <= most):
-            raise InputError(
-                f"Speckle spread; got {self.spread}; expected 0 to {most} with size_law "
-                f"{self.size_law!r}"
-            )
-        if self.arrangement not in ("random", "grid"):
-            raise InputError(
-                f"Speckle arrangement; got {self.arrangement!r}; expected 'random' or 'grid'"
-            )
-        if isinstance(self.seed, bool) or not (
-            isinstance(self.seed, int | np.integer) and 0 <= self.seed < 2**63
-        ):
-            raise InputError(f"Speckle seed; got {self.seed!r}; expected a whole number from 0 up")
+        half = 0.5 * self.diameter
+        expected = f"0 to half the diameter ({half:g})"
+        require(0.0 <= self.softness <= half, "Speckle softness", self.softness, expected)
+        most = WIDEST_SPREAD[self.size_law]
+        expected = f"0 to {most} with size_law {self.size_law!r}"
+        require(0.0 <= self.spread <= most, "Speckle spread", self.spread, expected)
         if self.arrangement == "grid" and not self.largest <= 0.5 * self.pitch:
             highest = self.coverage * (0.5 * self.pitch / self.largest) ** 2
             raise InputError(
@@ -159,7 +145,7 @@ class Speckle(Colored):
             share = 1.0 + np.sqrt(3.0) * self.spread * (2.0 * quantile - 1.0)
         else:
             deviation = np.sqrt(np.log1p(self.spread**2))
-            tail = 0.5 * (1.0 + _normal_share(LONGEST_TAIL))
+            tail = 0.5 * (1.0 + math.erf(LONGEST_TAIL / math.sqrt(2.0)))
             z = scipy.special.ndtri(1.0 - tail + quantile * (2.0 * tail - 1.0))
             share = np.exp(deviation * z - 0.5 * deviation**2)
         result: Float = 0.5 * self.diameter * share
@@ -182,15 +168,7 @@ class Speckle(Colored):
     def features(self, low: Float, high: Float) -> Features:
         """The discs, as features of kind 2: they may overlap."""
         centres, radius = self.discs(low, high)
-        count = len(centres)
-        return Features(
-            np.full(count, 2, np.int32),
-            centres,
-            np.zeros(count),
-            np.repeat(radius[:, None], 2, axis=1),
-            np.ones((count, 2)),
-            np.full((count, 2), grey(self.dot)),
-        )
+        return Features.alike(SECTOR, centres, radius[:, None], grey(self.dot))
 
 
 def edge_opacity(u: Float) -> Float:
@@ -219,13 +197,6 @@ def opaque_area(radius: Float, softness: float) -> Float:
 def outer_radius(radius: float, softness: float) -> float:
     """Where a soft disc ends."""
     return float(np.sqrt(radius * (radius + 2.0 * EDGE * softness)))
-
-
-def _normal_share(z: float) -> float:
-    """Probability that a normal variable lies within ``z`` standard deviations."""
-    from math import erf, sqrt
-
-    return erf(z / sqrt(2.0))
 
 
 @lru_cache(maxsize=8)
@@ -259,9 +230,8 @@ def _discs(
         place[:, 0] += 0.5 * size[0] * (cells[:, 1] % 2)
         return place + away[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1), radius
     counts = _poisson(_uniform(key, 0))
-    owner = np.repeat(np.arange(len(cells)), counts)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    own = _mix(key[owner] + GOLDEN * (number + 1).astype(np.uint64))
+    owner, number = expand(counts)
+    own = mix(key[owner] + GOLDEN * number.astype(np.uint64), 0)
     inside = np.stack([_uniform(own, 1), _uniform(own, 2)], axis=1)
     return (cells[owner] + inside) * size, speckle.radii(_uniform(own, 3))
 
@@ -273,24 +243,15 @@ def _poisson(uniform: Float) -> Long:
     return np.searchsorted(np.cumsum(terms), uniform, side="right").astype(np.int64)
 
 
-def _mix(state: Seeds) -> Seeds:
-    """SplitMix64's finalizer."""
-    with np.errstate(over="ignore"):
-        state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return state ^ (state >> np.uint64(31))
-
-
-def _key(seed: int, cells: Long) -> Seeds:
+def _key(seed: int, cells: Long) -> Hash:
     """One key per germ cell (n, 2)."""
-    key = _mix(np.full(len(cells), seed, np.uint64) + GOLDEN)
+    key = mix(np.full(len(cells), seed, np.uint64), 0)
     for axis in (0, 1):
-        key = _mix((key ^ cells[:, axis].astype(np.uint64)) + GOLDEN)
+        key = mix(key ^ cells[:, axis].astype(np.uint64), 0)
     return key
 
 
-def _uniform(key: Seeds, channel: int) -> Float:
+def _uniform(key: Hash, channel: int) -> Float:
     """Numbers in [0, 1) from keys."""
-    drawn = _mix(key + np.full(1, channel + 1, np.uint64) * GOLDEN)
-    result: Float = (drawn >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    result: Float = (mix(key, channel) >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return result

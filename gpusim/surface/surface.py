@@ -6,7 +6,7 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,12 +19,15 @@ from gpusim.surface.color import in_band
 from gpusim.surface.frames import Frame, PaintFrame, face_normals, plane_frame, used_vertices
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.topology import Topology, triangulate
-from gpusim.validation import checked
+from gpusim.validation import Rule, checked, require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["PaintFrame", "Surface", "face_normals", "plane_frame", "triangulate"]
+
+
+HalfTurn = Annotated[float, Rule("0 to pi (rad)", lambda angle: 0.0 <= angle <= np.pi)]
 
 
 @checked
@@ -62,7 +65,7 @@ class Surface:
     region: Int | None = None
     reference: Float | None = None
     frames: Mapping[str, Frame] = field(default_factory=dict)
-    smooth_angle: float = np.pi / 6
+    smooth_angle: HalfTurn = np.pi / 6
     name: str = "surface"
 
     def __post_init__(self) -> None:
@@ -71,25 +74,19 @@ class Surface:
         reference = points
         if self.reference is not None:
             reference = _points(self.reference, f"{where} reference")
-            if reference.shape != points.shape:
-                raise InputError(
-                    f"{where} reference; got {reference.shape}; expected {points.shape}"
-                )
+            fits = reference.shape == points.shape
+            require(fits, f"{where} reference", reference.shape, f"{points.shape}")
         faces = _faces(self.faces, reference, where)
         paints = self.paint if isinstance(self.paint, Mapping) else {"surface": self.paint}
-        if not paints or not all(_is_paint(p) for p in paints.values()):
+        if not paints or not all(map(_is_paint, paints.values())):
             raise InputError(
                 f"{where} paint; got {self.paint!r}; expected a Paint or at least one by region"
             )
-        if not 0.0 <= self.smooth_angle <= np.pi:
-            raise InputError(
-                f"{where} smooth_angle; got {self.smooth_angle}; expected 0 to pi (rad)"
-            )
         region = np.zeros(len(faces), np.int32) if self.region is None else np.asarray(self.region)
-        if region.dtype.kind not in "iu":
-            raise InputError(f"{where} region; got dtype {region.dtype}; expected integers")
-        if self.region is None and len(paints) > 1:
-            raise InputError(f"{where} region; got None with {len(paints)} paints; expected (F,)")
+        integers = region.dtype.kind in "iu"
+        require(integers, f"{where} region", f"dtype {region.dtype}", "integers")
+        given = self.region is not None or len(paints) == 1
+        require(given, f"{where} region", f"None with {len(paints)} paints", "(F,)")
         if region.shape != (len(faces),) or region.min() < 0 or region.max() >= len(paints):
             raise InputError(
                 f"{where} region; got shape {region.shape}, values {region.min(initial=0)} to "
@@ -100,8 +97,7 @@ class Surface:
         if not isinstance(self.frames, Mapping):
             raise InputError(f"{where} frames; got {self.frames!r}; expected a mapping by region")
         unknown = sorted(set(self.frames) - set(paints))
-        if unknown:
-            raise InputError(f"{where} frames; got regions {unknown}; expected {sorted(paints)}")
+        require(not unknown, f"{where} frames", f"regions {unknown}", f"{sorted(paints)}")
         for key, value in (
             ("points", points),
             ("reference", reference),
@@ -181,23 +177,20 @@ class Surface:
     def moved(self, points: Float) -> Surface:
         """The same surface with its vertices at ``points``; the paint stays on the material."""
         now = _points(points, f"Surface {self.name!r} points")
-        if now.shape != self.rest.shape:
-            raise InputError(
-                f"Surface {self.name!r} points; got {now.shape}; expected {self.rest.shape}"
-            )
-        frames = self._all_frames()
-        # nothing that has been checked and found for the shape at rest is done again
-        _ = self.topology, self.extents, self.inside_out
-        result = copy.copy(self)
-        object.__setattr__(result, "points", now)
-        object.__setattr__(result, "frames", frames)
-        return result
+        same = now.shape == self.rest.shape
+        require(same, f"Surface {self.name!r} points", now.shape, f"{self.rest.shape}")
+        return self._changed(points=now, frames=self._all_frames())
 
     def relative_to(self, origin: Float) -> Surface:
         """The same surface seen from ``origin`` (3,); its undeformed shape and paint stay."""
+        return self._changed(points=self.points - origin)
+
+    def _changed(self, **values: Any) -> Surface:
+        """A copy with other ``values``; what was found for the shape at rest isn't done again."""
         _ = self.topology, self.extents, self.inside_out, self._found_frames
         result = copy.copy(self)
-        object.__setattr__(result, "points", self.points - origin)
+        for name, value in values.items():
+            object.__setattr__(result, name, value)
         return result
 
     def paint_frame(self, region: int) -> Frame:
@@ -206,17 +199,14 @@ class Surface:
         if name in self.frames:
             return self.frames[name]
         if region not in self._found_frames:
-            self._found_frames[region] = self._own_frame(region, name)
+            where, own = f"Surface {self.name!r} region {name!r}", self.regions == region
+            self._found_frames[region] = plane_frame(self.rest, self.faces[own], where)
         found: Frame = self._found_frames[region]
         return found
 
     @cached_property
     def _found_frames(self) -> dict[int, Frame]:
         return {}
-
-    def _own_frame(self, region: int, name: str) -> Frame:
-        where = f"Surface {self.name!r} region {name!r}"
-        return plane_frame(self.rest, self.faces[self.regions == region], where)
 
     def _all_frames(self) -> dict[str, Frame]:
         frames = dict(self.frames)
@@ -239,10 +229,10 @@ def _has_pattern(paint: Paint) -> bool:
 def _faces(values: npt.ArrayLike, points: Float, where: str) -> Long:
     """(F, 4) numbers of the vertices at ``points``, -1 for the fourth of a triangle."""
     faces = np.asarray(values)
-    if faces.ndim != 2 or faces.shape[1] not in (3, 4) or not len(faces):
-        raise InputError(f"{where} faces; got shape {faces.shape}; expected (F, 3) or (F, 4)")
-    if not np.issubdtype(faces.dtype, np.integer):
-        raise InputError(f"{where} faces; got dtype {faces.dtype}; expected integers")
+    fits = faces.ndim == 2 and faces.shape[1] in (3, 4) and len(faces) > 0
+    require(fits, f"{where} faces", f"shape {faces.shape}", "(F, 3) or (F, 4)")
+    whole = np.issubdtype(faces.dtype, np.integer)
+    require(whole, f"{where} faces", f"dtype {faces.dtype}", "integers")
     faces = faces.astype(np.int64)
     if faces.shape[1] == 3:
         faces = np.concatenate([faces, np.full((len(faces), 1), -1)], axis=1)
@@ -266,8 +256,8 @@ def _faces(values: npt.ArrayLike, points: Float, where: str) -> Long:
 
 def _points(values: npt.ArrayLike, what: str) -> Float:
     points = np.asarray(values, np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"{what}; got shape {points.shape}; expected (P, 3)")
+    fits = points.ndim == 2 and points.shape[1] == 3
+    require(fits, what, f"shape {points.shape}", "(P, 3)")
     if not np.isfinite(points).all():
         row = int(np.argmax(~np.isfinite(points).all(axis=1)))
         raise InputError(f"{what} row {row}; got {points[row].tolist()}; expected finite numbers")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.validation import checked, real_numbers
+from gpusim.validation import Portion, Positive, checked, one_of, real_numbers, require, within
 
 K = np.array([[30.0, 0.0, 5.0], [0.0, 31.0, 3.5], [0.0, 0.0, 1.0]])
 CORNERS = np.array([[-1.0, -0.7, 4.0], [1.1, -0.6, 4.0], [0.2, 0.9, 4.3]])
@@ -89,7 +89,10 @@ def test_wrong_types_are_input_errors(name: str) -> None:
         (lambda: gs.Lens(fill_factor="a"), "Lens fill_factor; got 'a'; expected a number"),
         (lambda: gs.Shutter("a"), "Shutter exposure_time; got 'a'; expected a number"),
         (lambda: gs.Shutter(samples=2.5), "got 2.5; expected a whole number or None"),
-        (lambda: gs.PointLight("here", 1.0), "position; got here; expected three finite"),
+        (
+            lambda: gs.PointLight("here", 1.0),
+            "position; got 'here'; expected 3 numbers: three finite",
+        ),
         (lambda: gs.PointLight((0, 0, 1), "60 W"), "power; got '60 W'; expected a number"),
         (lambda: gs.PointLight((0, 0, 1), 1.0, shadows="no"), "'no'; expected True or False"),
         (lambda: a_photograph(shuter=None), "'shuter'; expected some of surfaces, camera"),
@@ -126,6 +129,46 @@ def test_annotations_that_say_nothing_checkable_are_left_alone() -> None:
     assert join("anything") == "anything 1.0 None"  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"join label; got 3; expected a text or None"):
         join({}, label=3)  # type: ignore[arg-type]
+
+
+@checked
+def mixed(
+    share: Portion,
+    scale: Positive | Annotated[str, one_of("auto")] = "auto",
+    *,
+    count: Annotated[int, within(2, 9, "parts")] | None = None,
+) -> str:
+    return f"{share} {scale} {count}"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"share": 0.0}, "mixed share; got 0.0; expected above 0, up to 1"),
+        ({"share": np.nan}, "mixed share; got nan; expected above 0, up to 1"),
+        ({"share": "a"}, "mixed share; got 'a'; expected a number: above 0, up to 1"),
+        ({"scale": np.inf}, "mixed scale; got inf; expected above 0 or 'auto'"),
+        ({"scale": "much"}, "mixed scale; got 'much'; expected above 0 or 'auto'"),
+        ({"scale": []}, "mixed scale; got []; expected a number or a text: above 0 or 'auto'"),
+        ({"count": 1}, "mixed count; got 1; expected 2 to 9 parts"),
+        ({"count": 2.5}, "mixed count; got 2.5; expected a whole number or None: 2 to 9 parts"),
+    ],
+)
+def test_rules_beside_types_are_checked(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        mixed(**{"share": 0.5, **arguments})
+    assert str(caught.value) == message
+    assert mixed(1.0, 2, count=9) == "1.0 2 9" and mixed(0.1) == "0.1 auto None"
+
+
+def test_one_number_in_an_array_is_a_number() -> None:
+    assert hash(gs.paint.Checker(np.array(0.2))) == hash(gs.paint.Checker(0.2))
+
+
+def test_what_is_required_is_said_in_one_form() -> None:
+    require(True, "x", 1, "2")
+    with pytest.raises(InputError, match=r"^x; got 1; expected 2$"):
+        require(False, "x", 1, "2")
 
 
 def test_a_mesh_and_a_surface_are_shown_by_their_counts() -> None:

@@ -12,13 +12,14 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.validation import require
 
 Document = dict[str, Any]
 
@@ -47,15 +48,14 @@ def read_document(text: str, where: str) -> Document:
             raise InputError(f"{where}; got {error}; expected well-formed JSON") from None
     else:
         found = _Block(list(_lines(text, where)), where).value(-1, 0)
-    if not isinstance(found, dict):
-        raise InputError(f"{where}; got no keys; expected a calibration's")
-    return found
+    require(isinstance(found, dict), where, "no keys", "a calibration's")
+    return cast(Document, found)
 
 
 def xml_root(text: str, where: str) -> ET.Element:
     """The root of an XML text. Raises InputError if it isn't well-formed, or declares entities."""
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(f"{where}; got a document type; expected XML without one")
+    plain = "<!DOCTYPE" not in text and "<!ENTITY" not in text
+    require(plain, where, "a document type", "XML without one")
     try:
         return ET.fromstring(text)
     except (ET.ParseError, ValueError) as error:  # ValueError: an unknown encoding
@@ -64,8 +64,7 @@ def xml_root(text: str, where: str) -> ET.Element:
 
 def _from_xml(element: ET.Element, where: str, depth: int) -> Any:
     """Children by name, a list of those named "_", or numbers and words between blanks."""
-    if depth > DEEPEST:
-        raise InputError(f"{where}; got more than {DEEPEST} levels; expected a calibration")
+    require(depth <= DEEPEST, where, f"more than {DEEPEST} levels", "a calibration")
     if not len(element):
         words = [_scalar(word) for word in (element.text or "").split()]
         if len(words) != 1 and not all(isinstance(word, float) for word in words):
@@ -99,8 +98,7 @@ def _lines(text: str, where: str) -> Iterator[_Line]:
         if depth <= 0:
             depth = 0
             yield _Line(first, indent, " ".join(parts))
-    if depth:
-        raise InputError(f"{where} line {first}; got a bracket that isn't closed; expected ]")
+    require(not depth, f"{where} line {first}", "a bracket that isn't closed", "]")
 
 
 def _bare(line: str) -> str:
@@ -174,44 +172,27 @@ class _Block:
             raise self._fault(self.lines[self.at], f"{indent} blanks before it")
 
     def _flow(self, line: _Line, text: str) -> Any:
-        """A value in one line: a word, or lists and maps in brackets."""
+        """A value in one line: a word, or lists and maps in brackets, which are nearly JSON."""
         if text[0] not in "[{\"'":
             return self._word(line, text)
         words = _WORD.findall(text)
         if "".join(words).replace(" ", "") != text.replace(" ", ""):
             raise self._fault(line, "words, numbers and brackets")
-        found, end = self._part(line, words, 0, 0)
-        if end != len(words):
-            raise self._fault(line, "one value")
-        return found
-
-    def _part(self, line: _Line, words: list[str], at: int, depth: int) -> tuple[Any, int]:
-        if depth > DEEPEST or at >= len(words) or words[at] in "]},:":
-            raise self._fault(line, f"values in brackets, at most {DEEPEST} deep")
-        begin = words[at]
-        if begin not in "[{":
-            return self._word(line, begin.strip()), at + 1
-        close = "]" if begin == "[" else "}"
-        values: list[Any] = []
-        keys: list[str] = []
-        at += 1
-        while at < len(words) and words[at] != close:
-            if begin == "{":
-                if words[at] in "[]{},:" or at + 1 >= len(words) or words[at + 1] != ":":
-                    raise self._fault(line, "{key: value, …}")
-                keys.append(_unquoted(words[at].strip()))
-                at += 2
-            value, at = self._part(line, words, at, depth + 1)
-            values.append(value)
-            if at < len(words) and words[at] == ",":
-                at += 1
-            elif at >= len(words) or words[at] != close:
-                raise self._fault(line, f"',' or {close!r}")
-        if at >= len(words):
-            raise self._fault(line, f"{close!r}")
-        if begin == "[":
-            return values, at + 1
-        return dict(zip(keys, values, strict=True)), at + 1
+        written, depth = [""], 0
+        for word, after in zip(words, [*words[1:], ""], strict=True):
+            depth += (word in "[{") - (word in "]}")
+            if depth > DEEPEST:
+                raise self._fault(line, f"values in brackets, at most {DEEPEST} deep")
+            if word == "," and after in ("]", "}") and written[-1] not in "[{,:":
+                continue  # YAML's lists may end with a comma
+            if word not in "[]{},:":
+                value = _unquoted(word.strip()) if after == ":" else self._word(line, word.strip())
+                word = json.dumps(value)
+            written.append(word)
+        try:
+            return json.loads("".join(written))
+        except ValueError:
+            raise self._fault(line, "one value: [a, b, …] or {key: value, …}") from None
 
     def _word(self, line: _Line, text: str) -> Any:
         if text[0] in "&*|>@`":
@@ -261,12 +242,12 @@ def make(
             "read_calibration(path, size=(columns, rows))"
         )
     matrix = np.asarray(R, np.float64)
-    if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
-        raise InputError(f"{where}: rotation; got shape {matrix.shape}; expected finite (3, 3)")
+    fits = matrix.shape == (3, 3) and np.isfinite(matrix).all()
+    require(fits, f"{where}: rotation", f"shape {matrix.shape}", "finite (3, 3)")
     u, _, v = np.linalg.svd(matrix)
     turn = u @ v
-    if not (np.abs(turn - matrix).max() <= 1e-3 and np.linalg.det(turn) > 0.0):
-        raise InputError(f"{where}: rotation; got {matrix.tolist()}; expected a rotation matrix")
+    fits = np.abs(turn - matrix).max() <= 1e-3 and np.linalg.det(turn) > 0.0
+    require(fits, f"{where}: rotation", matrix.tolist(), "a rotation matrix")
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turn, np.asarray(T, np.float64).reshape(3)
     values = np.ravel(np.asarray(distortion, np.float64))
@@ -282,8 +263,7 @@ def number(text: object, where: str) -> float:
         value = float(str(text))
     except ValueError:
         value = np.nan
-    if not np.isfinite(value):
-        raise InputError(f"{where}; got {str(text).strip()!r}; expected a number")
+    require(np.isfinite(value), where, repr(str(text).strip()), "a number")
     return value
 
 
@@ -325,10 +305,8 @@ def five(camera: Camera, where: str, tangential: bool = True) -> Float:
     values = np.zeros(14)
     if camera.distortion is not None:
         values[: len(camera.distortion)] = camera.distortion
-    if values[5:].any() or (values[2:4].any() and not tangential):
-        allowed = "k1 k2 k3" + (" p1 p2" if tangential else "")
-        raise InputError(
-            f"{where}: camera {camera.name!r} distortion; got {values.tolist()}; expected only "
-            f"{allowed}, which is all that this format holds"
-        )
+    fits = not values[5:].any() and (tangential or not values[2:4].any())
+    allowed = "k1 k2 k3" + (" p1 p2" if tangential else "")
+    expected = f"only {allowed}, which is all that this format holds"
+    require(fits, f"{where}: camera {camera.name!r} distortion", values.tolist(), expected)
     return values[:5]

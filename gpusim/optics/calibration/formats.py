@@ -26,6 +26,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
@@ -42,30 +43,32 @@ from gpusim.optics.calibration.rig_formats import (
     write_vic,
 )
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.validation import require
 
 Size = tuple[int, int] | None
 Source = str | PathLike[str] | InputFile
 
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
 """Metres in each unit of length that a file may have."""
-_HABIT = {"opencv": "mm", "kalibr": "m", "matchid": "mm", "vic": "mm", "dice": "mm"}
-"""A format's unit where a file doesn't say it; OpenCV's is that of the board, mostly mm."""
 _STATED = re.compile(r"""\blength_unit\b["'>:\s]*([A-Za-z]+)""")
 
 LONGEST, LONGEST_MESSAGE = 4_000_000, 800  # bytes, characters
 
-_READ: dict[str, Callable[[str, str, Size], list[Camera]]] = {
-    "opencv": read_opencv,
-    "kalibr": read_kalibr,
-    "matchid": read_matchid,
-    "vic": read_vic,
-    "dice": read_dice,
-}
-_WRITE: dict[str, Callable[[Sequence[Camera], str], str]] = {
-    "kalibr": write_kalibr,
-    "matchid": write_matchid,
-    "vic": write_vic,
-    "dice": write_dice,
+
+class _Format(NamedTuple):
+    """How a program's files are read and written, and the unit where they don't say it."""
+
+    read: Callable[[str, str, Size], list[Camera]]
+    write: Callable[[Sequence[Camera], str, str], str]
+    unit: str
+
+
+_FORMATS = {
+    "opencv": _Format(read_opencv, write_opencv, "mm"),  # that of the board, mostly
+    "kalibr": _Format(read_kalibr, write_kalibr, "m"),
+    "matchid": _Format(read_matchid, write_matchid, "mm"),
+    "vic": _Format(read_vic, write_vic, "mm"),
+    "dice": _Format(read_dice, write_dice, "mm"),
 }
 
 
@@ -94,7 +97,7 @@ def calibration_format(source: Source) -> str:
         return "opencv"
     raise InputError(
         f"calibration file {file.path}; got neither its suffix nor its contents known; expected "
-        f"one of {sorted(_READ)}"
+        f"one of {sorted(_FORMATS)}"
     )
 
 
@@ -157,7 +160,7 @@ def _read_rig(source: Source, size: Size, unit: str | None) -> tuple[list[Camera
             other = _text(_read(partner))
             document = read_document(other, str(partner)) | document
         return cameras_of(document, where, size), UNITS[name]
-    return _READ[kind](text, where, size), UNITS[name]
+    return _FORMATS[kind].read(text, where, size), UNITS[name]
 
 
 def write_calibration(
@@ -190,10 +193,8 @@ def write_calibration(
     >>> gs.read_calibration("rig.yml")[0].eye.round(6) + 0.0
     array([0., 0., 2.])
     """
-    if format not in _READ:
-        raise InputError(f"write_calibration format; got {format!r}; expected {sorted(_READ)}")
-    if not cameras:
-        raise InputError("write_calibration cameras; got none; expected at least one")
+    require(format in _FORMATS, "write_calibration format", repr(format), f"{sorted(_FORMATS)}")
+    require(len(cameras) > 0, "write_calibration cameras", "none", "at least one")
     for camera in cameras:
         if not isinstance(camera, Camera):
             raise InputError(f"write_calibration cameras; got {camera!r}; expected a Camera")
@@ -203,15 +204,13 @@ def write_calibration(
                 "format holds a lens with an axis of its own"
             )
     names = [camera.name for camera in cameras]
-    if len(set(names)) < len(names) and format == "opencv":
-        raise InputError(f"write_calibration cameras; got names {names}; expected different ones")
-    own = unit or ("m" if format == "opencv" else _HABIT[format])
-    able = list(UNITS) if format == "opencv" else [_HABIT[format]]
-    if own not in able:
-        raise InputError(f"write_calibration unit; got {own!r}; expected {' or '.join(able)}")
+    distinct = len(set(names)) == len(names) or format != "opencv"
+    require(distinct, "write_calibration cameras", f"names {names}", "different ones")
+    own = unit or ("m" if format == "opencv" else _FORMATS[format].unit)
+    able = list(UNITS) if format == "opencv" else [_FORMATS[format].unit]
+    require(own in able, "write_calibration unit", repr(own), " or ".join(able))
     scaled = [_scaled(camera, 1.0 / UNITS[own]) for camera in cameras]
-    where = f"write_calibration {path}"
-    text = write_opencv(scaled, where, own) if format == "opencv" else _WRITE[format](scaled, where)
+    text = _FORMATS[format].write(scaled, f"write_calibration {path}", own)
     Path(path).write_text(text, encoding="utf-8")
 
 
@@ -223,18 +222,18 @@ def _scaled(camera: Camera, factor: float) -> Camera:
 
 def _unit(text: str, kind: str, where: str, given: str | None) -> str:
     """The unit that a file states, else the one given, else its format's."""
-    if given is not None and given not in UNITS:
-        raise InputError(f"calibration unit; got {given!r}; expected {', '.join(UNITS)}")
+    known = given is None or given in UNITS
+    require(known, "calibration unit", repr(given), ", ".join(UNITS))
     match = _STATED.search(text)
     stated = match[1] if match else None
     if '"camera_from_first_mm"' in text:
         stated = "mm"
-    if stated is not None and stated not in UNITS:
-        raise InputError(f"{where}: length_unit; got {stated!r}; expected {', '.join(UNITS)}")
-    if stated and given and stated != given:
-        raise InputError(f"{where}: length_unit; got {stated} there, and unit {given}; expected "
-                         "the unit of the file")  # fmt: skip
-    return stated or given or _HABIT[kind]
+    known = stated is None or stated in UNITS
+    require(known, f"{where}: length_unit", repr(stated), ", ".join(UNITS))
+    one = not (stated and given) or stated == given
+    got = f"{stated} there, and unit {given}"
+    require(one, f"{where}: length_unit", got, "the unit of the file")
+    return stated or given or _FORMATS[kind].unit
 
 
 def _partner(path: Path) -> Path | None:
@@ -251,6 +250,6 @@ def _read(source: Source) -> InputFile:
 
 
 def _text(file: InputFile) -> str:
-    if len(file.data) > LONGEST:
-        raise InputError(f"{file.path}; got {len(file.data)} bytes; expected a calibration file")
+    size = len(file.data)
+    require(size <= LONGEST, f"{file.path}", f"{size} bytes", "a calibration file")
     return file.text("a readable text: a calibration file")

@@ -12,6 +12,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.calibration.document import Document, make, number, pose_of, read_document
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.validation import require
 
 Size = tuple[int, int] | None
 
@@ -145,10 +146,9 @@ def _single(node: Document, where: str, name: str, size: Size) -> Camera:
 def _check_lens(node: Document, bent: Float | None, where: str, key: str) -> None:
     """Refuse lens models that aren't OpenCV's, and coefficients under a name that isn't known."""
     model = node.get("distortion_model", "")
-    if not isinstance(model, str) or model.lower() not in _MODELS:
-        raise InputError(
-            f"{where}: distortion_model; got {model!r}; expected plumb_bob or rational_polynomial"
-        )
+    known = isinstance(model, str) and model.lower() in _MODELS
+    expected = "plumb_bob or rational_polynomial"
+    require(known, f"{where}: distortion_model", repr(model), expected)
     unknown = [k for k in node if "dist" in k.lower() and k != "distortion_model"]
     if bent is None and unknown:
         raise InputError(f"{where}: {unknown[0]}; got an unknown key; expected {key}")
@@ -158,14 +158,13 @@ def _rotation(R: Float, where: str) -> Float:
     """A matrix, or a Rodrigues vector turned into one."""
     if R.size == 3:
         return np.asarray(cv2.Rodrigues(R.reshape(3, 1))[0], np.float64)
-    if R.shape != (3, 3):
-        raise InputError(f"{where}: R; got shape {R.shape}; expected (3, 3) or a vector of three")
+    fits = R.shape == (3, 3)
+    require(fits, f"{where}: R", f"shape {R.shape}", "(3, 3) or a vector of three")
     return R
 
 
 def _vector(T: Float, where: str) -> Float:
-    if T.size != 3:
-        raise InputError(f"{where}: T; got {T.size} numbers; expected 3")
+    require(T.size == 3, f"{where}: T", f"{T.size} numbers", "3")
     return T.ravel()
 
 
@@ -179,28 +178,23 @@ def _matrix(node: Document, keys: Sequence[str], where: str) -> Float | None:
         return _nested(value, place)
     sides = []
     for side in ("rows", "cols"):
-        count = number(value.get(side, "nothing"), f"{place}.{side}")
-        if not (count == int(count) and 1 <= count <= LARGEST):
-            raise InputError(f"{place}.{side}; got {count:g}; expected 1 to {LARGEST}")
-        sides.append(int(count))
-    if "data" not in value:
-        raise InputError(f"{place}.data; got nothing; expected {sides[0] * sides[1]} numbers")
+        count = value.get(side, "nothing")
+        sides.append(_whole(count, f"{place}.{side}", 1, LARGEST, f"1 to {LARGEST}"))
+    size = sides[0] * sides[1]
+    require("data" in value, f"{place}.data", "nothing", f"{size} numbers")
     data = _nested(value["data"], f"{place}.data").ravel()
-    if data.size != sides[0] * sides[1]:
-        raise InputError(
-            f"{place}.data; got {data.size} numbers; expected {sides[0] * sides[1]}, as rows x cols"
-        )
+    got = f"{data.size} numbers"
+    require(data.size == size, f"{place}.data", got, f"{size}, as rows x cols")
     return data.reshape(sides)
 
 
 def _nested(value: Any, place: str) -> Float:
     """A number, a list of numbers, or a list of rows."""
     rows = value if isinstance(value, list) else [value]
-    if len(rows) > LARGEST**2:
-        raise InputError(f"{place}; got {len(rows)} entries; expected a small matrix")
+    require(len(rows) <= LARGEST**2, place, f"{len(rows)} entries", "a small matrix")
     if rows and all(isinstance(row, list) for row in rows):
-        if len({len(row) for row in rows}) != 1:
-            raise InputError(f"{place}; got rows of different lengths; expected a matrix")
+        even = len({len(row) for row in rows}) == 1
+        require(even, place, "rows of different lengths", "a matrix")
         return np.array([[number(entry, place) for entry in row] for row in rows])
     return np.array([number(entry, place) for entry in rows])
 
@@ -220,9 +214,12 @@ def _size(node: Document, where: str) -> Size:
 
 
 def _side(value: Any, place: str) -> int:
+    return _whole(value, place, 1, WIDEST, "a whole number of pixels")
+
+
+def _whole(value: Any, place: str, least: int, most: int, expected: str) -> int:
     found = number(value, place)
-    if not (found == int(found) and 1 <= found <= WIDEST):
-        raise InputError(f"{place}; got {found:g}; expected a whole number of pixels")
+    require(found == int(found) and least <= found <= most, place, f"{found:g}", expected)
     return int(found)
 
 
@@ -316,7 +313,4 @@ def _read_side(
 
 
 def _count(node: Document, key: str, where: str) -> int:
-    found = number(node.get(key, 0), f"{where}.{key}")
-    if not (found == int(found) and 0 <= found <= 1_000_000):
-        raise InputError(f"{where}.{key}; got {found:g}; expected a whole number of pixels")
-    return int(found)
+    return _whole(node.get(key, 0), f"{where}.{key}", 0, WIDEST, "a whole number of pixels")

@@ -24,6 +24,7 @@ from gpusim.optics.calibration.document import (
     xml_root,
 )
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.validation import require
 
 Size = tuple[int, int] | None
 LONGEST_LABEL = 100
@@ -41,9 +42,8 @@ def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
             ("camera_model", ("pinhole",)),
             ("distortion_model", ("radtan", "none")),
         ):
-            if values.get(model) not in allowed:
-                got = values.get(model)
-                raise InputError(f"{key}.{model}; got {got!r}; expected {' or '.join(allowed)}")
+            got = values.get(model)
+            require(got in allowed, f"{key}.{model}", repr(got), " or ".join(allowed))
         fx, fy, cx, cy = _row(values, "intrinsics", 4, key)
         width, height = _row(values, "resolution", 2, key)
         bent = values["distortion_model"] == "radtan"
@@ -51,10 +51,13 @@ def read_kalibr(text: str, where: str, size: Size) -> list[Camera]:
         if cameras:
             step = np.array(_row(values, "T_cn_cnm1", 16, key)).reshape(4, 4)
             pose = step @ pose
-        K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        shape = (int(width), int(height))
+        K, shape = _intrinsics(fx, fy, cx, cy), (int(width), int(height))
         cameras.append(make(key, name, shape, K, coefficients, pose[:3, :3], pose[:3, 3]))
     return cameras
+
+
+def _intrinsics(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> Float:
+    return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
 
 def _chain(document: Document, where: str) -> list[tuple[str, Any]]:
@@ -73,19 +76,17 @@ def _chain(document: Document, where: str) -> list[tuple[str, Any]]:
 
 def _row(values: Document, key: str, count: int, where: str) -> list[float]:
     """Numbers in one list, or in a list of rows."""
-    if key not in values:
-        raise InputError(f"{where}.{key}; got nothing; expected {count} numbers")
+    require(key in values, f"{where}.{key}", "nothing", f"{count} numbers")
     rows = values[key] if isinstance(values[key], list) else [values[key]]
     words = [word for row in rows for word in (row if isinstance(row, list) else [row])]
     found = [number(word, f"{where}.{key}") for word in words]
-    if len(found) != count:
-        raise InputError(f"{where}.{key}; got {len(found)} numbers; expected {count}")
+    require(len(found) == count, f"{where}.{key}", f"{len(found)} numbers", f"{count}")
     return found
 
 
-def write_kalibr(cameras: Sequence[Camera], where: str) -> str:
+def write_kalibr(cameras: Sequence[Camera], where: str, unit: str) -> str:
     """The first camera becomes the world; no skew and no k3."""
-    lines = ["# length_unit: m"]  # a key of its own would be taken for a camera
+    lines = [f"# length_unit: {unit}"]  # a key of its own would be taken for a camera
     for index, camera in enumerate(cameras):
         values = five(camera, where)
         if values[4] != 0.0 or camera.K[0, 1] != 0.0:
@@ -138,8 +139,7 @@ def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
         for needed in ("fx", "fy", "cx", "cy"):
             if needed not in own:
                 raise InputError(f"{where}: Cam{camera}_{needed.capitalize()}; got nothing")
-        K = np.array([[own["fx"], own.get("fs", 0.0), own["cx"]], [0.0, own["fy"], own["cy"]],
-                      [0.0, 0.0, 1.0]])  # fmt: skip
+        K = _intrinsics(own["fx"], own["fy"], own["cx"], own["cy"], own.get("fs", 0.0))
         coefficients = [own.get(k, 0.0) for k in ("kappa1", "kappa2", "p1", "p2", "kappa3")]
         R, T = np.eye(3), np.zeros(3)
         if index:
@@ -150,10 +150,9 @@ def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
     return cameras
 
 
-def write_matchid(cameras: Sequence[Camera], where: str) -> str:
+def write_matchid(cameras: Sequence[Camera], where: str, unit: str) -> str:
     """One or two cameras; the first one's frame becomes the world."""
-    if len(cameras) > 2:
-        raise InputError(f"{where}: cameras; got {len(cameras)}; expected one or two for MatchID")
+    require(len(cameras) <= 2, f"{where}: cameras", len(cameras), "one or two for MatchID")
     lines = []
     for index, camera in enumerate(cameras):
         k1, k2, p1, p2, k3 = five(camera, where)
@@ -198,19 +197,18 @@ def read_vic(text: str, where: str, size: Size) -> list[Camera]:
         if len(values) < 14 or any(values[14:]):
             raise InputError(f"{key}; got {len(values)} numbers; expected 14: {_VIC}")
         cx, cy, fx, fy, fs, k1, k2, k3 = values[:8]
-        K = np.array([[fx, fs, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        K = _intrinsics(fx, fy, cx, cy, fs)
         R, T = from_angles(*values[8:11]), np.array(values[11:14])
         shape = sizes[len(cameras)] if len(cameras) < len(sizes) else size
         cameras.append(make(key, f"camera {name}", shape, K, [k1, k2, 0.0, 0.0, k3], R, T))
-    if not cameras:
-        raise InputError(f"{where}: <camera>; got none; expected at least one")
+    require(len(cameras) > 0, f"{where}: <camera>", "none", "at least one")
     return cameras
 
 
-def write_vic(cameras: Sequence[Camera], where: str) -> str:
+def write_vic(cameras: Sequence[Camera], where: str, unit: str) -> str:
     """As `read_vic` reads them; no tangential distortion."""
     root = ET.Element("calibration")
-    root.append(ET.Comment(" length_unit: mm "))
+    root.append(ET.Comment(f" length_unit: {unit} "))
     for index, camera in enumerate(cameras):
         root.append(ET.Comment(f" image_size: {camera.width} x {camera.height} "))
         k1, k2, _, _, k3 = five(camera, where, tangential=False)
@@ -235,19 +233,15 @@ def read_dice(text: str, where: str, size: Size) -> list[Camera]:
         key = f"{where}: {name}"
         words = {p.get("name", "").upper(): p.get("value", "") for p in block.findall("Parameter")}
         model = words.get("LENS_DISTORTION_MODEL", "OPENCV_LENS_DISTORTION").strip().upper()
-        if model not in ("OPENCV_LENS_DISTORTION", "NO_LENS_DISTORTION", "NONE"):
-            raise InputError(
-                f"{key} LENS_DISTORTION_MODEL; got {model}; expected OPENCV_LENS_DISTORTION or "
-                "NO_LENS_DISTORTION"
-            )
+        known = model in ("OPENCV_LENS_DISTORTION", "NO_LENS_DISTORTION", "NONE")
+        expected = "OPENCV_LENS_DISTORTION or NO_LENS_DISTORTION"
+        require(known, f"{key} LENS_DISTORTION_MODEL", model, expected)
         for needed in ("FX", "FY", "CX", "CY"):
-            if needed not in words:
-                raise InputError(f"{key} {needed}; got nothing; expected a number")
+            require(needed in words, f"{key} {needed}", "nothing", "a number")
         values = {k: number(words.get(k, 0.0), f"{key} {k}")
                   for k in (*_DICE, "FX", "FY", "CX", "CY", "FS", "TX", "TY", "TZ",
                             "ALPHA", "BETA", "GAMMA")}  # fmt: skip
-        K = np.array([[values["FX"], values["FS"], values["CX"]],
-                      [0.0, values["FY"], values["CY"]], [0.0, 0.0, 1.0]])  # fmt: skip
+        K = _intrinsics(*(values[key] for key in ("FX", "FY", "CX", "CY", "FS")))
         R = from_angles(values["ALPHA"], values["BETA"], values["GAMMA"])
         for matrix in block.findall("ParameterList"):
             if matrix.get("name") == "rotation_3x3_matrix":
@@ -264,15 +258,14 @@ def read_dice(text: str, where: str, size: Size) -> list[Camera]:
         T = np.array([values["TX"], values["TY"], values["TZ"]])
         label = words.get("CAMERA_ID", "").strip() or name
         cameras.append(make(key, label, shape, K, bent, R, T))
-    if not cameras:
-        raise InputError(f"{where}: CAMERA 0; got none; expected at least one camera")
+    require(len(cameras) > 0, f"{where}: CAMERA 0", "none", "at least one camera")
     return cameras
 
 
-def write_dice(cameras: Sequence[Camera], where: str) -> str:
+def write_dice(cameras: Sequence[Camera], where: str, unit: str) -> str:
     """A camera system of type OPENCV with rotation matrices."""
     root = ET.Element("ParameterList")
-    root.append(ET.Comment(" length_unit: mm "))
+    root.append(ET.Comment(f" length_unit: {unit} "))
 
     def put(parent: ET.Element, name: str, kind: str, value: str) -> None:
         ET.SubElement(parent, "Parameter", name=name, type=kind, value=value)
@@ -303,8 +296,7 @@ def write_dice(cameras: Sequence[Camera], where: str) -> str:
 
 def _braces(text: str, where: str, count: int) -> list[float]:
     values = [number(word, where) for word in text.strip().strip("{}").split(",")]
-    if len(values) != count:
-        raise InputError(f"{where}; got {text!r}; expected {count} numbers in braces")
+    require(len(values) == count, where, repr(text), f"{count} numbers in braces")
     return values
 
 

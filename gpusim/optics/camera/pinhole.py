@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +19,13 @@ from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.camera.distortion import Distortion
-from gpusim.validation import checked, real_numbers
+from gpusim.validation import Portion, checked, real_numbers, require, within
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+Sides = Annotated[int, within(1, 65535, "pixels")]
 
 
 def _identity() -> Float:
@@ -60,51 +63,36 @@ class Camera:
     array([[160., 100.]])
     """
 
-    width: int
-    height: int
+    width: Sides
+    height: Sides
     K: Float
     distortion: Sequence[float] | Float | None = None
     camera_from_world: Float = field(default_factory=_identity)
     name: str = "camera"
     lens_K: Float | None = None
-    pixel_side: float = 1.0
+    pixel_side: Portion = 1.0
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
         where = f"Camera {self.name!r}"
-        for key, value in (("width", self.width), ("height", self.height)):
-            whole = isinstance(value, int | float | np.integer | np.floating)
-            if not (whole and 1 <= value <= 65535 and int(value) == value):
-                raise InputError(f"{where} {key}; got {value}; expected 1 to 65535 pixels")
-            object.__setattr__(self, key, int(value))
-        K = _matrix(self.K, f"{where} K")
-        if K.shape != (3, 3) or not np.isfinite(K).all():
-            raise InputError(f"{where} K; got shape {K.shape}; expected finite (3, 3)")
+        for key in ("width", "height"):
+            object.__setattr__(self, key, int(getattr(self, key)))
+        K = _matrix(self.K, (3, 3), f"{where} K")
         if not (K[0, 0] > 0 and K[1, 1] > 0) or K[1, 0] != 0 or (K[2] != [0, 0, 1]).any():
             raise InputError(
                 f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
                 "with fx, fy above 0"
             )
         through = K if self.lens_K is None else np.asarray(self.lens_K, np.float64)
-        if through.shape != (3, 3) or not np.array_equal(through[:, :2], K[:, :2]):
-            raise InputError(
-                f"{where} lens_K; got {through.tolist()}; expected K with another principal point"
-            )
-        T = _matrix(self.camera_from_world, f"{where} camera_from_world")
-        if T.shape != (4, 4) or not np.isfinite(T).all():
-            raise InputError(
-                f"{where} camera_from_world; got shape {T.shape}; expected finite (4, 4)"
-            )
+        fits = through.shape == (3, 3) and np.array_equal(through[:, :2], K[:, :2])
+        expected = "K with another principal point"
+        require(fits, f"{where} lens_K", through.tolist(), expected)
+        T = _matrix(self.camera_from_world, (4, 4), f"{where} camera_from_world")
         R = T[:3, :3]
         rigid = np.abs(R @ R.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(R) > 0
-        if not rigid or (T[3] != [0, 0, 0, 1]).any():
-            raise InputError(
-                f"{where} camera_from_world; got {T.tolist()}; expected a rotation and translation"
-            )
-        if not 0.0 < self.pixel_side <= 1.0:
-            raise InputError(
-                f"{where} pixel_side; got {self.pixel_side}; expected above 0, up to 1"
-            )
+        rigid = rigid and bool((T[3] == [0, 0, 0, 1]).all())
+        expected = "a rotation and translation"
+        require(rigid, f"{where} camera_from_world", T.tolist(), expected)
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "camera_from_world", T)
         if self.distortion is not None:
@@ -228,8 +216,8 @@ class Camera:
         """
         where = f"Camera {name!r}"
         numbers = [*sensor_mm, focal_mm]
-        if not all(np.isfinite(v) and v > 0 for v in numbers):
-            raise InputError(f"{where} sensor_mm, focal_mm; got {numbers}; expected above 0")
+        fits = all(0 < v < np.inf for v in numbers)
+        require(fits, f"{where} sensor_mm, focal_mm", numbers, "above 0")
         width, height = resolution
         eye3, target3, up3 = (
             real_numbers(value, f"{where} {key}")
@@ -241,10 +229,8 @@ class Camera:
             ("up", up3, (3,)),
             ("principal_point_offset_mm", np.asarray(principal_point_offset_mm), (2,)),
         ):
-            if vector.shape != shape or not np.isfinite(vector).all():
-                raise InputError(
-                    f"{where} {key}; got {vector.tolist()}; expected {shape[0]} finite numbers"
-                )
+            fits = vector.shape == shape and bool(np.isfinite(vector).all())
+            require(fits, f"{where} {key}", vector.tolist(), f"{shape[0]} finite numbers")
         forward = target3 - eye3
         distance = np.linalg.norm(forward)
         if not distance > 0.0:
@@ -283,8 +269,8 @@ class Camera:
     def project(self, X: npt.ArrayLike) -> Float:
         """World points (…, 3) to pixel coordinates (…, 2); NaN for points not in front."""
         points = real_numbers(X, "project")
-        if points.shape[-1:] != (3,):
-            raise InputError(f"project; got points of shape {points.shape}; expected (…, 3)")
+        fits = points.shape[-1:] == (3,)
+        require(fits, "project", f"points of shape {points.shape}", "(…, 3)")
         Xc = self.to_camera(points)
         z = Xc[..., 2]
         z = np.where(z > 0.0, z, np.nan)
@@ -330,15 +316,14 @@ class Camera:
         return result
 
 
-def _matrix(values: npt.ArrayLike, where: str) -> Float:
-    try:
-        return np.asarray(values, np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}; got {values!r}; expected a matrix of numbers") from None
+def _matrix(values: npt.ArrayLike, shape: tuple[int, int], where: str) -> Float:
+    matrix = real_numbers(values, where)
+    fits = matrix.shape == shape and np.isfinite(matrix).all()
+    require(fits, where, f"shape {matrix.shape}", f"finite {shape}")
+    return matrix
 
 
 def _pixels(values: npt.ArrayLike, what: str) -> Float:
     pixels = real_numbers(values, what)
-    if pixels.shape[-1:] != (2,):
-        raise InputError(f"{what}; got pixels of shape {pixels.shape}; expected (…, 2)")
+    require(pixels.shape[-1:] == (2,), what, f"pixels of shape {pixels.shape}", "(…, 2)")
     return pixels

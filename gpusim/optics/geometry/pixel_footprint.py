@@ -99,6 +99,19 @@ def grazing_reach(
     return result if widest > result else None
 
 
+def piece_of_pixel(
+    ex: Float, ey: Float, q: Float, middle: tuple[float, float], count: tuple[int, int]
+) -> tuple[Float, Float, Float, Float]:
+    """One of ``count`` (columns, rows) pieces of footprints, its ``middle`` so far (of a pixel)
+    from theirs: 1 / depth (n, 1), relative, where it moves to, and its sides, (n, 2) each.
+
+    ``ex``, ``ey``: sides of the whole; ``q`` (n, 2): the relative change of 1 / z along them.
+    """
+    w = 1.0 / (1.0 + q @ np.array(middle))[:, None]
+    move = (middle[0] * ex + middle[1] * ey) * w
+    return w, move, (ex - move * q[:, :1]) * (w / count[0]), (ey - move * q[:, 1:]) * (w / count[1])
+
+
 def _lesser_axis(sides: Float) -> Float:
     """The smaller singular value (…,) of 2 x 2 matrices (…, 2, 2)."""
     square = (sides**2).sum(axis=(-2, -1))

@@ -48,7 +48,7 @@ from gpusim.optics.rendering.renderer import (
 )
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
-from gpusim.validation import checked
+from gpusim.validation import Finite, checked, require
 
 PLACE_ERROR = 1.0 / 8.0
 """Over w n^2: how far the centroid of what is w px wide moves at most, as cells of 1 / n px that it
@@ -86,7 +86,7 @@ def photograph(
     *,
     lens: Lens | None = None,
     shutter: Shutter | None = None,
-    time: float = 0.0,
+    time: Finite = 0.0,
     error: float = MIN_ERROR,
     background: float | str | Sequence[float] = 0.0,
     device: Device | None = None,
@@ -124,7 +124,7 @@ def photograph(
     >>> gs.photograph([wall], camera, lens=lens, backend="numpy").radiance.shape
     (4, 6)
     """
-    _check(surfaces, lens, shutter, time)
+    _check(surfaces, lens, shutter)
     lens, shutter, behind = lens or Lens(), shutter or Shutter(), backdrop(background)
     exposure = plan_exposure(surfaces, camera, lens, shutter, time, error)
     device = working_device("photograph", backend, device)
@@ -153,18 +153,14 @@ def photograph(
     return frame
 
 
-def _check(surfaces: object, lens: Lens | None, shutter: Shutter | None, time: float) -> None:
+def _check(surfaces: object, lens: Lens | None, shutter: Shutter | None) -> None:
     """Refuse what isn't to be photographed."""
-    if lens is not None and not isinstance(lens, Lens):
-        raise InputError(f"photograph lens; got {lens!r}; expected a Lens")
-    if shutter is not None and not isinstance(shutter, Shutter):
-        raise InputError(f"photograph shutter; got {shutter!r}; expected a Shutter")
+    require(isinstance(lens, Lens | None), "photograph lens", repr(lens), "a Lens")
+    require(isinstance(shutter, Shutter | None), "photograph shutter", repr(shutter), "a Shutter")
     fixed = [] if callable(surfaces) else surfaces
     if not (isinstance(fixed, Sequence) and all(isinstance(one, Surface) for one in fixed)):
         expected = "a list of Surface, or a function of the time that returns one"
         raise InputError(f"photograph surfaces; got {surfaces!r}; expected {expected}")
-    if not np.isfinite(time):
-        raise InputError(f"photograph time; got {time}; expected seconds")
 
 
 def plan_exposure(
@@ -224,8 +220,7 @@ def _moments(
     camera_at: CameraAt = camera if callable(camera) else lambda _: camera
     middle = time + 0.5 * shutter.exposure_time
     sharp = camera_at(middle)
-    if not isinstance(sharp, Camera):
-        raise InputError(f"photograph camera; got {sharp!r}; expected a Camera")
+    require(isinstance(sharp, Camera), "photograph camera", repr(sharp), "a Camera")
     if not callable(surfaces) and not callable(camera):
         return [(1.0, surfaces, sharp)], (surfaces, sharp)
     travel = 0.0

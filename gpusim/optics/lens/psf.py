@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 import scipy
@@ -21,7 +21,7 @@ import scipy
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.validation import checked, unmasked
+from gpusim.validation import Portion, Positive, checked, positive, require, unmasked, within
 
 __all__ = [
     "Airy",
@@ -35,6 +35,8 @@ __all__ = [
     "sample",
 ]
 
+
+Pixels = Annotated[float, positive("a number above 0 px")]
 
 SIGMAS = 5.0
 AIRY_LOST = 0.04  # energy outside the sampled part of an Airy pattern, spread evenly over it
@@ -77,10 +79,7 @@ class Gaussian:
     1.0
     """
 
-    sigma: float
-
-    def __post_init__(self) -> None:
-        _positive("Gaussian sigma", self.sigma, "px")
+    sigma: Pixels
 
     def transfer(self, fx: Float, fy: Float) -> Float:
         """exp(-2 pi^2 sigma^2 f^2)."""
@@ -107,13 +106,9 @@ class Airy:
     1.275 px
     """
 
-    wavelength: float
-    f_number: float
-    pitch: float
-
-    def __post_init__(self) -> None:
-        for key in ("wavelength", "f_number", "pitch"):
-            _positive(f"Airy {key}", getattr(self, key), "")
+    wavelength: Positive
+    f_number: Positive
+    pitch: Positive
 
     @property
     def width(self) -> float:
@@ -152,10 +147,7 @@ class Disc:
     (7, 7)
     """
 
-    radius: float
-
-    def __post_init__(self) -> None:
-        _positive("Disc radius", self.radius, "px")
+    radius: Pixels
 
     def transfer(self, fx: Float, fy: Float) -> Float:
         """2 J1(u) / u, u = 2 pi radius f."""
@@ -194,18 +186,15 @@ class MeasuredPsf:
     """
 
     kernel: Float
-    samples_per_px: float = 1.0
+    samples_per_px: Positive = 1.0
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
         kernel = np.asarray(self.kernel, np.float64)
-        if kernel.ndim != 2 or not all(side % 2 == 1 for side in kernel.shape):
-            raise InputError(
-                f"MeasuredPsf kernel; got shape {kernel.shape}; expected two odd numbers"
-            )
+        odd = kernel.ndim == 2 and all(side % 2 == 1 for side in kernel.shape)
+        require(odd, "MeasuredPsf kernel", f"shape {kernel.shape}", "two odd numbers")
         if not np.isfinite(kernel).all() or not kernel.sum() > 0.0:
             raise InputError("MeasuredPsf kernel; got a sum of 0 or values that aren't finite")
-        _positive("MeasuredPsf samples_per_px", self.samples_per_px, "")
         object.__setattr__(self, "kernel", kernel / kernel.sum())
 
     def transfer(self, fx: Float, fy: Float) -> Float:
@@ -258,19 +247,11 @@ class Convolved:
         return np.asarray(fft.irfft2(product, whole)[: shape[0], : shape[1]])
 
 
-def _positive(what: str, value: float, unit: str) -> None:
-    if not (np.isfinite(value) and value > 0.0):
-        raise InputError(f"{what}; got {value}; expected a number above 0 {unit}".rstrip())
-
-
 def _grid(radius: float, n: int, what: str) -> Float:
     """Cell positions in px from -m / n to m / n, m / n >= radius."""
     m = int(np.ceil(radius * n - 1e-9))
-    if not 2 * m + 1 <= MAX_CELLS:
-        raise InputError(
-            f"{what}: its radius; got {radius:.4g} px; expected at most {MAX_CELLS // 2 / n:.4g} "
-            f"px at {n} cells a pixel"
-        )
+    expected = f"at most {MAX_CELLS // 2 / n:.4g} px at {n} cells a pixel"
+    require(2 * m + 1 <= MAX_CELLS, f"{what}: its radius", f"{radius:.4g} px", expected)
     return np.arange(-m, m + 1) / n
 
 
@@ -300,8 +281,13 @@ class SampledKernel:
         return 2 * self.halo + self.n
 
 
+@checked
 def sample(
-    psf: Psf | None, *, fill_factor: float = 1.0, tolerance: float = 1e-3, n: int | None = None
+    psf: Psf | None,
+    *,
+    fill_factor: Portion = 1.0,
+    tolerance: float = 1e-3,
+    n: Annotated[int, within(1, 16)] | None = None,
 ) -> SampledKernel:
     """Sample ``psf`` and a square pixel aperture of area ``fill_factor`` px^2.
 
@@ -318,10 +304,6 @@ def sample(
     >>> gs.psf.sample(gs.psf.Gaussian(0.7), tolerance=1e-3).n
     4
     """
-    if not 0.0 < fill_factor <= 1.0:
-        raise InputError(f"fill_factor; got {fill_factor}; expected above 0, up to 1")
-    if n is not None and not (int(n) == n and 1 <= n <= 16):
-        raise InputError(f"samples per pixel; got {n}; expected 1 to 16")
     side = float(np.sqrt(fill_factor))
     if n is not None:
         return _sampled(psf, side, int(n))

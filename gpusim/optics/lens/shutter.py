@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.surface.surface import Surface
-from gpusim.validation import checked
+from gpusim.validation import Finite, FromZero, checked, require, within
 
 SurfacesAt = Callable[[float], Sequence[Surface]]
 CameraAt = Callable[[float], Camera]
@@ -45,17 +46,9 @@ class Shutter:
     5e-06
     """
 
-    exposure_time: float = 0.0
-    line_time: float = 0.0
-    samples: int | None = None
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.exposure_time) and self.exposure_time >= 0.0):
-            raise InputError(f"Shutter exposure_time; got {self.exposure_time}; expected from 0 up")
-        if not np.isfinite(self.line_time):
-            raise InputError(f"Shutter line_time; got {self.line_time}; expected a finite number")
-        if self.samples is not None and not 1 <= self.samples <= 4096:
-            raise InputError(f"Shutter samples; got {self.samples}; expected 1 to 4096")
+    exposure_time: FromZero = 0.0
+    line_time: Finite = 0.0
+    samples: Annotated[int, within(1, 4096)] | None = None
 
 
 def motion(surfaces: SurfacesAt, camera: CameraAt, start: float, length: float) -> float:
@@ -139,11 +132,9 @@ def rolled(
 
         def seen(time: float, index: int = index, where: str = where) -> Float:
             points = surfaces(time)[index].points
-            if points.shape != at_middle[index].points.shape:
-                raise InputError(
-                    f"{where}; got {len(points)} vertices at {time:.6g} s; expected "
-                    f"{len(at_middle[index].points)} at any time"
-                )
+            same, got = points.shape == at_middle[index].points.shape, f"{len(points)} vertices"
+            expected = f"{len(at_middle[index].points)} at any time"
+            require(same, where, f"{got} at {time:.6g} s", expected)
             return camera(time).to_camera(points)
 
         path = _Path.through(seen, times, middle, where)

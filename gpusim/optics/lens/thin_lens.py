@@ -10,6 +10,7 @@ s stays where it is; every one of them is integrated exactly over its pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import scipy
@@ -19,7 +20,7 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.lens.psf import Psf, edge_profile
-from gpusim.validation import checked
+from gpusim.validation import Portion, Positive, Rule, checked, require, within
 
 
 @checked
@@ -48,14 +49,13 @@ class Vignetting:
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        if not np.isfinite(np.asarray(self.polynomial, np.float64)).all():
-            raise InputError(f"Vignetting polynomial; got {self.polynomial}; expected numbers")
+        finite = np.isfinite(np.asarray(self.polynomial, np.float64)).all()
+        require(finite, "Vignetting polynomial", self.polynomial, "numbers")
         if self.map is not None:
             gains = np.asarray(self.map, np.float64)
-            if gains.ndim != 2 or min(gains.shape) < 2 or not (gains >= 0.0).all():
-                raise InputError(
-                    f"Vignetting map; got shape {gains.shape}; expected at least 2 x 2 gains from 0"
-                )
+            fits = gains.ndim == 2 and min(gains.shape) >= 2 and (gains >= 0.0).all()
+            got = f"shape {gains.shape}"
+            require(fits, "Vignetting map", got, "at least 2 x 2 gains from 0")
             object.__setattr__(self, "map", gains)
 
     def gains(self, camera: Camera, row0: int, rows: int) -> Float:
@@ -114,37 +114,29 @@ class Lens:
     """
 
     psf: Psf | None = None
-    fill_factor: float = 1.0
-    f_number: float | None = None
-    focal_length: float | None = None
-    focus_distance: float | None = None
-    blades: int = 0
+    fill_factor: Portion = 1.0
+    f_number: Positive | None = None
+    focal_length: Positive | None = None
+    focus_distance: Positive | None = None
+    blades: Annotated[
+        int, Rule("0 (round) or 3 to 24", lambda count: count == 0 or 3 <= count <= 24)
+    ] = 0
     blade_angle: float = 0.0
     vignetting: Vignetting | None = None
-    positions: int | None = None
+    positions: Annotated[int, within(1, 4096)] | None = None
     samples_per_px: int | None = None
 
     def __post_init__(self) -> None:
-        if self.psf is not None and not isinstance(self.psf, Psf):
-            raise InputError(f"Lens psf; got {self.psf!r}; expected a Psf")
-        if not 0.0 < self.fill_factor <= 1.0:
-            raise InputError(f"Lens fill_factor; got {self.fill_factor}; expected above 0, up to 1")
+        require(isinstance(self.psf, Psf | None), "Lens psf", repr(self.psf), "a Psf")
         given = {key: getattr(self, key) for key in ("f_number", "focal_length", "focus_distance")}
         missing = [key for key, value in given.items() if value is None]
         if missing and len(missing) < 3:
             raise InputError(f"Lens; got no {missing}; expected all of {list(given)}, or none")
-        for key, value in given.items():
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"Lens {key}; got {value}; expected above 0")
         if not missing and not given["focus_distance"] > given["focal_length"]:
             raise InputError(
                 f"Lens focus_distance; got {self.focus_distance}; expected more than the focal "
                 f"length {self.focal_length}"
             )
-        if self.blades and not 3 <= self.blades <= 24:
-            raise InputError(f"Lens blades; got {self.blades}; expected 0 (round) or 3 to 24")
-        if self.positions is not None and not 1 <= self.positions <= 4096:
-            raise InputError(f"Lens positions; got {self.positions}; expected 1 to 4096")
 
     @property
     def aperture(self) -> float:

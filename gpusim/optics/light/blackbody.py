@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
-from gpusim.errors import InputError
-from gpusim.validation import checked
+from gpusim.validation import checked, within
 
-COLDEST, HOTTEST = 800.0, 40_000.0
-"""K"""
+Temperature = Annotated[float, within(800.0, 40_000.0, "K")]
 SECOND_CONSTANT = 1.438776877e-2
 """m K; h c / k (CODATA 2018)."""
 WAVELENGTHS = 1e-9 * np.arange(380.0, 771.0, 10.0)
@@ -35,7 +35,7 @@ XYZ_OF_RGB = np.array(
 
 
 @checked
-def blackbody(temperature: float) -> tuple[float, float, float]:
+def blackbody(temperature: Temperature) -> tuple[float, float, float]:
     """The colour of light of a temperature (K, 800 to 40,000): red, green, blue with a mean of 1.
 
     Linear, in the primaries of sRGB, whose white is daylight of about 6500 K; what lies beyond
@@ -55,10 +55,6 @@ def blackbody(temperature: float) -> tuple[float, float, float]:
     >>> gs.PointLight((0, 0, 3), power=60.0, color=gs.blackbody(6504)).colored
     True
     """
-    if not COLDEST <= temperature <= HOTTEST:
-        raise InputError(
-            f"blackbody temperature; got {temperature}; expected {COLDEST:g} to {HOTTEST:g} K"
-        )
     rgb = np.maximum(np.linalg.solve(XYZ_OF_RGB, tristimulus(temperature)), 0.0)
     red, green, blue = (rgb / rgb.mean()).tolist()
     return red, green, blue

@@ -15,8 +15,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int
-from gpusim.errors import InputError
 from gpusim.optics.light.lights import EnvironmentLight, Light
+from gpusim.validation import require
 
 HEIGHT = 32
 """Rows of a blurred map; columns are twice as many, or one where all columns are equal."""
@@ -51,8 +51,7 @@ class Environment:
         found = [light for light in lights if isinstance(light, EnvironmentLight)]
         if not found:
             return None
-        if len(found) > 1:
-            raise InputError(f"render lights; got {len(found)} environments; expected at most one")
+        require(len(found) == 1, "render lights", f"{len(found)} environments", "at most one")
         return Environment._of_light(found[0])
 
     @staticmethod

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 
@@ -24,9 +24,21 @@ from gpusim.files.input_file import InputFile
 from gpusim.optics.light.light_color import ColoredLight, LightColor
 from gpusim.optics.light.panorama import read_panorama
 from gpusim.surface.color import BANDS
-from gpusim.validation import checked
+from gpusim.validation import Rule, Share, checked, one_of, positive, require, within
 
-Vector = tuple[float, float, float]
+Watts = Annotated[float, positive("watts above 0")]
+RadianceFromZero = Annotated[
+    float, Rule("a radiance from 0 up", lambda value: 0.0 <= value < np.inf)
+]
+Radiance = Annotated[float, positive("a radiance above 0")]
+Vector = Annotated[
+    tuple[float, float, float],
+    Rule("three finite numbers", lambda vector: bool(np.isfinite(vector).all())),
+]
+Size = Annotated[
+    tuple[float, float],
+    Rule("two lengths above 0", lambda size: all(0.0 < side < np.inf for side in size)),
+]
 
 LUMENS_PER_WATT = 683.0
 SUN_DIAMETER = 9.3e-3
@@ -38,20 +50,7 @@ def watts(lumens: float) -> float:
     return lumens / LUMENS_PER_WATT
 
 
-def _check(what: str, **vectors: Vector) -> None:
-    for name, vector in vectors.items():
-        if np.shape(vector) != (3,) or not np.isfinite(vector).all():
-            raise InputError(f"{what} {name}; got {vector}; expected three finite numbers")
-
-
-def _check_positive(what: str, unit: str, **values: float) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"{what} {name}; got {value}; expected {unit} above 0")
-
-
 def _check_aim(what: str, position: Vector, target: Vector) -> None:
-    _check(what, position=position, target=target)
     if tuple(position) == tuple(target):
         raise InputError(f"{what} target; got the lamp's own position {target}")
 
@@ -74,13 +73,9 @@ class PointLight(ColoredLight):
     """
 
     position: Vector
-    power: float
+    power: Watts
     shadows: bool = True
     color: LightColor = LightColor()
-
-    def __post_init__(self) -> None:
-        _check_positive("PointLight", "watts", power=self.power)
-        _check("PointLight", position=self.position)
 
 
 @checked
@@ -99,19 +94,16 @@ class SpotLight(ColoredLight):
 
     position: Vector
     target: Vector
-    power: float
-    cone: float = np.pi / 3
-    penumbra: float = 0.2
+    power: Watts
+    cone: Annotated[float, Rule("an angle in 0 … pi (rad)", lambda angle: 0.0 < angle < np.pi)] = (
+        np.pi / 3
+    )
+    penumbra: Share = 0.2
     shadows: bool = True
     color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
-        _check_positive("SpotLight", "watts", power=self.power)
         _check_aim("SpotLight", self.position, self.target)
-        if not 0.0 < self.cone < np.pi:
-            raise InputError(f"SpotLight cone; got {self.cone}; expected an angle in 0 … pi (rad)")
-        if not 0.0 <= self.penumbra <= 1.0:
-            raise InputError(f"SpotLight penumbra; got {self.penumbra}; expected 0 to 1")
 
     @property
     def cosines(self) -> tuple[float, float]:
@@ -143,22 +135,14 @@ class AreaLight(ColoredLight):
 
     position: Vector
     target: Vector
-    size: tuple[float, float]
-    power: float
-    shape: str = "rectangle"
+    size: Size
+    power: Watts
+    shape: Annotated[str, one_of("rectangle", "ellipse")] = "rectangle"
     shadows: bool = True
     color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
-        _check_positive("AreaLight", "watts", power=self.power)
         _check_aim("AreaLight", self.position, self.target)
-        size = np.asarray(self.size, np.float64)
-        if size.shape != (2,) or not (np.isfinite(size) & (size > 0.0)).all():
-            raise InputError(f"AreaLight size; got {self.size}; expected two lengths above 0")
-        if self.shape not in ("rectangle", "ellipse"):
-            raise InputError(
-                f"AreaLight shape; got {self.shape!r}; expected 'rectangle' or 'ellipse'"
-            )
 
 
 @checked
@@ -177,18 +161,14 @@ class SunLight(ColoredLight):
 
     direction: Vector
     strengths = ("irradiance",)
-    irradiance: float
-    diameter: float = SUN_DIAMETER
+    irradiance: Annotated[float, positive("W per square unit above 0")]
+    diameter: Annotated[float, within(0.0, 0.2, "(rad)")] = SUN_DIAMETER
     shadows: bool = True
     color: LightColor = LightColor()
 
     def __post_init__(self) -> None:
-        _check_positive("SunLight", "W per square unit", irradiance=self.irradiance)
-        _check("SunLight", direction=self.direction)
-        if not float(np.linalg.norm(self.direction)) > 0.0:
-            raise InputError(f"SunLight direction; got {self.direction}; expected one, not zero")
-        if not 0.0 <= self.diameter <= 0.2:
-            raise InputError(f"SunLight diameter; got {self.diameter}; expected 0 to 0.2 (rad)")
+        some = float(np.linalg.norm(self.direction)) > 0.0
+        require(some, "SunLight direction", self.direction, "one, not zero")
 
 
 @checked
@@ -206,12 +186,9 @@ class AmbientLight(ColoredLight):
     """
 
     strengths = ("radiance",)
-    radiance: float
+    radiance: Radiance
     occlusion: bool = False
     color: LightColor = LightColor()
-
-    def __post_init__(self) -> None:
-        _check_positive("AmbientLight", "a radiance", radiance=self.radiance)
 
 
 @checked
@@ -231,8 +208,8 @@ class EnvironmentLight(ColoredLight):
     """
 
     strengths = ("sky", "ground")
-    sky: float = 0.0
-    ground: float = 0.0
+    sky: RadianceFromZero = 0.0
+    ground: RadianceFromZero = 0.0
     image: Float | None = None
     up: Vector = (0.0, 0.0, 1.0)
     forward: Vector = (0.0, 1.0, 0.0)
@@ -241,15 +218,9 @@ class EnvironmentLight(ColoredLight):
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        _check("EnvironmentLight", up=self.up, forward=self.forward)
         if not float(np.linalg.norm(np.cross(self.up, self.forward))) > 0.0:
             raise InputError(f"EnvironmentLight up; got {self.up}, along forward {self.forward}")
         if self.image is None:
-            for name, value in (("sky", self.sky), ("ground", self.ground)):
-                if not (np.isfinite(value) and value >= 0.0):
-                    raise InputError(
-                        f"EnvironmentLight {name}; got {value}; expected a radiance from 0 up"
-                    )
             return
         image = np.array(self.image, np.float64)
         image.setflags(write=False)  # what follows from it is kept
@@ -259,8 +230,7 @@ class EnvironmentLight(ColoredLight):
                 f"EnvironmentLight image; got shape {image.shape}; expected finite values (H, W), "
                 "or (H, W, 3) of three colours"
             )
-        if not (image >= 0.0).all():
-            raise InputError(f"EnvironmentLight image; got {image.min()}; expected radiances >= 0")
+        require((image >= 0.0).all(), "EnvironmentLight image", image.min(), "radiances >= 0")
         if image.ndim == 3 and (image == image[..., :1]).all():
             image = image[..., 0]
         object.__setattr__(self, "image", image)
@@ -290,7 +260,7 @@ class EnvironmentLight(ColoredLight):
     def read(
         path: str | PathLike[str] | InputFile,
         *,
-        scale: float = 1.0,
+        scale: Radiance = 1.0,
         up: Vector = (0.0, 0.0, 1.0),
         forward: Vector = (0.0, 1.0, 0.0),
         occlusion: bool = False,
@@ -302,7 +272,6 @@ class EnvironmentLight(ColoredLight):
         ``scale`` is the radiance of its value 1, ``channels`` as of `read_panorama`. Raises
         InputError naming the file.
         """
-        _check_positive("EnvironmentLight", "a radiance", scale=scale)
         image = scale * read_panorama(path, channels)
         return EnvironmentLight(
             image=image, up=up, forward=forward, occlusion=occlusion, color=color

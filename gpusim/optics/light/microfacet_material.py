@@ -76,15 +76,12 @@ def reflectance_table(alpha: float) -> Float:
 
 
 def reflectance(table: Float, cosine: Float) -> Float:
-    """(n, 2) a and b at cosines (n,), linear between the nodes; ``table`` (n, 64, 2) or (64, 2)."""
+    """(n, 2) a and b at cosines (n,), linear between the nodes; ``table`` (n, 64, 2)."""
     at = np.clip(cosine * SAMPLES - 0.5, 0.0, SAMPLES - 1.0)
     low = np.minimum(at.astype(np.int64), SAMPLES - 2)
     t = (at - low)[:, None]
     rows = np.arange(len(low))
-    if table.ndim == 2:
-        result: Float = table[low] * (1.0 - t) + table[low + 1] * t
-        return result
-    result = table[rows, low] * (1.0 - t) + table[rows, low + 1] * t
+    result: Float = table[rows, low] * (1.0 - t) + table[rows, low + 1] * t
     return result
 
 

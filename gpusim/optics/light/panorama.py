@@ -12,6 +12,7 @@ from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.files.picture_file import decoding, read_picture
+from gpusim.validation import require
 
 PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")
 
@@ -31,29 +32,26 @@ def read_panorama(path: str | os.PathLike[str] | InputFile, channels: str = "rgb
         Names the file: absent, damaged, of another kind, or values below 0 or not finite. Or other
         ``channels``.
     """
-    if channels not in ("rgb", "grey"):
-        raise InputError(f"panorama channels; got {channels!r}; expected 'rgb' or 'grey'")
+    require(channels in ("rgb", "grey"), "panorama channels", repr(channels), "'rgb' or 'grey'")
     file = path.path if isinstance(path, InputFile) else Path(path)
     expected = f"a picture of radiances, one of {', '.join(PANORAMA_SUFFIXES)}"
     if not isinstance(path, InputFile) and not file.exists():
         raise InputError(f"{file}: no such file; expected {expected}")
     suffix = file.suffix.lower()
-    if suffix not in PANORAMA_SUFFIXES:
-        raise InputError(f"{file}: unknown kind of picture; got {suffix!r}; expected {expected}")
+    known = suffix in PANORAMA_SUFFIXES
+    require(known, f"{file}: unknown kind of picture", repr(suffix), expected)
     whole = read_input(path, expected)
     if suffix == ".npy":
         with decoding(whole):
             pixels = np.load(whole.stream(), allow_pickle=False)
     else:
         pixels = read_picture(whole)
-    if pixels.dtype.kind != "f" or not (pixels.ndim == 2 or pixels.shape[2:] == (3,)):
-        raise InputError(
-            f"{file}: no radiances; got {pixels.dtype} of shape {pixels.shape}; expected floats, "
-            "grey or of three colours"
-        )
+    fits = pixels.dtype.kind == "f" and (pixels.ndim == 2 or pixels.shape[2:] == (3,))
+    got = f"{pixels.dtype} of shape {pixels.shape}"
+    require(fits, f"{file}: no radiances", got, "floats, grey or of three colours")
     values: Float = pixels.astype(np.float64)
-    if not (np.isfinite(values).all() and (values >= 0.0).all()):
-        raise InputError(f"{file}: radiances; got values below 0 or not finite; expected from 0 up")
+    fits = bool(np.isfinite(values).all() and (values >= 0.0).all())
+    require(fits, f"{file}: radiances", "values below 0 or not finite", "from 0 up")
     if channels == "rgb" and values.ndim == 3 and (values != values[..., :1]).any():
         return values
     return grey_of(values)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import (
     AmbientLight,
@@ -24,6 +23,7 @@ from gpusim.optics.light.lights import (
     SpotLight,
     SunLight,
 )
+from gpusim.validation import require
 
 MOST_ACROSS = 8
 """Emitting points along one side of a lamp; shadows have samples of their own, `sample_mask`."""
@@ -62,11 +62,9 @@ class Lamp:
 def check_number(lamps: Sequence[Lamp]) -> None:
     """Raises InputError for more lamps that cast shadows than shaders take."""
     casting = sum(lamp.light.shadows for lamp in lamps)
-    if casting > MOST_SHADOWS:
-        raise InputError(
-            f"render lights; got {casting} lamps that cast shadows; expected at most "
-            f"{MOST_SHADOWS}: set shadows to False for those whose shadows don't matter"
-        )
+    got = f"{casting} lamps that cast shadows"
+    less = "set shadows to False for those whose shadows don't matter"
+    require(casting <= MOST_SHADOWS, "render lights", got, f"at most {MOST_SHADOWS}: {less}")
 
 
 def lamps_of(lights: Sequence[Light]) -> list[Lamp]:

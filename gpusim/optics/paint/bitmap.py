@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int, Long, Single
 from gpusim.optics.geometry import polygon_clipping
-from gpusim.optics.geometry.pixel_footprint import RegionPaint
+from gpusim.optics.geometry.pixel_footprint import RegionPaint, piece_of_pixel
 from gpusim.surface.bitmap import MARGIN, Image, Level
 
 BITMAP = 4
@@ -173,10 +173,7 @@ def _in_pieces(
     for j in range(ny):
         for i in range(nx):
             x, y = (i + 0.5) / nx - 0.5, (j + 0.5) / ny - 0.5
-            w = 1.0 / (1.0 + q @ np.array([x, y]))[:, None]
-            move = (x * ex + y * ey) * w
-            fx = (ex - move * q[:, :1]) * (w / nx)
-            fy = (ey - move * q[:, 1:]) * (w / ny)
+            _, move, fx, fy = piece_of_pixel(ex, ey, q, (x, y), (nx, ny))
             bend = (fx * q[:, :1] / nx + fy * q[:, 1:] / ny) / 12.0
             square = fx**2 + fy**2
             mixed = (fx[:, 0] * fx[:, 1] + fy[:, 0] * fy[:, 1]) / 12.0

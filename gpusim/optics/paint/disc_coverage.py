@@ -9,6 +9,8 @@ off row by row, each row being exact; rows run where they meet the edges squarel
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
@@ -244,64 +246,48 @@ def polygon_cover(
     into rows from its first corner to the opposite side, evenly spaced in the image.
     """
     grid = table.grids[number]
+    corner = polygon + local[:, None]
     if grid.pieces is not None:
-        return _grazing_polygon(table, grid, at, polygon + local[:, None], weight)
-    start, stop, inside = _lists(table, grid, at)
-    cover, whole = np.zeros(len(inside)), np.zeros(len(inside))
-    corner, w = polygon[inside] + local[inside, None], weight[inside]
-    origin = corner[:, 0]
-    for k in range(1, polygon.shape[1] - 1):
-        a, b = corner[:, k] - origin, corner[:, k + 1] - origin
-        # the triangle's area in the image, up to a factor that all triangles share
-        area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * w[:, 0] * w[:, k] * w[:, k + 1]
-        part = np.zeros(len(inside))
-        for y, share in _steps(grid):
-            ends = []
-            for m in (k, k + 1):
-                both = np.stack([(1.0 - y) * w[:, 0], y * w[:, m]], axis=1)
-                both /= both.sum(axis=1)[:, None]
-                ends.append(origin * both[:, :1] + corner[:, m] * both[:, 1:])
-            part += 2.0 * y * share * _row_cover(table, grid, start, stop, ends[0], ends[1])
-        cover += area * part
-        whole += area
-    result = np.zeros(len(at))
-    filled = whole != 0.0
-    result[inside[filled]] = np.clip(cover[filled] / whole[filled], 0.0, 1.0)
-    return result
+        return _mean_over_rows(table, grid, at, corner, weight, _grazing_row)
+    cover = np.zeros(len(at))
+    _, _, inside = _lists(table, grid, at)
+    shapes = at[inside], corner[inside], weight[inside]
+    cover[inside] = _mean_over_rows(table, grid, *shapes, _row_cover)
+    return cover
 
 
-def _grazing_polygon(
-    table: DiscGrid, grid: SpeckleGrid, at: Long, corner: Float, weight: Float
+def _mean_over_rows(
+    table: DiscGrid,
+    grid: SpeckleGrid,
+    at: Long,
+    corner: Float,
+    weight: Float,
+    row_cover: Callable[[DiscGrid, SpeckleGrid, Long, Float, Float], Float],
 ) -> Float:
-    """The same where polygons may be large: rows in pieces, each with the list of its own cell."""
+    """The share of polygons with ``corner`` (n, V, 2), by ``row_cover`` of their rows' ends."""
     cover, whole = np.zeros(len(at)), np.zeros(len(at))
-    origin, first = corner[:, 0], weight[:, 0]
+    # corners with their weights as a third component: straight in the image
+    place = np.concatenate([corner, np.ones((*weight.shape, 1))], axis=2) * weight[..., None]
     for k in range(1, corner.shape[1] - 1):
-        a, b = corner[:, k] - origin, corner[:, k + 1] - origin
-        area = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) * first * weight[:, k] * weight[:, k + 1]
+        a, b = corner[:, k] - corner[:, 0], corner[:, k + 1] - corner[:, 0]
+        # the triangle's area in the image, up to a factor that all triangles share
+        twice_area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        area = twice_area * weight[:, 0] * weight[:, k] * weight[:, k + 1]
         longest = np.sqrt(np.maximum((a * a).sum(axis=1), (b * b).sum(axis=1)))
         rows = _rows_over(grid, longest)
         part = np.zeros(len(at))
         for j in range(int(rows[area != 0.0].max(initial=0))):
             shapes = np.flatnonzero((j < rows) & (area != 0.0))
-            y, share = _row_step(grid, j, rows[shapes])
-            # corners with their weights as a third component: straight in the image
-            ends = [
-                (1.0 - y)[:, None] * _homogeneous(origin[shapes], first[shapes])
-                + y[:, None] * _homogeneous(corner[shapes, m], weight[shapes, m])
-                for m in (k, k + 1)
-            ]
-            part[shapes] += 2.0 * y * share * _grazing_row(table, grid, at[shapes], *ends)
+            y, share = (values[:, None] for values in _row_step(grid, j, rows[shapes]))
+            ends = [(1.0 - y) * place[shapes, 0] + y * place[shapes, m] for m in (k, k + 1)]
+            covered = row_cover(table, grid, at[shapes], *ends)
+            part[shapes] += 2.0 * y[:, 0] * share[:, 0] * covered
         cover += area * part
         whole += area
-    result = np.full(len(at), grid.coverage)
+    result = np.full(len(at), 0.0 if grid.pieces is None else grid.coverage)
     filled = whole != 0.0
     result[filled] = np.clip(cover[filled] / whole[filled], 0.0, 1.0)
     return result
-
-
-def _homogeneous(point: Float, weight: Float) -> Float:
-    return np.concatenate([point, np.ones((len(point), 1))], axis=1) * weight[:, None]
 
 
 def _count(grid: SpeckleGrid, length: Float) -> Long:
@@ -315,9 +301,9 @@ def _count(grid: SpeckleGrid, length: Float) -> Long:
 
 def _rows_over(grid: SpeckleGrid, length: Float) -> Long:
     """Rows (n,) of triangles up to a length (n,)."""
-    if grid.soft:
-        return 3 * _count(grid, length)
-    return np.full(len(length), EDGE_ROWS)
+    if not grid.soft:
+        return np.full(len(length), EDGE_ROWS)
+    return 3 * (np.full(len(length), grid.cuts) if grid.pieces is None else _count(grid, length))
 
 
 def row_turns(grid: SpeckleGrid, length: Float) -> Long:
@@ -325,7 +311,7 @@ def row_turns(grid: SpeckleGrid, length: Float) -> Long:
     return _count(grid, length) * _rows_over(grid, length)
 
 
-def _row_step(grid: SpeckleGrid, j: int, rows: Long) -> tuple[Float, Float]:
+def _row_step(grid: SpeckleGrid, j: int | Long, rows: Long) -> tuple[Float, Float]:
     """Position in 0 … 1 and weight of row ``j`` of ``rows`` (n,)."""
     if not grid.soft:
         return (j + 0.5) / rows, 1.0 / rows
@@ -353,38 +339,27 @@ def _grazing_row(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Float, las
             value[inside] = 1.0 - _uncovered(table, start, stop, points) @ WEIGHT
         else:
             rows = _Rows(points[:, :1], (points[:, 2] - points[:, 0])[:, None])
-            for k in range(int((stop - start).max(initial=0))):
-                crossed = np.flatnonzero(start + k < stop)
-                rows.add(crossed, table.disc[start[crossed] + k])
-            value[inside] = rows.union()[:, 0]
+            value[inside] = _hard_rows(table, start, stop, rows)
         result[segments] += value / count[segments]
     return result
 
 
-def _steps(grid: SpeckleGrid) -> list[tuple[float, float]]:
-    """Positions in 0 … 1 and weights of a triangle's rows, and of a soft row's points."""
-    if not grid.soft:
-        count = EDGE_ROWS
-        return [((i + 0.5) / count, 1.0 / count) for i in range(count)]
-    n = grid.cuts
-    return [
-        ((i + 0.5 + float(GAUSS[k])) / n, float(WEIGHT[k]) / n) for i in range(n) for k in range(3)
-    ]
-
-
-def _row_cover(
-    table: DiscGrid, grid: SpeckleGrid, start: Long, stop: Long, first: Float, last: Float
-) -> Float:
-    """Covered share (n,) of the segments from ``first`` to ``last`` (n, 2)."""
+def _row_cover(table: DiscGrid, grid: SpeckleGrid, at: Long, first: Float, last: Float) -> Float:
+    """The same of rows within one cell, all of whose discs are asked."""
+    start, stop, _ = _lists(table, grid, at)
+    first, last = first[:, :2] / first[:, 2:], last[:, :2] / last[:, 2:]
     if grid.soft:
-        steps = _steps(grid)
-        x = np.array([step[0] for step in steps])
+        count = 3 * grid.cuts
+        x, share = _row_step(grid, np.arange(count), np.array(count))
         points = first[:, None] + x[:, None] * (last - first)[:, None]
-        share = np.array([step[1] for step in steps])
         result: Float = 1.0 - _uncovered(table, start, stop, points) @ share
         return result
-    rows = _Rows(first[:, None], (last - first)[:, None])
+    return _hard_rows(table, start, stop, _Rows(first[:, None], (last - first)[:, None]))
+
+
+def _hard_rows(table: DiscGrid, start: Long, stop: Long, rows: _Rows) -> Float:
+    """Share (n,) of single rows that hard discs cover."""
     for k in range(int((stop - start).max(initial=0))):
-        segments = np.flatnonzero(start + k < stop)
-        rows.add(segments, table.disc[start[segments] + k])
+        crossed = np.flatnonzero(start + k < stop)
+        rows.add(crossed, table.disc[start[crossed] + k])
     return rows.union()[:, 0]

@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.ragged import cells_of_boxes
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
@@ -175,24 +176,17 @@ def _region(
     outer = np.sqrt(radius * (radius + 2.0 * half))
     margin = SAFETY * reach
     position = (centre - origin) / cell
-    start = np.floor(position - ((outer + margin) / cell)[:, None]).astype(np.int64)
-    stop = np.floor(position + ((outer + margin) / cell)[:, None]).astype(np.int64)
-    slots, owners = [], []
-    wide, tall = (stop - start).max(axis=0, initial=-1) + 1
-    for dj in range(int(tall)):
-        for di in range(int(wide)):
-            # where sizes differ, few discs reach far
-            own = np.flatnonzero(
-                (stop[:, 0] - start[:, 0] >= di) & (stop[:, 1] - start[:, 1] >= dj)
-            )
-            at, place = start[own] + np.array([di, dj]), position[own]
-            # distance from the disc's centre to the cell, grown by what a pixel reaches
-            gap = np.maximum(np.maximum(at - place, place - at - 1.0) * cell - margin, 0.0)
-            meets = gap[:, 0] ** 2 + gap[:, 1] ** 2 < outer[own] ** 2
-            meets &= ((at >= 0) & (at < np.array([columns, rows]))).all(axis=1)
-            slots.append(at[meets, 1] * columns + at[meets, 0])
-            owners.append(own[meets])
-    slot, owner = _sorted(slots, owners, columns * rows, len(centre))
+    reached = ((outer + margin) / cell)[:, None]
+    start = np.maximum(np.floor(position - reached), 0).astype(np.int64)
+    stop = np.minimum(np.floor(position + reached) + 1, [columns, rows]).astype(np.int64)
+    owner, at = cells_of_boxes(start, stop)
+    # distance from the disc's centre to the cell, grown by what a pixel reaches
+    place = position[owner]
+    gap = np.maximum(np.maximum(at - place, place - at - 1.0) * cell - margin, 0.0)
+    meets = gap[:, 0] ** 2 + gap[:, 1] ** 2 < outer[owner] ** 2
+    # by cell, then by disc
+    pair = (at[meets, 1] * columns + at[meets, 0]) * max(len(centre), 1) + owner[meets]
+    slot, owner = np.divmod(np.sort(pair), max(len(centre), 1))
     corner = np.stack([slot % columns, slot // columns], axis=1) * cell + origin
     inverse = 0.5 / (radius * half) if half > 0.0 else np.zeros_like(radius)
     disc = np.column_stack([centre[owner] - corner, radius[owner], inverse[owner]])
@@ -205,19 +199,6 @@ def _texels(paint: Speckle, extent: Float, outer: float, cell: float) -> float:
     meets = (np.pi * outer**2 + 4.0 * outer * cell + cell**2) / cell**2
     area = float(np.prod(extent + 2.0 * outer))
     return area / cell**2 + meets * paint.intensity * area
-
-
-def _sorted(slots: list[Long], owners: list[Long], cells: int, discs: int) -> tuple[Long, Long]:
-    """Pairs of cell and disc by cell, then by disc."""
-    from scipy.sparse import coo_array  # not without speckle
-
-    if not slots:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    slot, owner = np.concatenate(slots), np.concatenate(owners)
-    ones = np.ones(len(slot), np.int8)
-    table = coo_array((ones, (slot, owner)), shape=(cells, max(discs, 1))).tocsr()
-    table.sort_indices()
-    return np.repeat(np.arange(cells), np.diff(table.indptr)), table.indices.astype(np.int64)
 
 
 def _cuts(paint: Speckle, reach: float) -> int:

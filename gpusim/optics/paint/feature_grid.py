@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.ragged import in_boxes, summed
+from gpusim.arrays.ragged import cells_of_boxes, in_boxes, summed
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
@@ -269,16 +269,11 @@ def _file_features(region: RegionPaint, longest: float) -> _RegionCells | None:
         return None
     c0 = np.clip(np.floor(low / cell).astype(int) - lowest, 0, [columns, rows])
     c1 = np.clip(np.floor(high / cell).astype(int) - lowest + 1, 0, [columns, rows])
-    wide, tall = (c1 - c0).T
-    per = np.maximum(wide, 0) * np.maximum(tall, 0)
-    which = np.repeat(np.arange(len(features)), per)
-    offset = np.arange(len(which)) - np.repeat(np.cumsum(per) - per, per)
-    i = c0[which, 0] + offset % np.maximum(wide[which], 1)
-    j = c0[which, 1] + offset // np.maximum(wide[which], 1)
-    slot = j * columns + i
+    which, at = cells_of_boxes(c0, c1)
+    slot = at[:, 1] * columns + at[:, 0]
     order = np.argsort(slot, kind="stable")
-    which, i, j, slot = which[order], i[order], j[order], slot[order]
-    origin = np.stack([i + lowest[0], j + lowest[1]], axis=1) * cell
+    which, slot = which[order], slot[order]
+    origin = (at[order] + lowest) * cell
     counts = np.bincount(slot, minlength=columns * rows)
     first = (int(lowest[0]), int(lowest[1]))
     records = _records(features, which, origin)

@@ -10,6 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.optics.geometry import polygon_clipping
+from gpusim.optics.geometry.pixel_footprint import piece_of_pixel
 from gpusim.optics.paint.disc_coverage import grazing_cover, polygon_cover, speckle_cover
 from gpusim.optics.paint.feature_grid import FINEST, FeatureGrid
 
@@ -43,10 +44,10 @@ def mean_albedo(
     albedo = records["ground"].astype(np.float64)
     for number in np.unique(paint[records["featured"] > 1]):
         pieces = np.flatnonzero(paint == number)
+        large = None if grazing is None else grazing[pieces]
         albedo[pieces] = _speckle(
             table, int(number), cell[pieces], st[pieces], polygon[pieces], weight[pieces],
-            None if pixel is None else (pixel[0][pieces], pixel[1][pieces], pixel[2][pieces]),
-            None if grazing is None else grazing[pieces],
+            _some(pixel, pieces), large,
         )  # fmt: skip
     size = records["cell"].astype(np.float64)
     step = np.floor(st / size[:, None])
@@ -66,10 +67,8 @@ def mean_albedo(
         share = np.zeros(len(listed))
         if patch.any():
             pieces = target[patch]
-            value, part = _checker(
-                feature[patch], relative[patch], polygon[pieces], weight[pieces],
-                None if pixel is None else (pixel[0][pieces], pixel[1][pieces], pixel[2][pieces]),
-            )  # fmt: skip
+            footprint = polygon[pieces], weight[pieces], _some(pixel, pieces)
+            value, part = _checker(feature[patch], relative[patch], *footprint)
             albedo_share[patch], share[patch] = value, part
         disc = feature[:, 10] == 1.0
         if disc.any():
@@ -78,13 +77,15 @@ def mean_albedo(
         sector = feature[:, 10] == 2.0
         if sector.any():
             pieces = target[sector]
-            part = _sector(
-                feature[sector], relative[sector], polygon[pieces], weight[pieces],
-                None if pixel is None else (pixel[0][pieces], pixel[1][pieces], pixel[2][pieces]),
-            )  # fmt: skip
+            footprint = polygon[pieces], weight[pieces], _some(pixel, pieces)
+            part = _sector(feature[sector], relative[sector], *footprint)
             albedo_share[sector], share[sector] = part * feature[sector, 8], part
         albedo[target] += albedo_share - records["ground"][target] * share
     return albedo
+
+
+def _some(pixel: Pixel | None, rows: Long) -> Pixel | None:
+    return None if pixel is None else (pixel[0][rows], pixel[1][rows], pixel[2][rows])
 
 
 def _speckle(
@@ -211,16 +212,8 @@ def _checker(
         for j in range(n):
             for i in range(n):
                 x, y = (i + 0.5) / n - 0.5, (j + 0.5) / n - 0.5
-                part_q = q[rows]
-                w = 1.0 / (1.0 + part_q @ np.array([x, y]))[:, None]
-                move = (x * ex[rows] + y * ey[rows]) * w
-                part = _corner(
-                    feature[rows],
-                    centre[rows] + move,
-                    w / n * (ex[rows] - move * part_q[:, :1]),
-                    w / n * (ey[rows] - move * part_q[:, 1:]),
-                    w / n * part_q,
-                )
+                w, move, along, across = piece_of_pixel(ex[rows], ey[rows], q[rows], (x, y), (n, n))
+                part = _corner(feature[rows], centre[rows] + move, along, across, w / n * q[rows])
                 value[rows] += part[0] / n**2
                 share[rows] += part[1] / n**2
     return value, share

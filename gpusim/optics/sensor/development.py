@@ -15,9 +15,8 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Single
 from gpusim.arrays.srgb import encoded
-from gpusim.errors import InputError
 from gpusim.optics.sensor.demosaicing import TILES, demosaiced
-from gpusim.validation import real_numbers
+from gpusim.validation import real_numbers, require
 
 RAW_BITS = 16
 RAW_FULL = 2**RAW_BITS - 1
@@ -80,15 +79,10 @@ def at_least(image: npt.NDArray[Any], tops: npt.NDArray[Any]) -> Bool:
 def check_gains(given: object, filtered: bool) -> tuple[float, float, float]:
     """Gains of a white balance; ``filtered``: whether pixels see colours. Raises InputError."""
     gains = real_numbers(given, "Sensor white_balance")
-    if not (gains.shape == (3,) and np.isfinite(gains).all() and (gains > 0.0).all()):
-        raise InputError(
-            f"Sensor white_balance; got {given}; expected gains of red, green and blue above 0"
-        )
-    if not filtered:
-        raise InputError(
-            f"Sensor white_balance; got {given} with channels 'mono'; expected channels 'rgb' or a "
-            "bayer pattern"
-        )
+    fits = gains.shape == (3,) and np.isfinite(gains).all() and (gains > 0.0).all()
+    require(fits, "Sensor white_balance", given, "gains of red, green and blue above 0")
+    got = f"{given} with channels 'mono'"
+    require(filtered, "Sensor white_balance", got, "channels 'rgb' or a bayer pattern")
     red, green, blue = gains.tolist()
     return red, green, blue
 

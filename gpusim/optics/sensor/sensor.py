@@ -8,8 +8,8 @@ clipped to [0, 2^bits - 1]. With a gain or a full well it is a camera by EMVA 12
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 from zlib import crc32
 
 import cv2
@@ -30,10 +30,24 @@ from gpusim.optics.sensor.demosaicing import METHODS, TILES
 from gpusim.optics.sensor.development import RAW_BITS, Development, at_least, check_gains
 from gpusim.optics.sensor.digital_numbers import scaled, scaled_twin
 from gpusim.optics.sensor.emva1288 import CAMERAS, Signal, emva_twin, expose_noisy
-from gpusim.validation import checked
+from gpusim.validation import (
+    FromZero,
+    Portion,
+    Positive,
+    Rule,
+    checked,
+    one_of,
+    positive,
+    require,
+    within,
+)
 
 AUTO_LEVEL = 0.95
 UNLIMITED = 1e30  # electrons
+Response = Annotated[
+    tuple[float, float, float],
+    Rule("three numbers from 0", lambda response: all(0.0 <= own < np.inf for own in response)),
+]
 PLANCK_TIMES_LIGHT = 6.62607015e-34 * 299_792_458.0
 
 
@@ -84,80 +98,45 @@ class Sensor:
            [128, 128, 128]], dtype=uint8)
     """
 
-    bits: int = 8
-    full_scale: float = 1.0
-    gain: float | None = None
-    full_well: float | None = None
-    read_noise: float = 0.0
-    dark_current: float = 0.0
-    exposure_time: float = 0.0
-    dsnu: float = 0.0
-    prnu: float = 0.0
-    black_level: float = 0.0
-    quantum_efficiency: float = 1.0
-    gamma: float | str = 1.0
-    bayer: str | None = None
-    bayer_response: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    channels: str = "mono"
+    bits: Annotated[int, within(8, 16)] = 8
+    full_scale: Annotated[float, positive("a radiance above 0")] = 1.0
+    gain: Positive | None = None
+    full_well: Positive | None = None
+    read_noise: FromZero = 0.0
+    dark_current: FromZero = 0.0
+    exposure_time: FromZero = 0.0
+    dsnu: FromZero = 0.0
+    prnu: FromZero = 0.0
+    black_level: FromZero = 0.0
+    quantum_efficiency: Portion = 1.0
+    gamma: Positive | Annotated[str, one_of("srgb")] = 1.0
+    bayer: Annotated[str, one_of(*sorted(TILES))] | None = None
+    bayer_response: Response = (1.0, 1.0, 1.0)
+    channels: Annotated[str, one_of("mono", "rgb")] = "mono"
     sensitivities: Sequence[float] | Sequence[Sequence[float]] | None = None
     white_balance: tuple[float, float, float] | None = None
     demosaic: str | None = None
 
     def __post_init__(self) -> None:
-        if self.bits not in range(8, 17):
-            raise InputError(f"Sensor bits; got {self.bits}; expected 8 to 16")
-        if not (np.isfinite(self.full_scale) and self.full_scale > 0.0):
-            raise InputError(
-                f"Sensor full_scale; got {self.full_scale}; expected a radiance above 0"
-            )
-        for key in ("gain", "full_well", "gamma"):
-            value = getattr(self, key)
-            if value is None or (key == "gamma" and value == "srgb"):
-                continue
-            if isinstance(value, str) or not (np.isfinite(value) and value > 0.0):
-                more = " or 'srgb'" if key == "gamma" else ""
-                raise InputError(f"Sensor {key}; got {value!r}; expected above 0{more}")
-        for key in ("read_noise", "dark_current", "exposure_time", "dsnu", "prnu", "black_level"):
-            value = getattr(self, key)
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"Sensor {key}; got {value}; expected from 0 up")
         full = 2**self.bits - 1
-        if not self.black_level < full:
-            raise InputError(f"Sensor black_level; got {self.black_level}; expected below {full}")
-        if not 0.0 < self.quantum_efficiency <= 1.0:
-            raise InputError(
-                f"Sensor quantum_efficiency; got {self.quantum_efficiency}; expected above 0, to 1"
-            )
-        if self.bayer is not None and self.bayer not in TILES:
-            raise InputError(f"Sensor bayer; got {self.bayer!r}; expected one of {sorted(TILES)}")
-        response = np.asarray(self.bayer_response, np.float64)
-        if response.shape != (3,) or not (np.isfinite(response) & (response >= 0.0)).all():
-            raise InputError(
-                f"Sensor bayer_response; got {self.bayer_response}; expected three numbers from 0"
-            )
-        if not self.noisy:
-            for key in ("read_noise", "dark_current", "dsnu", "prnu"):
-                if getattr(self, key) > 0.0:
-                    raise InputError(
-                        f"Sensor {key}; got {getattr(self, key)} without gain and full_well; "
-                        "expected one of them: noise is counted in electrons"
-                    )
+        dark = self.black_level < full
+        require(dark, "Sensor black_level", self.black_level, f"below {full}")
+        for key in ("read_noise", "dark_current", "dsnu", "prnu"):
+            value = getattr(self, key)
+            counted = self.noisy or value == 0.0
+            expected = "one of them: noise is counted in electrons"
+            require(counted, f"Sensor {key}", f"{value} without gain and full_well", expected)
         self._check_color()
 
     def _check_color(self) -> None:
-        if self.channels not in ("mono", "rgb"):
-            raise InputError(f"Sensor channels; got {self.channels!r}; expected 'mono' or 'rgb'")
-        if self.demosaic is not None and (self.demosaic not in METHODS or self.bayer is None):
-            raise InputError(
-                f"Sensor demosaic; got {self.demosaic!r} with bayer {self.bayer!r}; expected one "
-                f"of {sorted(METHODS)}, and a bayer pattern"
-            )
-        if self.bayer is not None and (self.channels == "rgb") != (self.demosaic is not None):
-            raise InputError(
-                f"Sensor demosaic; got {self.demosaic!r} with channels {self.channels!r} and bayer "
-                f"{self.bayer!r}; expected one of {sorted(METHODS)} with channels 'rgb', none with "
-                "'mono': a raw mosaic"
-            )
+        methods = f"one of {sorted(METHODS)}"
+        fits = self.demosaic is None or (self.demosaic in METHODS and self.bayer is not None)
+        got = f"{self.demosaic!r} with bayer {self.bayer!r}"
+        require(fits, "Sensor demosaic", got, f"{methods}, and a bayer pattern")
+        fits = self.bayer is None or (self.channels == "rgb") == (self.demosaic is not None)
+        got = f"{self.demosaic!r} with channels {self.channels!r} and bayer {self.bayer!r}"
+        expected = f"{methods} with channels 'rgb', none with 'mono': a raw mosaic"
+        require(fits, "Sensor demosaic", got, expected)
         if self.sensitivities is not None:
             rows = check_sensitivities(self.sensitivities, self._filtered)
             object.__setattr__(self, "sensitivities", rows if self._filtered else rows[0])
@@ -168,12 +147,8 @@ class Sensor:
     @staticmethod
     def preset(name: str, **changes: Any) -> Sensor:
         """A real camera (`gpusim.optics.sensor.emva1288`), with some values changed."""
-        if name not in CAMERAS:
-            raise InputError(f"Sensor preset; got {name!r}; expected one of {sorted(CAMERAS)}")
+        require(name in CAMERAS, "Sensor preset", repr(name), f"one of {sorted(CAMERAS)}")
         values = dict(CAMERAS[name].values)
-        unknown = sorted(set(changes) - {field.name for field in fields(Sensor)})
-        if unknown:
-            raise InputError(f"Sensor preset; got unknown values {unknown}")
         bits = changes.get("bits", values["bits"])
         if "gain" in values and "gain" not in changes and "full_well" not in changes:
             # grey values per electron grow with the number of grey values
@@ -201,27 +176,21 @@ class Sensor:
             raise InputError("auto exposure: the frame is black; got radiance 0; add a light")
         return replace(sensor, full_scale=level / (AUTO_LEVEL * sensor._filled))
 
+    @checked
     def metered(
         self,
-        pixel: float,
-        f_number: float,
-        exposure_time: float,
-        wavelength: float = 550e-9,
-        magnification: float = 0.0,
+        pixel: Positive,
+        f_number: Positive,
+        exposure_time: Positive,
+        wavelength: Positive = 550e-9,
+        magnification: FromZero = 0.0,
     ) -> Sensor:
         """This sensor behind a lens, for radiance in W / (m2 sr): its ``full_scale`` follows.
 
         Irradiance on the sensor is pi L / (4 N^2 (1 + magnification)^2); a photon carries
         h c / wavelength; ``pixel`` (side), wavelength in m, ``exposure_time`` in s.
         """
-        given = (pixel, f_number, exposure_time, wavelength)
-        if not all(np.isfinite(v) and v > 0.0 for v in given) or not magnification >= 0.0:
-            raise InputError(
-                f"Sensor metered; got {(*given, magnification)}; expected pixel, f_number, "
-                "exposure_time and wavelength above 0, magnification from 0"
-            )
-        if not self.noisy:
-            raise InputError("Sensor metered; got no gain and no full_well; expected one of them")
+        require(self.noisy, "Sensor metered", "no gain and no full_well", "one of them")
         irradiance = np.pi / (4.0 * (f_number * (1.0 + magnification)) ** 2)
         photons = irradiance * pixel**2 * exposure_time * wavelength / PLANCK_TIMES_LIGHT
         full = (2**self.bits - 1 - self.black_level) / self.system_gain
@@ -364,11 +333,11 @@ class Sensor:
         InputError
             Something else than a frame, or a seed or number that isn't whole or is below 0.
         """
-        if not isinstance(frame, Frame):
-            raise InputError(f"Sensor expose; got a {type(frame).__name__}; expected a Frame")
+        got = f"a {type(frame).__name__}"
+        require(isinstance(frame, Frame), "Sensor expose", got, "a Frame")
         for key, value in (("seed", seed), ("number", number)):
-            if not (isinstance(value, int | np.integer) and value >= 0):
-                raise InputError(f"Sensor expose {key}; got {value}; expected a whole number >= 0")
+            whole = isinstance(value, int | np.integer) and value >= 0
+            require(whole, f"Sensor expose {key}", value, "a whole number >= 0")
         name = frame.view.camera.name if camera is None else camera
         if self._development is not None:
             return self._development.picture(self._raw.expose(frame, seed, number, name))
