@@ -108,5 +108,5 @@ def _picture(result: Result) -> Picture:
             plot(result, ax, component=name)
 
     size = inches * across, height * (2 // across)
-    pixels = drawn(size, draw, "constrained", dpi=_DPI)
+    pixels = drawn(size, draw, dpi=_DPI)
     return Picture("maps of what was measured", pixels, shown_width=pixels.shape[1] * 9 // 10)

@@ -9,26 +9,19 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Real
-from gpusim.printable import printable
+from gpusim.report.html import page_template
 from gpusim.report.text import number
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 Rows = Sequence[tuple[str, ...]]
 """Of a table: what a row is of, and its values."""
 DIGITS = 4
 _WIDTH = 480  # px on the page
-
-_CELL = "padding: 2px 14px 2px 0; border: 0; border-bottom: 1px solid rgba(128, 128, 128, 0.35)"
 
 
 @dataclass(frozen=True)
@@ -83,28 +76,9 @@ def page(
             made.append(make())
         except Exception as error:
             said.append(f"No picture: {error}")
-    return _template().render(
-        title=title, rows=rows, pictures=made, notes=said, head=head, cell_style=_CELL
+    return page_template("display.html.j2").render(
+        title=title, rows=rows, pictures=made, notes=said, head=head
     )
-
-
-@cache
-def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    def shown(value: Any) -> Any:
-        plain = isinstance(value, str) and not hasattr(value, "__html__")
-        return printable(value) if plain else value
-
-    environment = Environment(
-        loader=PackageLoader("gpusim", "notebook"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=shown,
-    )
-    return environment.get_template("display.html.j2")
 
 
 def fitting(shape: tuple[int, ...], width: int, height: int) -> tuple[int, int]:

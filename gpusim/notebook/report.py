@@ -107,5 +107,5 @@ def _line(series: Series) -> Picture:
     def draw(canvas: Any) -> None:
         plot_series(series, canvas.subplots())
 
-    pixels = drawn((5.6, 3.4), draw, "constrained", dpi=100)
+    pixels = drawn((5.6, 3.4), draw, dpi=100)
     return Picture(series.name, pixels, shown_width=_WIDTH)

@@ -37,7 +37,7 @@ KEYS = (
     Key("v", "cameras", "cameras; in one: distortion, what is sharp"),
     Key("[", "darker", "darker, brighter"),
     Key("]", "brighter"),
-    Key("s", "save", "save a screenshot"),
+    Key("s", "save_picture", "save a screenshot"),
     Key("h", "help", "this help"),
 )
 

@@ -165,7 +165,7 @@ class Overlay:
         ``anchor``: what lies at (x, y): l, m or r for left, middle, right, and a, m, s or d for the
         top of the first line's capitals, the middle, the first base line, the last base line.
         ``halo``: a border of this colour, to be read over pictures. A character that
-        `gpusim.view.glyphs.CHARACTERS` hasn't is a box.
+        the font hasn't is a box.
         """
         if len(anchor) != 2 or anchor[0] not in "lmr" or anchor[1] not in "amsd":
             raise InputError(

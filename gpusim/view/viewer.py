@@ -64,7 +64,7 @@ class Viewer(ViewState):
                 elif known.action in self.shown:
                     self._switch(known.action)
                 else:
-                    getattr(self, f"do_{known.action}")()
+                    getattr(self, known.action)()
 
     def _switch(self, what: str) -> None:
         """On or off, and say so: not all that is switched is in sight."""
@@ -77,7 +77,7 @@ class Viewer(ViewState):
             there = content is None or content.has(what)
             self.say(f"{what}: {'on' if on else 'off'}{'' if there else ', but there is none'}")
 
-    def do_next_camera(self) -> None:
+    def next_camera(self) -> None:
         cameras = self.content.cameras if self.content is not None else ()
         if not cameras:
             self.say("no camera in what is shown; c writes one")
@@ -85,10 +85,7 @@ class Viewer(ViewState):
         following = 0 if self.through is None else self.through + 1
         self.look_through(following if following < len(cameras) else None)
 
-    def do_frame_all(self) -> None:
-        self.frame_all()
-
-    def do_frame_selection(self) -> None:
+    def frame_selection(self) -> None:
         if self.content is None or self.selected is None:
             self.say("nothing selected: click something")
             return
@@ -107,10 +104,7 @@ class Viewer(ViewState):
             faces = surface.faces[skin.cell_of_piece == self.selected.element]
         return np.asarray(surface.points[np.unique(faces[faces >= 0])])
 
-    def do_reset(self) -> None:
-        self.reset()
-
-    def do_write_camera(self) -> None:
+    def write_camera(self) -> None:
         taken = {camera.name for camera in self.content.cameras} if self.content else set()
         names = chain(["view"], (f"view_{k}" for k in count(2)))
         name = next(name for name in names if name not in taken)
@@ -123,16 +117,16 @@ class Viewer(ViewState):
             where += " and the clipboard"
         self.say(f"{text}\n\n{where}: to be pasted into a scene")
 
-    def do_previous_frame(self) -> None:
+    def previous_frame(self) -> None:
         self.show_frame(self.frame - 1)
 
-    def do_next_frame(self) -> None:
+    def next_frame(self) -> None:
         self.show_frame(self.frame + 1)
 
-    def do_larger(self) -> None:
+    def larger(self) -> None:
         self._deform(2.0)
 
-    def do_smaller(self) -> None:
+    def smaller(self) -> None:
         self._deform(0.5)
 
     def _deform(self, factor: float) -> None:
@@ -142,20 +136,20 @@ class Viewer(ViewState):
         self.scale = min(max(factor * self.scale, 2.0**-10), 2.0**20)
         self.changed()
 
-    def do_next_field(self) -> None:
+    def next_field(self) -> None:
         names = [None, *(name for name in FIELDS if self.has_field(name))]
         now = names.index(self.field) if self.field in names else 0
         self.show_field(names[(now + 1) % len(names)])
         if len(names) == 1:
             self.say("no field: nothing is solved")
 
-    def do_darker(self) -> None:
+    def darker(self) -> None:
         self.gain /= 2.0**0.5
 
-    def do_brighter(self) -> None:
+    def brighter(self) -> None:
         self.gain *= 2.0**0.5
 
-    def do_save(self) -> None:
+    def save_picture(self) -> None:
         folder = self.path if self.path.is_dir() else self.path.parent
         paths = (folder / f"{self.path.stem}-{number:03d}.png" for number in count(1))
         path = next(path for path in paths if not path.exists())

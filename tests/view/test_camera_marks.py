@@ -64,12 +64,12 @@ def test_the_frame_leaves_the_image_free(device: Device) -> None:
     camera = gs.Camera.from_lens((36, 24), 30, (300, 200), (0, -1, 0), (0, 0, 0))
     place = Placement(0.0, 20.0, 0.5)
     overlay = Overlay(device)
-    draw_image_frame(overlay, camera, place, 150, 140, outside="#102030", border="white")
+    draw_image_frame(overlay, camera, place, 150, 140)
     target = device.texture(150, 140, "rgba8unorm", "test.frame")
     overlay.draw(target)
     found = pixels_of(device, target)
     assert (found[20:120, :, 3] == 0).all()
-    assert (found[:19] == [0x10, 0x20, 0x30, 255]).all()
+    assert (found[:19, :, 3] == 0xC0).all() and (found[:19, :, 2] > found[:19, :, 0]).all()
     assert (found[19] == 255).all() and (found[120] == 255).all()
     assert (place.pixels(place.window(np.array([[3.0, 4.0]]))) == [[3.0, 4.0]]).all()
 
@@ -85,14 +85,11 @@ def test_the_cross_is_on_the_principal_point(device: Device) -> None:
 
 def test_the_distortion_grid_is_bent_as_the_lens_does(device: Device) -> None:
     overlay, camera = Overlay(device), camera_before([-0.2, 0.05, 1e-3, -2e-3])
-    most = draw_distortion(overlay, camera, Placement())
-    border = np.array([[0.0, 0.0], [230.0, 0.0], [0.0, 153.0], [230.0, 153.0]])
-    # the corners are where most lenses distort most
-    reference = np.hypot(*(camera.undistort(border) - border).T).max()
-    assert 0.7 * reference < most <= 1.05 * reference
+    draw_distortion(overlay, camera, Placement())
     places = overlay.quads()["corner"].astype(np.float64).mean(axis=1) - 0.5
     step = 231 / 12
     ideal = (camera.undistort(places) - camera.K[:2, 2]) / step
     off = np.abs(ideal - np.rint(ideal)).min(axis=1) * step
     assert off.max() < 0.05 and len(places) > 1000
-    assert draw_distortion(Overlay(device), camera_before(), Placement()) == 0.0
+    draw_distortion(overlay := Overlay(device), camera_before(), Placement())
+    assert len(overlay.quads()) == 0
