@@ -191,7 +191,7 @@ def draw_maps(
             draw_map(axes, backdrop, result.points, one)
         _draw_missing(panels[len(maps)], backdrop, result)
 
-    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw, "constrained")
+    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw)
     counts = ", ".join(f"{number} {_said(name)}" for name, number in result.counts().items())
     caption = f"Over the reference image; {counts}."
     if strain is not None:

@@ -26,11 +26,9 @@ from gpusim.report.style import (
     PAGE,
     TEXT,
     TRUTH,
-    Margins,
     axis_title,
     draw_png,
     page_pixels,
-    text_inches,
 )
 from gpusim.report.text import number, signed_percent
 
@@ -56,8 +54,7 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
         axis_title(upper, title)
         _draw_residual(lower, series, residual, 1 + len(beside))
 
-    margins = Margins(right=1.1 if series.units_per_px else 0.15)
-    draw_png(path, (_WIDTH, 5.2), draw, margins)
+    draw_png(path, (_WIDTH, 5.2), draw)
     finite = np.abs(residual[np.isfinite(residual)])
     caption = f"{finite.size} of {residual.size} points measured"
     if finite.size:
@@ -252,8 +249,7 @@ def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     def draw(canvas: Canvas) -> None:
         draw_error_bars(canvas.subplots(), shown)
 
-    margins = Margins(left=max(text_inches(item.name) for item in shown) + 0.2, top=0.12)
-    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw, margins)
+    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw)
     caption = "Error of each measured number; the grey marks are its tolerance."
     return Figure(Path(path), "Errors", caption)
 

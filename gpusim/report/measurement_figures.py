@@ -12,7 +12,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure
-from gpusim.report.style import MEASURED, MUTED, PAGE, TRUTH, Margins, axis_title, draw_png, named
+from gpusim.report.style import MEASURED, MUTED, PAGE, TRUTH, axis_title, draw_png, named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def draw_reconstruction(
             plot.set_aspect("equal", adjustable="datalim")
             axis_title(plot, ("From the front", "From above")[k])
 
-    draw_png(path, (7.2, 8.0), draw, Margins(left=0.8, top=0.1))
+    draw_png(path, (7.2, 8.0), draw)
     size = f" drawn {factor:g} times their length" if factor != 1 else ""
     return Figure(
         Path(path),
@@ -91,7 +91,7 @@ def draw_rig(cameras: Sequence[RigCamera], points: Float, boards: Float, path: P
         space.set_aspect("equal", adjustable="datalim")
         space.legend(loc="upper left")
 
-    draw_png(path, (7.2, 5.6), draw, Margins(0.1, 0.1, 0.1, 0.1))
+    draw_png(path, (7.2, 5.6), draw)
     caption = f"Cameras with their axes, markers, and the {len(boards)} boards of the calibration."
     return Figure(Path(path), "The rig", caption)
 
