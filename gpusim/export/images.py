@@ -15,7 +15,7 @@ import os
 import struct
 import zlib
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any, cast
@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
+from gpusim.errors import GpusimError, InputError
 from gpusim.files.atomic_files import PathLike, atomic_path
 from gpusim.files.input_file import InputFile
 from gpusim.files.picture_file import read_picture
@@ -153,11 +153,20 @@ def _save_png(
         metadata.append(_chunk(b"pHYs", struct.pack(">IIB", density, density, 1)))
     for key, value in (text or {}).items():
         metadata.append(_chunk(b"tEXt", _latin1(key, 79) + b"\0" + _latin1(value)))
-    native = np.ascontiguousarray(image, image.dtype.newbyteorder("="))
-    colours = native if native.ndim == 2 else cv2.cvtColor(native, cv2.COLOR_RGB2BGR)
-    data = cv2.imencode(".png", colours, _PNG)[1].tobytes()
+    data = encoded_picture(image, ".png", _PNG)
     with open(path, "wb") as stream:
         stream.writelines([data[:_HEAD], *metadata, data[_HEAD:]])
+
+
+def encoded_picture(image: npt.NDArray[Any], suffix: str, options: Sequence[int] = ()) -> bytes:
+    """A file of a picture (H, W), (H, W, 3) or, with its opacity, (H, W, 4), as OpenCV makes it."""
+    order = {3: [2, 1, 0], 4: [2, 1, 0, 3]}
+    colours = image if image.ndim == 2 else image[..., order[image.shape[2]]]
+    native: Any = np.ascontiguousarray(colours, colours.dtype.newbyteorder("="))
+    good, data = cv2.imencode(suffix, native, options)
+    if not good:
+        raise GpusimError(f"an image of shape {image.shape} can't be encoded as {suffix}")
+    return data.tobytes()
 
 
 def _save_tiff(

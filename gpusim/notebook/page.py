@@ -6,16 +6,15 @@ things have no background, so that all of it can be read on light and dark pages
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Real
-from gpusim.report.html import page_template
+from gpusim.export.images import encoded_picture
+from gpusim.report.html import data_uri, page_template
 from gpusim.report.text import number
 
 Rows = Sequence[tuple[str, ...]]
@@ -50,7 +49,7 @@ class Picture:
     def source(self) -> str:
         """The pixels as a data URI."""
         assert self.pixels is not None
-        return "data:image/png;base64," + base64.b64encode(png_bytes(self.pixels)).decode("ascii")
+        return data_uri("image/png", encoded_picture(self.pixels, ".png"))
 
     @property
     def width(self) -> int:
@@ -79,19 +78,6 @@ def page(
     return page_template("display.html.j2").render(
         title=title, rows=rows, pictures=made, notes=said, head=head
     )
-
-
-def fitting(shape: tuple[int, ...], width: int, height: int) -> tuple[int, int]:
-    """Width and height of a picture (H, W, …), made smaller to at most these."""
-    factor = min(1.0, width / shape[1], height / shape[0])
-    return max(1, round(factor * shape[1])), max(1, round(factor * shape[0]))
-
-
-def png_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """``pixels`` (H, W), (H, W, 3) or (H, W, 4) as a PNG file."""
-    order = {3: [2, 1, 0], 4: [2, 1, 0, 3]}
-    image = pixels if pixels.ndim == 2 else pixels[..., order[pixels.shape[2]]]
-    return cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
 
 
 def quantity(value: float, unit: str = "", digits: int = DIGITS) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.notebook.axes import flat_axes
-from gpusim.notebook.page import Picture, fitting, page, quantity
+from gpusim.notebook.page import Picture, page, quantity
 from gpusim.report.figures import draw_error_bars, draw_measured
-from gpusim.report.html import aligned, reduced
+from gpusim.report.html import aligned, fitting, reduced
 from gpusim.report.model import FramePair, Measurement, Report, Series
 from gpusim.report.style import drawn, named
 from gpusim.report.text import duration, signed_percent

@@ -22,20 +22,10 @@ from gpusim.errors import InputError
 from gpusim.export.measured_fields import FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
-from gpusim.report.html import page_template
+from gpusim.report.html import fitting, page_template
 from gpusim.report.model import Figure
 from gpusim.report.style import BAD, axis_title, draw_png
 from gpusim.report.text import number
-
-__all__ = [
-    "Backdrop",
-    "FieldMap",
-    "correlation_page",
-    "draw_map",
-    "draw_maps",
-    "grey_picture",
-    "summary",
-]
 
 Frame = tuple[float, float, float, float]
 """Left, right, lower and upper border, px."""
@@ -204,10 +194,9 @@ def grey_picture(image: npt.NDArray[Any]) -> Backdrop:
     are integers."""
     image = grey_of(image)
     height, width = image.shape
-    scale = min(1.0, _PICTURE_PX / width)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
     low, high = np.nanquantile(image.astype(np.float64), [0.005, 0.995])
     grey = (image.astype(np.float32) - low) / ((high - low) or 1.0)
+    size = fitting(image.shape, _PICTURE_PX)
     small = cv2.resize(np.nan_to_num(grey), size, interpolation=cv2.INTER_AREA)
     clipped = np.clip(small, 0, 1).astype(np.float32)
     return clipped, (-0.5, width - 0.5, height - 0.5, -0.5)
@@ -235,9 +224,7 @@ def draw_map(
         if one.centred and low < 0 < high:
             high = max(-low, high)
             low, colours = -high, "RdBu_r"
-        norm = Normalize(low, high)
-        if limited:
-            norm = style.pop("norm", None) or _limits(style, low, high)
+        norm = style.pop("norm", None) or _limits(style, low, high)
         style = {"cmap": colours, "norm": norm} | style
         shown = _lattice(points, one.values)
         if shown is not None:

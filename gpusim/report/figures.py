@@ -186,9 +186,7 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
         canvas.figimage(pixels if pixels.ndim == 3 else np.dstack(3 * [pixels]), zorder=-1)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
-        frame = (-0.5, width - 0.5, height - 0.5, -0.5)
-        axes.set_xlim(frame[0], frame[1])
-        axes.set_ylim(frame[2], frame[3])
+        axes.axis((-0.5, width - 0.5, height - 0.5, -0.5))
         axes.set_axis_off()
         start, step = overlay.points[found], overlay.displacement[found] * factor
         arrows = axes.quiver(
@@ -218,7 +216,7 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
             )
             key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
 
-    draw_png(path, _photo_inches(width, height), draw, "none")
+    draw_png(path, _photo_inches(width, height), draw, None)
     caption = f"{int(found.sum())} of {found.size} markers tracked"
     if longest > 0.0:
         caption += f"; displacements drawn {factor:g} times their length, the longest is"

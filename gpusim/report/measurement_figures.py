@@ -42,24 +42,21 @@ def draw_reconstruction(
     and in two projections."""
     there, real = rest + factor * measured, rest + factor * true
 
+    def points_in(plot: Any, axes: list[int]) -> None:
+        before, now, found = (points[:, axes].T for points in (rest, real, there))
+        plot.plot(*before, ".", color=MUTED, markersize=5, label="unloaded, triangulated")
+        plot.plot(*now, "-", color=TRUTH, linewidth=1.4, label="loaded, finite elements")
+        plot.plot(*found, "o", color=MEASURED, markersize=4, mfc="none", label="loaded, measured")
+        _label_space(plot, axes)
+
     def draw(canvas: Canvas) -> None:
         grid = canvas.add_gridspec(2, 2)
         space: Any = canvas.add_subplot(grid[0, :], projection="3d")
-        space.plot(*rest.T, ".", color=MUTED, markersize=5, label="unloaded, triangulated")
-        space.plot(*real.T, "-", color=TRUTH, linewidth=1.4, label="loaded, finite elements")
-        space.plot(
-            *there.T, "o", color=MEASURED, markersize=4, mfc="none", label="loaded, measured"
-        )
-        space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
+        points_in(space, [0, 1, 2])
         space.legend(loc="upper left", fontsize=8.5)
-        space.set_aspect("equal", adjustable="datalim")
-        for k, (a, b) in enumerate(((0, 2), (0, 1))):
+        for k, across in enumerate(([0, 2], [0, 1])):
             plot = canvas.add_subplot(grid[1, k])
-            plot.plot(rest[:, a], rest[:, b], ".", color=MUTED, markersize=5)
-            plot.plot(real[:, a], real[:, b], "-", color=TRUTH, linewidth=1.4)
-            plot.plot(there[:, a], there[:, b], "o", color=MEASURED, markersize=4, mfc="none")
-            plot.set(xlabel=_LABELS[a], ylabel=_LABELS[b])
-            plot.set_aspect("equal", adjustable="datalim")
+            points_in(plot, across)
             axis_title(plot, ("From the front", "From above")[k])
 
     draw_png(path, (7.2, 8.0), draw)
@@ -70,6 +67,12 @@ def draw_reconstruction(
         f"Markers triangulated from both cameras, unloaded and loaded, displacements{size}; "
         "below, two projections.",
     )
+
+
+def _label_space(plot: Any, axes: Sequence[int]) -> None:
+    """Name these axes of space, lengths alike along all."""
+    plot.set(**{f"{'xyz'[k]}label": _LABELS[axis] for k, axis in enumerate(axes)})
+    plot.set_aspect("equal", adjustable="datalim")
 
 
 def draw_rig(cameras: Sequence[RigCamera], points: Float, boards: Float, path: PathLike) -> Figure:
@@ -87,8 +90,7 @@ def draw_rig(cameras: Sequence[RigCamera], points: Float, boards: Float, path: P
             space.plot(*np.stack([camera.eye, end]).T, color=MEASURED, linewidth=1.6)
             space.plot(*camera.eye[:, None], "s", color=MEASURED, markersize=6)
             space.text(*camera.eye, f"  {named(camera.name)}")
-        space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
-        space.set_aspect("equal", adjustable="datalim")
+        _label_space(space, [0, 1, 2])
         space.legend(loc="upper left")
 
     draw_png(path, (7.2, 5.6), draw)

@@ -63,7 +63,7 @@ _SETTINGS: dict[Any, Any] = {
 }
 
 
-Layout = Literal["constrained", "none"]
+Layout = Literal["constrained"] | None
 
 
 def draw_png(
@@ -84,7 +84,7 @@ def drawn(
 ) -> npt.NDArray[np.uint8]:
     """(H, W, 3) of a canvas of ``size`` inches that ``draw`` fills.
 
-    ``layout``: "none" for plots that are in place; else there is room for their labels.
+    ``layout``: None for plots that are in place; else there is room for their labels.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg

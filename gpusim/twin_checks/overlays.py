@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.gpu import Device, Texture, compare, twin_check
+from gpusim.gpu import Device, compare, twin_check
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.view import look
 from gpusim.optics.rendering.renderer import render
@@ -23,7 +22,7 @@ from gpusim.view.field_colors import (
     field_colors_twin,
     finer,
 )
-from gpusim.view.overlay import Overlay, overlay_twin
+from gpusim.view.overlay import Overlay, overlay_twin, pixels_of
 from gpusim.view.picture.display import (
     display_twin,
     draw_enlarged,
@@ -34,15 +33,6 @@ from gpusim.view.picture.placement import Placement
 
 STEP = 1.0 / 255.0
 """Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""
-
-
-def pixels_of(device: Device, texture: Texture) -> npt.NDArray[Any]:
-    """(H, W, 4) uint8 of a texture of 8 bits a channel."""
-    buffer = device.empty(texture.stride * texture.height, "view.pixels")
-    with device.recording("view.pixels") as recording:
-        recording.copy_texture(texture, buffer, texture.height)
-    rows = buffer.read(np.uint8, (texture.height, texture.stride))
-    return rows[:, : 4 * texture.width].reshape(texture.height, texture.width, 4)
 
 
 @twin_check("view/overlay")

@@ -65,13 +65,13 @@ def corner_values(
             result[own] = field.values[topology.source[triangle]][:, None]
             continue
         vertices = topology.triangles[triangle]
-        shares = _shares(view.corners_of(own, REFERENCE), surface.rest[vertices])
+        shares = barycentric(view.corners_of(own, REFERENCE), surface.rest[vertices])
         result[own] = np.einsum("nck,nk->nc", shares, field.values[vertices])
     return result
 
 
-def _shares(points: Float, corners: Float) -> Float:
-    """(n, c, 3) of points (n, c, 3) in the planes of triangles (n, 3, 3): their weights."""
+def barycentric(points: Float, corners: Float) -> Float:
+    """(n, c, 3) of points (n, c, 3) in the planes of triangles (n, 3, 3): the corners' weights."""
     e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     d = points - corners[:, :1]
     ee, ef, ff = ((a * b).sum(axis=1)[:, None] for a, b in ((e, e), (e, f), (f, f)))

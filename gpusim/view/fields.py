@@ -166,18 +166,14 @@ def scale_of(values: Sequence[Float], signed: bool = False) -> ColorScale:
     from matplotlib.ticker import MaxNLocator
 
     every = np.concatenate([np.zeros(0), *(v[np.isfinite(v)] for v in values)])
-    least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
+    shares = [0.0, OUTSIDE, 100.0 - OUTSIDE, 100.0]
+    least, low, high, most = np.percentile(every if len(every) else [0.0], shares).tolist()
     both = signed and least < 0.0 < most
-    low, high = (
-        float(np.percentile(every, share)) if len(every) else 0.0
-        for share in (OUTSIDE, 100.0 - OUTSIDE)
-    )
     if both:
         high = max(abs(low), abs(high))
         low = -high
     elif 0.0 <= low < 0.5 * high or (high <= 0.0 and high > 0.5 * low):
         low, high = min(low, 0.0), max(high, 0.0)
-        low = 0.0 if high > 0.0 else low
     if not high - low > 1e-9 * max(abs(low), abs(high)):
         low, high = min(low, 0.0), max(high, 0.0) if high else 1.0
     locator = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])

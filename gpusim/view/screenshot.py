@@ -12,6 +12,7 @@ from PIL import Image
 
 from gpusim.errors import InputError, NotConverged
 from gpusim.files.atomic_files import atomic_stream
+from gpusim.view.overlay import pixels_of
 from gpusim.view.viewer import Viewer
 
 FORMAT = "rgba8unorm"
@@ -32,11 +33,7 @@ def screenshot(viewer: Viewer, size: tuple[int, int] | None = None) -> npt.NDArr
     device = viewer.device
     target = device.texture(width, height, FORMAT, "view.screenshot")
     viewer.draw(target, whole=True)
-    pixels = device.empty(target.stride * height, "view.screenshot")
-    with device.recording("view.screenshot") as recording:
-        recording.copy_texture(target, pixels, height)
-    rows = pixels.read(np.uint8, (height, target.stride // 4, 4))
-    return np.ascontiguousarray(rows[:, :width, :3])
+    return np.ascontiguousarray(pixels_of(device, target)[..., :3])
 
 
 def check_ending(path: Path) -> None:

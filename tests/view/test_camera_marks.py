@@ -8,7 +8,6 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.optics.lens.thin_lens import focus_of
-from gpusim.twin_checks.overlays import pixels_of
 from gpusim.view.camera_marks import (
     defocus_tint,
     draw_distortion,
@@ -17,7 +16,7 @@ from gpusim.view.camera_marks import (
 )
 from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
 from gpusim.view.field_colors import FieldColors
-from gpusim.view.overlay import Overlay
+from gpusim.view.overlay import Overlay, pixels_of
 from gpusim.view.picture.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
 

@@ -8,7 +8,6 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.twin_checks.overlays import pixels_of
 from gpusim.view.field_colors import (
     FieldColors,
     SurfaceField,
@@ -16,7 +15,7 @@ from gpusim.view.field_colors import (
     finer,
     interpolated,
 )
-from gpusim.view.overlay import Overlay
+from gpusim.view.overlay import Overlay, pixels_of
 from gpusim.view.picture.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
 

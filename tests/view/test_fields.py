@@ -8,7 +8,6 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.twin_checks.overlays import pixels_of
 from gpusim.view.content.body_state import BodyState
 from gpusim.view.fields import (
     FIELDS,
@@ -21,7 +20,7 @@ from gpusim.view.fields import (
     scale_of,
     surface_field,
 )
-from gpusim.view.overlay import Overlay
+from gpusim.view.overlay import Overlay, pixels_of
 from tests.support.view_bodies import small_crane
 
 E, NU, STRESS = 70e9, 0.3, 21e6

@@ -13,7 +13,6 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.lens.thin_lens import Lens
 from gpusim.optics.light.lights import Light
 from gpusim.optics.sensor.channels import Weights
 from gpusim.pipeline.scene_objects.cameras import build_lens, grey_weights
@@ -61,15 +60,13 @@ class Content:
         """Radiance where no surface is."""
         return 0.0 if self.objects is None else self.objects.scene.render.background
 
-    def lens(self, number: int) -> Lens | None:
-        """Of a camera of the scene."""
-        assert self.objects is not None
-        return build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
-
     @cached_property
     def depths_of_field(self) -> list[DepthOfField | None]:
         """Of the scene's cameras; None where there is no limit."""
-        return [depth_of_field(own, self.lens(k)) for k, own in enumerate(self.cameras)]
+        assert self.objects is not None
+        scene = self.objects.scene
+        lenses = [build_lens(table, scene.input) for table in scene.cameras]
+        return list(map(depth_of_field, self.cameras, lenses))
 
     def grey_weights(self, number: int | None) -> Weights | None:
         """Of red, green and blue in the pictures of a camera of the scene; None if they are in
