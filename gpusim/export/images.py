@@ -109,10 +109,9 @@ def write_image(
     >>> gs.export.write_image("grey.tif", np.full((2, 3), 500, np.uint16)).name
     'grey.tif'
     """
-    _format(path)
-    _check(image, pixels_per_metre)
+    suffix = _format(path)
     with atomic_path(path) as part:
-        save_image(part, image, pixels_per_metre=pixels_per_metre, text=text, suffix=_format(path))
+        save_image(part, image, pixels_per_metre=pixels_per_metre, text=text, suffix=suffix)
     return Path(path)
 
 

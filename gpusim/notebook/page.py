@@ -92,10 +92,10 @@ def _text(value: float, digits: int) -> str:
     return text.rstrip("0").rstrip(".")
 
 
-def span(values: Real, unit: str = "", digits: int = DIGITS) -> str:
+def span(values: Real) -> str:
     """The least and the greatest of the finite values; a dash where there are none."""
     known = values[np.isfinite(values)]
     if not known.size:
         return number(float("nan"))
-    low, high = (_text(float(v), digits) for v in (known.min(), known.max()))
-    return f"{low} to {high} {unit}".rstrip()
+    low, high = (_text(float(v), DIGITS) for v in (known.min(), known.max()))
+    return f"{low} to {high}"

@@ -6,7 +6,6 @@ Each function draws one PNG, writes it atomically and returns a `Figure` with it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -154,35 +153,20 @@ def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
     return Figure(Path(path), "Convergence of the solver", caption)
 
 
-@dataclass(frozen=True, eq=False)
-class Photo:
-    """A picture for the page of `draw_overlay`: ``pixels`` (h, w) or (h, w, 3) uint8, those of the
-    page, and the ``size`` (width, height) px that it has itself."""
+def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
+    """Draw tracked points with magnified displacement arrows on the down-scaled image.
 
-    pixels: npt.NDArray[np.uint8]
-    size: tuple[int, int]
-
-
-def photo_of(overlay: Overlay) -> Photo:
-    """The picture that ``overlay`` is drawn on. Raises InputError if it can't be read."""
+    Raises InputError if that can't be read.
+    """
     image = read_image(overlay.image)
     height, width = image.shape[:2]
-    return Photo(reduced(image, page_pixels(_photo_inches(width, height))), (width, height))
-
-
-def _photo_inches(width: int, height: int) -> tuple[float, float]:
-    return _WIDTH, _WIDTH * height / width
-
-
-def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
-    """Draw tracked points with magnified displacement arrows on the down-scaled image."""
-    width, height = photo.size
+    size = _WIDTH, _WIDTH * height / width
+    pixels = reduced(image, page_pixels(size))
     found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
     longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
     factor = round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
-        pixels = photo.pixels
         canvas.figimage(pixels if pixels.ndim == 3 else np.dstack(3 * [pixels]), zorder=-1)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
@@ -216,7 +200,7 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
             )
             key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
 
-    draw_png(path, _photo_inches(width, height), draw, None)
+    draw_png(path, size, draw, None)
     caption = f"{int(found.sum())} of {found.size} markers tracked"
     if longest > 0.0:
         caption += f"; displacements drawn {factor:g} times their length, the longest is"

@@ -157,24 +157,16 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         finalize=_shown,
     )
-    environment.filters["number"] = number
-    environment.filters["percent"] = percent
-    environment.filters["signed_percent"] = signed_percent
-    environment.filters["aligned"] = aligned
-    environment.filters["duration"] = duration
-    environment.filters["uri"] = file_uri
-    environment.filters["photo_uri"] = photo_uri
-    environment.filters["link"] = _link
+    formats = (number, percent, signed_percent, aligned, duration, file_uri, photo_uri, link)
+    environment.filters.update({one.__name__: one for one in formats})
     return environment
 
 
 def aligned(item: Measurement) -> tuple[str, str, str]:
     """Return measured, truth and error with as many decimals as show the error to three digits."""
-    if not math.isfinite(item.error) or item.error == 0.0:
-        return number(item.measured), number(item.truth), number(item.error, 3)
-    decimals = 2 - math.floor(math.log10(abs(item.error)))
-    largest = max(abs(item.measured), abs(item.truth))
-    if decimals > 9 or largest >= 1e9 or decimals < 0:
+    known = math.isfinite(item.error) and item.error != 0.0
+    decimals = 2 - math.floor(math.log10(abs(item.error))) if known else -1
+    if not 0 <= decimals <= 9 or max(abs(item.measured), abs(item.truth)) >= 1e9:
         return number(item.measured), number(item.truth), number(item.error, 3)
     texts = (f"{value:.{decimals}f}" for value in (item.measured, item.truth, item.error))
     measured, truth, error = (text.replace("-", "\N{MINUS SIGN}") for text in texts)
@@ -190,7 +182,7 @@ def _shown(value: object) -> object:
     return value
 
 
-def _link(path: Path, folder: Path) -> str:
+def link(path: Path, folder: Path) -> str:
     """Return a URL of ``path`` relative to ``folder``."""
     relative = os.path.relpath(Path(path).resolve(), Path(folder).resolve())
     return quote(Path(relative).as_posix())
@@ -201,15 +193,14 @@ class FigureSet:
     """The figures by the section of the page they stand in."""
 
     series: tuple[Figure, ...] = ()
-    errors: Figure | None = None
+    errors: tuple[Figure, ...] = ()
     overlays: tuple[Figure, ...] = ()
-    convergence: Figure | None = None
+    convergence: tuple[Figure, ...] = ()
     other: tuple[Figure, ...] = ()
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        single = [figure for figure in (self.errors, self.convergence) if figure is not None]
-        return (*self.series, *self.overlays, *single, *self.other)
+        return (*self.series, *self.overlays, *self.errors, *self.convergence, *self.other)
 
 
 def render_html(report: Report, figures: FigureSet, folder: Path) -> str:

@@ -16,9 +16,9 @@ from gpusim.optics.rendering.renderer import render
 from gpusim.optics.visibility_buffer import VisibilityBuffer
 from gpusim.twin_checks.scenes import shadow_scene
 from gpusim.view.field_colors import (
-    FieldColors,
     SurfaceField,
     corner_values,
+    draw_field_colors,
     field_colors_twin,
     finer,
 )
@@ -69,7 +69,7 @@ def check_field_colors(device: Device) -> None:
                        [0.8, 0.0, 0.1, 0.6]])  # fmt: skip
     target = device.texture(camera.width, camera.height, "rgba8unorm", "twin.field")
     options: dict[str, Any] = {"white": 0.8, "samples": 2}
-    FieldColors(device).draw(target, frame, values, (-1.2, 1.2), colors, **options)
+    draw_field_colors(device, target, frame, values, (-1.2, 1.2), colors, **options)
     ids = VisibilityBuffer.of(device, finer(frame.view, 2), 2 * camera.height).read()
     empty = np.zeros((camera.height, camera.width, 4), np.float32)
     twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)

@@ -22,7 +22,7 @@ LINES = 12
 
 
 def defocus_tint(sharp: DepthOfField, view: View) -> tuple[Float, tuple[float, float], Float]:
-    """Depths (T, 3), limits and colours for `gpusim.view.field_colors.FieldColors.draw`: what is
+    """Depths (T, 3), limits and colours for `gpusim.view.field_colors.draw_field_colors`: what is
     nearer than a depth of field and what is beyond it in a colour each."""
     depth = view.vertices[view.corner, 2].astype(np.float64)
     far = min(sharp.far, max(float(depth.max(initial=0.0)), 2.0 * sharp.near))

@@ -229,7 +229,10 @@ class Overlay:
             params={"width": target.width, "height": target.height},
             quads=self.device.buffer(quads, "overlay.quads"), letters=self._letters,
         )  # fmt: skip
-        with nullcontext(recording) if recording else self.device.recording("view.overlay") as own:
+        begun = (
+            self.device.recording("view.overlay") if recording is None else nullcontext(recording)
+        )
+        with begun as own:
             own.draw(
                 raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
                 size=(target.width, target.height), clear=None,

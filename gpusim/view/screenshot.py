@@ -42,7 +42,7 @@ def check_ending(path: Path) -> None:
         raise InputError(f"view: screenshot; got {path}; expected a name that ends with .png")
 
 
-def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = None) -> None:
+def save_screenshot(viewer: Viewer, path: Path) -> None:
     """Write it as PNG.
 
     Raises
@@ -51,7 +51,7 @@ def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = N
         Another ending, or a place that can't be written to.
     """
     check_ending(path)
-    pixels = Image.fromarray(screenshot(viewer, size))
+    pixels = Image.fromarray(screenshot(viewer))
     try:
         with atomic_stream(path) as stream:
             pixels.save(stream, "PNG")

@@ -15,7 +15,7 @@ from gpusim.view.camera_marks import (
     draw_principal_point,
 )
 from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
-from gpusim.view.field_colors import FieldColors
+from gpusim.view.field_colors import draw_field_colors
 from gpusim.view.overlay import Overlay, pixels_of
 from gpusim.view.picture.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
@@ -47,7 +47,7 @@ def test_what_is_not_sharp_is_tinted(device: Device, distortion: list[float] | N
     target = device.texture(camera.width, camera.height, "rgba8unorm", "test.tint")
     Overlay(device).draw(target)
     depths, limits, colors = defocus_tint(found, frame.view)
-    FieldColors(device).draw(target, frame, depths, limits, colors, white=1.0, shade=1.0)
+    draw_field_colors(device, target, frame, depths, limits, colors, white=1.0, shade=1.0)
     red, green, blue, _ = pixels_of(device, target)[truth.row, truth.column].astype(int).T
     clear = np.abs(truth.depth - near) > 0.01 * (far - near)
     clear &= np.abs(truth.depth - far) > 0.01 * (far - near)
