@@ -78,8 +78,7 @@ def write_correlation(
                 data.attrs["unit"] = unit_of(name)
             file.attrs["status_names"] = [str(name) for name in names]
             file.attrs["frame"] = RIG_FRAME if isinstance(result, StereoResult) else PICTURE_FRAME
-            for key, value in notes.items():
-                file.attrs[key] = value
+            file.attrs.update(notes)
         return target
     raise InputError(f"{target}: unknown format; expected a name ending in one of {FORMATS}")
 

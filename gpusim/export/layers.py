@@ -97,10 +97,9 @@ class ChunkedLayer:
             compression_opts=_LEVEL,
             shuffle=True,
         )
-        self._data.attrs["unit"] = layer.unit
-        self._data.attrs["frame"] = layer.frame
-        self._data.attrs["convention"] = layer.convention
-        self._data.attrs["description"] = layer.text
+        self._data.attrs.update(
+            unit=layer.unit, frame=layer.frame, convention=layer.convention, description=layer.text
+        )
 
     def write_block(self, row0: int, col0: int, values: npt.NDArray[np.generic]) -> None:
         """Write a rectangle (h, w) or (h, w, C) at (``row0``, ``col0``)."""

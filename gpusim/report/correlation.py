@@ -229,11 +229,9 @@ def draw_map(
         shown = _lattice(points, one.values)
         if shown is not None:
             grid, extent = shown
-            cells: dict[str, Any] = {
-                "alpha": 0.85 if backdrop is not None else 1.0,
-                "interpolation": "nearest",
-            }
-            drawn: Any = axes.imshow(grid, **(cells | {"extent": extent} | style))
+            alpha = 0.85 if backdrop is not None else 1.0
+            cells = {"alpha": alpha, "interpolation": "nearest", "extent": extent}
+            drawn: Any = axes.imshow(grid, **(cells | style))
         else:
             dots: dict[str, Any] = {"s": 14, "linewidths": 0} | style
             drawn = axes.scatter(points[known, 0], points[known, 1], c=one.values[known], **dots)

@@ -6,6 +6,7 @@ Each function draws one PNG, writes it atomically and returns a `Figure` with it
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,13 +110,7 @@ def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count
     axes.set_ylim(-span, span)
     if series.units_per_px:
         scale = abs(series.units_per_px)
-
-        def to_px(units: Any) -> Any:
-            return units / scale
-
-        def to_units(pixels: Any) -> Any:
-            return pixels * scale
-
+        to_px, to_units = partial(np.multiply, 1.0 / scale), partial(np.multiply, scale)
         right = axes.secondary_yaxis("right", functions=(to_px, to_units))
         right.set_ylabel("(px)", color=TEXT)
         right.spines["right"].set_visible(True)
@@ -214,12 +209,9 @@ def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
 
 def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
     """Return the length in px of a round reference displacement, and its label."""
-    if overlay.units_per_px:
-        scale = abs(overlay.units_per_px)
-        value = round_down(0.6 * longest * scale)
-        return value / scale, f"{value:g} {overlay.unit}"
-    value = round_down(0.6 * longest)
-    return value, f"{value:g} px"
+    scale, unit = (abs(overlay.units_per_px), overlay.unit) if overlay.units_per_px else (1.0, "px")
+    value = round_down(0.6 * longest * scale)
+    return value / scale, f"{value:g} {unit}"
 
 
 def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:

@@ -17,7 +17,7 @@ from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.view.picking import pick
 from gpusim.view.picture.placement import Placement
-from gpusim.view.turntable import SIDES, camera_lines
+from gpusim.view.turntable import camera_lines
 from gpusim.view.view_state import ViewState
 
 CLICK = 4.0
@@ -59,14 +59,12 @@ class Viewer(ViewState):
         wanted = ALIASES.get(key, key)
         for known in KEYS:
             if known.key.lower() == wanted.lower():
-                if known.action in SIDES:
-                    self.look(self.view.side(known.action))
-                elif known.action in self.shown:
-                    self._switch(known.action)
-                else:
-                    getattr(self, known.action)()
+                getattr(self, known.action)(*known.arguments)
 
-    def _switch(self, what: str) -> None:
+    def look_along(self, side: str) -> None:
+        self.look(self.view.side(side))
+
+    def switch(self, what: str) -> None:
         """On or off, and say so: not all that is switched is in sight."""
         content = self.content
         on = self.shown[what] = not self.shown[what]
@@ -117,19 +115,10 @@ class Viewer(ViewState):
             where += " and the clipboard"
         self.say(f"{text}\n\n{where}: to be pasted into a scene")
 
-    def previous_frame(self) -> None:
-        self.show_frame(self.frame - 1)
+    def step_frame(self, by: int) -> None:
+        self.show_frame(self.frame + by)
 
-    def next_frame(self) -> None:
-        self.show_frame(self.frame + 1)
-
-    def larger(self) -> None:
-        self._deform(2.0)
-
-    def smaller(self) -> None:
-        self._deform(0.5)
-
-    def _deform(self, factor: float) -> None:
+    def deform(self, factor: float) -> None:
         if self.content is None or not self.content.moves:
             self.say("no deformation: nothing is solved")
             return
@@ -143,11 +132,8 @@ class Viewer(ViewState):
         if len(names) == 1:
             self.say("no field: nothing is solved")
 
-    def darker(self) -> None:
-        self.gain /= 2.0**0.5
-
-    def brighter(self) -> None:
-        self.gain *= 2.0**0.5
+    def brighten(self, factor: float) -> None:
+        self.gain *= factor
 
     def save_picture(self) -> None:
         folder = self.path if self.path.is_dir() else self.path.parent
