@@ -230,7 +230,7 @@ def draw_map(
         if shown is not None:
             grid, extent = shown
             alpha = 0.85 if backdrop is not None else 1.0
-            cells = {"alpha": alpha, "interpolation": "nearest", "extent": extent}
+            cells: dict[str, Any] = {"alpha": alpha, "interpolation": "nearest", "extent": extent}
             drawn: Any = axes.imshow(grid, **(cells | style))
         else:
             dots: dict[str, Any] = {"s": 14, "linewidths": 0} | style
