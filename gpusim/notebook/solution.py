@@ -49,7 +49,6 @@ class _Shown:
 
     skin: Skin
     points: Float
-    rest: Float
     values: Float
     scale: float
 
@@ -145,7 +144,7 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
         most = float(np.linalg.norm(moved, axis=1).max())
         scale = max(1.0, round_down(_SHOWN * size / most)) if most > 0.0 else 1.0
     values = skin.at_vertices(_field(model, u[case], field))
-    return _Shown(skin, rest + scale * moved, rest, values, scale)
+    return _Shown(skin, rest + scale * moved, values, scale)
 
 
 def _field(model: Model, u: Float, field: str) -> Float:

@@ -61,7 +61,7 @@ def test_colours_follow_a_linear_field() -> None:
     skin = gs.Skin(bar, gs.mesh.boundary_faces(bar))
     points = skin.at_vertices(bar.points)
     values = 3.0 + 2.0 * points[:, 0]
-    shown = of_solution._Shown(skin, points, points, values, 1.0)
+    shown = of_solution._Shown(skin, points, values, 1.0)
     surface, colouring = of_solution._valued(shown, 3.0, 5.0)
     view = local_view([surface], fitted_camera(points), lit=True)
     truth = truth_of(view, visibility_twin(view))
