@@ -122,8 +122,7 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Float, path: PathLi
         for k, (camera, rms) in enumerate(zip(cameras, view_rms, strict=True)):
             place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
             bars.bar(place, rms, width=0.8 / count, align="edge", label=named(camera.name))
-        bars.set_xlabel("Image of the target")
-        bars.set_ylabel("RMS (px)")
+        bars.set(xlabel="Image of the target", ylabel="RMS (px)")
         bars.legend(loc="best")
         axis_title(bars, "Reprojection error")
 
@@ -166,8 +165,7 @@ def draw_deflections(curves: Sequence[StateCurve], axes: tuple[str, str], path: 
         plot = canvas.subplots()
         for k, curve in enumerate(curves):
             _points(plot, k, curve)
-        plot.set_xlabel(axes[0])
-        plot.set_ylabel(axes[1])
+        plot.set(xlabel=axes[0], ylabel=axes[1])
         plot.legend(loc="best")
         axis_title(plot, "Deflection lines (lines: finite elements)")
 
@@ -200,8 +198,7 @@ def draw_differences(
         lower.axhline(0.0, color=MUTED, linewidth=0.8)
         upper.set_ylabel(axes[1])
         upper.legend(loc="best")
-        lower.set_xlabel(axes[0])
-        lower.set_ylabel("Error (px)")
+        lower.set(xlabel=axes[0], ylabel="Error (px)")
         axis_title(upper, "Difference to the reference (dotted: where the damage is)")
         axis_title(lower, "Measured minus true difference")
 
