@@ -31,8 +31,8 @@ from gpusim.files.picture_file import read_picture
 
 MOST_BYTES = 256 << 20
 
-_Stamp = tuple[int, int, int]
-_kept: OrderedDict[_Stamp, npt.NDArray[Any]] = OrderedDict()
+Stamp = tuple[int, int, int]
+_kept: OrderedDict[Stamp, npt.NDArray[Any]] = OrderedDict()
 _lock = Lock()
 
 
@@ -42,7 +42,7 @@ def keep(path: PathLike, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     The images seen longest ago are dropped for it; one of more than `MOST_BYTES` isn't kept.
     """
     image.setflags(write=False)
-    stamp = _stamp(path)
+    stamp = file_stamp(path)
     with _lock:
         if stamp is not None and image.nbytes <= MOST_BYTES:
             _kept[stamp] = image
@@ -54,7 +54,7 @@ def keep(path: PathLike, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 def recall(path: PathLike) -> npt.NDArray[Any] | None:
     """The image in the file ``path``, read-only, if it is kept and the file is still the same."""
-    stamp = _stamp(path)
+    stamp = file_stamp(path)
     with _lock:
         image = None if stamp is None else _kept.get(stamp)
         if stamp is not None and image is not None:
@@ -62,8 +62,8 @@ def recall(path: PathLike) -> npt.NDArray[Any] | None:
         return image
 
 
-def _stamp(path: PathLike) -> _Stamp | None:
-    """What changes whenever a file is written or replaced."""
+def file_stamp(path: PathLike) -> Stamp | None:
+    """What changes whenever a file is written or replaced; None where there is none."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):
