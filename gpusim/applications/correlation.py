@@ -20,7 +20,7 @@ from gpusim.applications.correlation_output import (
 )
 from gpusim.arrays.array_types import Bool
 from gpusim.errors import InputError
-from gpusim.export.correlation import FORMATS, write_correlation, write_stereo
+from gpusim.export.correlation import FORMATS
 from gpusim.files.atomic_files import PathLike
 from gpusim.files.frame_source import Frames, FrameSource, read_frames
 from gpusim.files.output_folder import claim
@@ -44,12 +44,6 @@ from gpusim.measure import (
 from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.images import check_image
 from gpusim.optics.calibration.formats import read_calibration
-from gpusim.report.correlation import (
-    draw_maps,
-    draw_stereo_maps,
-    stereo_summary,
-    summary,
-)
 
 Progress = Callable[[str, float, str], None]
 USUAL = CorrelationSettings()
@@ -109,11 +103,8 @@ def correlate_files(
             (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")
         mask = _mask(settings.mask, first.shape)
         device = working_device("correlate", settings.backend)
-        kinds = write_correlation, draw_maps, summary
         notes = described(name, settings, device)
-        written = ResultWriter(
-            Path(output), first, notes, settings.formats, kinds, keep_results=keep_results
-        )
+        written = ResultWriter(Path(output), first, notes, settings.formats, keep_results)
         clock = time.perf_counter()
         progress("dic", 0.0, f"{len(frames)} images")
 
@@ -194,8 +185,7 @@ def correlate_pairs(
         mask = _mask(settings.mask, left.shape)
         device = working_device("correlate", settings.backend)
         notes = described(one.names[0], settings, device) | {"stereo": str(rig)}
-        kinds = write_stereo, draw_stereo_maps, stereo_summary
-        written = ResultWriter(Path(output), left, notes, settings.formats, kinds)
+        written = ResultWriter(Path(output), left, notes, settings.formats)
         common = _subset_options(settings, device) | {"roi": settings.roi, "mask": mask}
         clock = time.perf_counter()
         progress("dic", 0.0, f"{len(one)} pairs")

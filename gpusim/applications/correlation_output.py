@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim._version import __version__
+from gpusim.export.correlation import write_correlation
 from gpusim.field_summary import field_summary
 from gpusim.files.atomic_files import PathLike, safe_name, write_text
 from gpusim.files.output_folder import inside
@@ -21,7 +22,7 @@ from gpusim.measure.correlation.dic import Start
 from gpusim.measure.correlation.sequence import Update
 from gpusim.measure.correlation.strain import StrainKind
 from gpusim.measure.correlation.warp import Shape
-from gpusim.report.correlation import correlation_page
+from gpusim.report.correlation import correlation_page, draw_maps, summary
 from gpusim.report.model import Figure
 from gpusim.validation import checked
 
@@ -118,8 +119,6 @@ class ResultWriter:
     reference: npt.NDArray[Any]
     settings: dict[str, Any]
     formats: tuple[str, ...]
-    functions: tuple[Callable[..., Any], Callable[..., Figure], Callable[..., dict[str, Any]]]
-    """What writes a table, what draws a map, what makes a row of the report."""
     keep_results: bool = True
     files: list[Path] = field(default_factory=list)
     results: list[Any] = field(default_factory=list)
@@ -139,15 +138,14 @@ class ResultWriter:
 
         ``pictures`` by what they are called in tables; the first names the files.
         """
-        write, draw, summarise = self.functions
         picture = next(iter(pictures.values()))
         stem = f"{len(self.rows) + 1:04d}_{safe_name(Path(picture).stem)}"
         tables = [inside(self.folder, f"{stem}.{suffix}") for suffix in self.formats]
         for path in tables:
-            write(path, result, strains, self.settings | pictures)
-        figure = draw(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
+            write_correlation(path, result, strains, self.settings | pictures)
+        figure = draw_maps(self.reference, result, strains, inside(self.folder, f"{stem}.png"))
         names = [Path(name).name for name in pictures.values()]
-        row = summarise(picture, result, strains, seconds)
+        row = summary(picture, result, strains, seconds)
         self.rows.append(row if np.isnan(taken) else row | {"time_s": float(taken)})
         self.figures.append((", ".join(names), figure))
         self.files += [*tables, figure.path]

@@ -17,27 +17,19 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpusim.export.images import read_image, write_image
-    from gpusim.export.meshes import write_pvd, write_region_stls, write_stl, write_vtu
-    from gpusim.export.radiance import write_radiance
-    from gpusim.export.truth import FrameWriter, TruthWriter
-    from gpusim.files.atomic_files import atomic_path, atomic_stream, clean_leftovers, safe_name
-
-__all__ = [
-    "FrameWriter",
-    "TruthWriter",
-    "atomic_path",
-    "atomic_stream",
-    "clean_leftovers",
-    "read_image",
-    "safe_name",
-    "write_image",
-    "write_pvd",
-    "write_radiance",
-    "write_region_stls",
-    "write_stl",
-    "write_vtu",
-]
+    from gpusim.export.images import read_image as read_image
+    from gpusim.export.images import write_image as write_image
+    from gpusim.export.meshes import write_pvd as write_pvd
+    from gpusim.export.meshes import write_region_stls as write_region_stls
+    from gpusim.export.meshes import write_stl as write_stl
+    from gpusim.export.meshes import write_vtu as write_vtu
+    from gpusim.export.radiance import write_radiance as write_radiance
+    from gpusim.export.truth import FrameWriter as FrameWriter
+    from gpusim.export.truth import TruthWriter as TruthWriter
+    from gpusim.files.atomic_files import atomic_path as atomic_path
+    from gpusim.files.atomic_files import atomic_stream as atomic_stream
+    from gpusim.files.atomic_files import clean_leftovers as clean_leftovers
+    from gpusim.files.atomic_files import safe_name as safe_name
 
 # HDF5 and mesh formats take a tenth of a second to import, which most runs don't need
 _HOMES = {
@@ -48,6 +40,7 @@ _HOMES = {
     "export.truth": ("FrameWriter", "TruthWriter"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = sorted(_HOME_OF)
 
 
 def __getattr__(name: str) -> Any:
@@ -57,4 +50,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

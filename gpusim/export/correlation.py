@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN
+from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, catalogue_of
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, write_text
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
@@ -31,56 +31,35 @@ def result_columns(
     result: DicResult | StereoResult, strain: StrainResult | None = None
 ) -> dict[str, npt.NDArray[Any]]:
     """The columns of a table, (M,) each: position, displacement, quality, strain; ``status``."""
-    fields = SPACE if isinstance(result, StereoResult) else PICTURE
-    columns = {k: one.values(result) for k, one in fields.items() if k != "magnitude"}
-    if strain is not None:
-        columns |= {name: one.values(strain) for name, one in STRAIN.items()}
+    columns = {
+        name: one.values(table)
+        for table in (result, strain)
+        if table is not None
+        for name, one in catalogue_of(table).fields.items()
+        if name != "magnitude"
+    }
     return columns | {"status": result.status}
 
 
 def write_correlation(
     path: PathLike,
-    result: DicResult,
+    result: DicResult | StereoResult,
     strain: StrainResult | None = None,
     attributes: Mapping[str, str | float | int] | None = None,
 ) -> Path:
     """Write a result in the format that the suffix names: ``.csv``, ``.npz`` or ``.h5``.
 
-    In CSV ``status`` is a word, in the others a number; their names come with the file. Attributes
-    (settings, versions) go into comment lines or the file's own attributes.
+    Lengths in space are in mm. In CSV ``status`` is a word, in the others a number; their names
+    come with the file. Attributes (settings, versions) go into comment lines or the file's own
+    attributes.
     """
-    notes = _notes(result.subset, strain, attributes)
-    return _write(Path(path), result_columns(result, strain), notes, PICTURE_FRAME)
-
-
-def write_stereo(
-    path: PathLike,
-    result: StereoResult,
-    strain: StrainResult | None = None,
-    attributes: Mapping[str, str | float | int] | None = None,
-) -> Path:
-    """Write a result in space as ``write_correlation`` does one in the picture; lengths in mm."""
-    notes = _notes(result.subset, strain, attributes)
-    return _write(Path(path), result_columns(result, strain), notes, RIG_FRAME)
-
-
-def _notes(
-    subset: int, strain: StrainResult | None, attributes: Mapping[str, str | float | int] | None
-) -> dict[str, str | float | int]:
-    notes: dict[str, str | float | int] = {"subset_px": subset}
+    notes: dict[str, str | float | int] = {"subset_px": result.subset}
     if strain is not None:
         notes |= {"strain": strain.kind, "strain_gauge_px": strain.gauge_px}
     notes |= dict(attributes or {})
     # names of files among them
-    return {k: printable(v) if isinstance(v, str) else v for k, v in notes.items()}
-
-
-def _write(
-    target: Path,
-    columns: dict[str, npt.NDArray[Any]],
-    notes: Mapping[str, str | float | int],
-    frame: str,
-) -> Path:
+    notes = {k: printable(v) if isinstance(v, str) else v for k, v in notes.items()}
+    columns, target = result_columns(result, strain), Path(path)
     suffix = target.suffix.lower().lstrip(".")
     if suffix == "csv":
         return _write_csv(target, columns, notes)
@@ -98,9 +77,8 @@ def _write(
                 data = file.create_dataset(name, data=values, compression="gzip")
                 data.attrs["unit"] = unit_of(name)
             file.attrs["status_names"] = [str(name) for name in names]
-            file.attrs["frame"] = frame
-            for key, value in notes.items():
-                file.attrs[key] = value
+            file.attrs["frame"] = RIG_FRAME if isinstance(result, StereoResult) else PICTURE_FRAME
+            file.attrs.update(notes)
         return target
     raise InputError(f"{target}: unknown format; expected a name ending in one of {FORMATS}")
 

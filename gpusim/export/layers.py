@@ -68,8 +68,6 @@ LAYERS = {row[0]: Layer(*row) for row in _ROWS}
 
 CHUNK = 256  # pixels per side
 _LEVEL = 1
-_SAMPLE, _WORTH = 4096, 0.95  # bytes tried of a plane; most that is left of them
-_FLUSH = zlib.Z_FULL_FLUSH
 _WORKERS = min(8, os.cpu_count() or 1)
 
 Index = tuple[int, int]
@@ -99,10 +97,9 @@ class ChunkedLayer:
             compression_opts=_LEVEL,
             shuffle=True,
         )
-        self._data.attrs["unit"] = layer.unit
-        self._data.attrs["frame"] = layer.frame
-        self._data.attrs["convention"] = layer.convention
-        self._data.attrs["description"] = layer.text
+        self._data.attrs.update(
+            unit=layer.unit, frame=layer.frame, convention=layer.convention, description=layer.text
+        )
 
     def write_block(self, row0: int, col0: int, values: npt.NDArray[np.generic]) -> None:
         """Write a rectangle (h, w) or (h, w, C) at (``row0``, ``col0``)."""
@@ -111,14 +108,8 @@ class ChunkedLayer:
                 f"layer {self._name!r}: got block of shape {values.shape};"
                 f" expected (h, w{''.join(f', {n}' for n in self._tail)})"
             )
-        row1, col1 = row0 + values.shape[0], col0 + values.shape[1]
-        if row0 < 0 or col0 < 0 or row1 > self._shape[0] or col1 > self._shape[1]:
-            raise InputError(
-                f"layer {self._name!r}: got rows {row0}:{row1}, columns {col0}:{col1};"
-                f" expected inside {self._shape[0]} x {self._shape[1]}"
-            )
         rows, cols = np.indices(values.shape[:2]).reshape(2, -1)
-        self._store(rows + row0, cols + col0, self._cast(values).reshape(-1, *self._tail))
+        self.write_sparse(rows + row0, cols + col0, values.reshape(-1, *self._tail))
 
     def write_sparse(
         self,
@@ -224,20 +215,6 @@ def _pool() -> ThreadPoolExecutor:
 
 
 def _packed(tile: Tile) -> bytes:
-    """Apply HDF5's shuffle filter (all first bytes, then all second bytes, …) and deflate.
-
-    The last bytes of a smooth field's numbers are noise, on which deflate spends most of its time
-    for nothing. So a plane of which a sample doesn't shrink is only stored; one zlib stream (RFC
-    1950) holds the planes one after the other, each flushed to a byte's border.
-    """
+    """Apply HDF5's shuffle filter (all first bytes, then all second bytes, …) and deflate."""
     planes = np.ascontiguousarray(tile.reshape(-1).view(np.uint8).reshape(-1, tile.itemsize).T)
-    middle = planes.shape[1] // 2
-    parts = [b"\x78\x01"]
-    for number, plane in enumerate(planes):
-        sample = plane[middle : middle + _SAMPLE].tobytes()
-        shrinks = len(zlib.compress(sample, _LEVEL)) < _WORTH * len(sample)
-        deflate = zlib.compressobj(_LEVEL if shrinks else 0, zlib.DEFLATED, -zlib.MAX_WBITS)
-        last = number == len(planes) - 1
-        parts += [deflate.compress(plane), deflate.flush(zlib.Z_FINISH if last else _FLUSH)]
-    parts.append(zlib.adler32(planes.data).to_bytes(4, "big"))
-    return b"".join(parts)
+    return zlib.compress(planes.data, _LEVEL)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
+from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
 
 Values = Callable[[Any], npt.NDArray[Any]]
 Fields = Mapping[str, "MeasuredField"]
@@ -52,17 +53,30 @@ class FieldMap:
     centred: bool = False  # zero is special: colours diverge from it
 
 
+@dataclass(frozen=True)
+class Catalogue:
+    """What a kind of result has of each point: ``fields`` by name, those that are ``shown``, the
+    most telling first, and the ``unit`` of its lengths where it isn't px, if no file says mm."""
+
+    fields: Fields
+    shown: tuple[str, ...]
+    unit: str = ""
+
+
 def field_maps(
-    fields: Fields, result: Any, names: Sequence[str], unit: str = "mm"
+    result: Any, names: Sequence[str] | None = None, unit: str = "mm"
 ) -> dict[str, FieldMap]:
-    """Some ``fields`` of a result by name, NaN where nothing was measured; ``unit`` of lengths in
-    space."""
+    """Some fields of a result by name, NaN where nothing was measured; ``unit`` of lengths in
+    space. Without ``names`` those that are shown, in the result's own unit."""
+    kind = catalogue_of(result)
+    if names is None:
+        names, unit = kind.shown, kind.unit
     maps = {}
     for name in names:
-        one = fields[name]
+        one = kind.fields[name]
         title = one.title.format(unit=unit if one.unit == "mm" else one.unit)
         values = np.where(result.ok, one.values(result), np.nan)
-        maps[name] = FieldMap(values, title, centred=fields is STRAIN)
+        maps[name] = FieldMap(values, title, centred=kind.fields is STRAIN)
     return maps
 
 
@@ -107,3 +121,16 @@ _TENSOR = _fields(("tensor", "1", "exx exy eyx eyy"), ("principal", "1", "e1 e2"
                   ("residual", "1", "strain_residual"))  # fmt: skip
 STRAIN = {name: _TENSOR[name] for name in ("exx", "eyy", "exy", "e1", "e2", "strain_residual")}
 """Of a `DicResult`, a `StereoResult`, a `MappedResult`, a `StrainResult`."""
+CATALOGUES: dict[type, Catalogue] = {
+    DicResult: Catalogue(PICTURE, ("u", "v", "magnitude", "sigma", "zncc")),
+    StereoResult: Catalogue(
+        SPACE, ("W", "U", "V", "magnitude", "Z", "residual"), "unit of the rig"
+    ),
+    MappedResult: Catalogue(MAPPED, ("u", "v", "magnitude", "sigma"), "unit of the mapping"),
+    StrainResult: Catalogue(STRAIN, ("exx", "eyy", "exy", "e1", "e2")),
+}
+
+
+def catalogue_of(result: Any) -> Catalogue:
+    """What a result has of each point."""
+    return next(row for kind, row in CATALOGUES.items() if isinstance(result, kind))

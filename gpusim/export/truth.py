@@ -127,8 +127,7 @@ class TruthWriter:
                 "rows down, columns right; an integer coordinate is a pixel centre"
             )
             file.attrs["frame_0000"] = "the reference frame is frame 0000 of each camera"
-            for key, value in self._attributes.items():
-                file.attrs[key] = value
+            file.attrs.update(self._attributes)
             self._open_file = file
             self._stack = stack.pop_all()
         return self
@@ -146,7 +145,7 @@ class TruthWriter:
         """Write nodes (N, 3) float64 m in the reference configuration and cells (M, nodes)."""
         _check("points", points, (None, 3))
         mesh = self._file.create_group("mesh")
-        _dataset(mesh, "points", points, "m", "world", "Lagrangian")
+        _nodal(mesh, "points", points)
         for kind, array in cells.items():
             _check(f"cells[{kind!r}]", array, (None, None))
             mesh.create_dataset(f"cells/{kind}", data=array.astype(np.int64), **_packing(array))
@@ -167,7 +166,7 @@ class TruthWriter:
             raise InputError("nodal displacement: got no mesh; expected write_mesh before")
         _check("displacement", displacement, self._file["mesh/points"].shape)
         group = self._file["mesh"].require_group("displacement")
-        data = _dataset(group, _frame_name(step), displacement, "m", "world", "Lagrangian")
+        data = _nodal(group, _frame_name(step), displacement)
         _say_when(data, load_factor, time)
 
     def write_camera(
@@ -197,8 +196,7 @@ class TruthWriter:
         group.attrs["width"], group.attrs["height"] = width, height
         group.create_dataset("K", data=K).attrs["unit"] = "px"
         pose = group.create_dataset("camera_from_world", data=full)
-        pose.attrs["unit"] = "m"
-        pose.attrs["frame"] = "camera: x right, y down, z forward"
+        pose.attrs.update(unit="m", frame="camera: x right, y down, z forward")
         lens = group.create_dataset("distortion", data=coefficients)
         lens.attrs["convention"] = "OpenCV: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 taux tauy"
 
@@ -249,18 +247,10 @@ def _check(name: str, values: npt.NDArray[np.generic], shape: Sequence[int | Non
         raise InputError(f"{name}: got {values.dtype} with bad values; expected finite numbers")
 
 
-def _dataset(
-    group: h5py.Group,
-    name: str,
-    values: Float,
-    unit: str,
-    frame: str,
-    convention: str,
-) -> h5py.Dataset:
+def _nodal(group: h5py.Group, name: str, values: Float) -> h5py.Dataset:
+    """A dataset of the nodes' places or displacements (N, 3), m."""
     data = group.create_dataset(name, data=values.astype(np.float64), **_packing(values))
-    data.attrs["unit"] = unit
-    data.attrs["frame"] = frame
-    data.attrs["convention"] = convention
+    data.attrs.update(unit="m", frame="world", convention="Lagrangian")
     return data
 
 

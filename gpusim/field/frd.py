@@ -27,6 +27,8 @@ _TYPES = {
     11: ("line2", 2), 12: ("line3", 3),
 }  # fmt: skip
 _VALUE = 12
+_NODES, _CELLS = b"    2C", b"    3C"
+"""How the blocks of the mesh begin."""
 
 
 @dataclass
@@ -43,13 +45,6 @@ class _Block:
         return 10 if self.long else 5
 
 
-@dataclass
-class _Index:
-    nodes: _Block | None = None
-    cells: _Block | None = None
-    results: dict[str, list[_Block]] = field(default_factory=dict)
-
-
 def read_frd(file: InputFile, name: str | None = None) -> Field:
     """The displacements of an .frd file over its times (``name``: of the block, DISP).
 
@@ -57,11 +52,11 @@ def read_frd(file: InputFile, name: str | None = None) -> Field:
     solids, no displacements.
     """
     path = file.path
-    index = _index(file)
+    parts, results = _index(file)
     wanted = "DISP" if name is None else name
-    blocks = index.results.get(wanted, [])
-    if index.nodes is None or index.cells is None or not blocks:
-        known = ", ".join(index.results) or "none"
+    blocks = results.get(wanted, [])
+    if len(parts) < 2 or not blocks:
+        known = ", ".join(results) or "none"
         what = "no nodes or no elements" if blocks else f"no block {wanted}"
         raise InputError(
             f"{path}: {what}; got results {known}; expected a complete .frd with displacements "
@@ -69,8 +64,8 @@ def read_frd(file: InputFile, name: str | None = None) -> Field:
         )
     for block in blocks:
         _check_vector(block, wanted, path)
-    labels, points = _rows(file.data, index.nodes, path)
-    raw = RawMesh(points, tuple(_cells(file.data, index.cells, labels, path)))
+    labels, points = _rows(file.data, parts[_NODES], path)
+    raw = RawMesh(points, tuple(_cells(file.data, parts[_CELLS], labels, path)))
     mesh = assemble(raw, str(path))
     used = solid_nodes(raw)
 
@@ -84,10 +79,11 @@ def read_frd(file: InputFile, name: str | None = None) -> Field:
     return Field(mesh, [block.time for block in blocks], step, name=str(path))
 
 
-def _index(file: InputFile) -> _Index:
-    """One pass over the lines: the places of the blocks that matter."""
+def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]]]:
+    """One pass over the lines: where nodes and elements are, and the blocks of each result."""
     path = file.path
-    index = _Index()
+    parts: dict[bytes, _Block] = {}
+    results: dict[str, list[_Block]] = {}
     current: _Block | None = None
     time, long = 0.0, True
     if file.data[:6].strip() != b"1C":
@@ -101,20 +97,17 @@ def _index(file: InputFile) -> _Index:
             current.end = at
             current = None
         elif current is None:
-            if key in (b"    2C", b"    3C"):
+            if key in (_NODES, _CELLS):
                 current = _Block(at + len(line), -1, _is_long(line, path))
-                if index.nodes is not None if key == b"    2C" else index.cells is not None:
+                if key in parts:
                     raise InputError(f"{path}:{number}: a second mesh; expected one in a file")
-                if key == b"    2C":
-                    index.nodes = current
-                else:
-                    index.cells = current
+                parts[key] = current
             elif key == b"  100C":
                 time, long = _time(line, path), _is_long(line, path)
             elif key[:3] == b" -4" and line[3:13].split():
                 current = _Block(at + len(line), -1, long, time)
                 name = line[3:13].split()[0].decode("ascii", "replace")
-                index.results.setdefault(name, []).append(current)
+                results.setdefault(name, []).append(current)
             elif line[:5].strip() not in (b"1", b"9999", b""):  # headers, and the end
                 text = line.strip()[:40].decode("ascii", "replace")
                 raise InputError(f"{path}:{number}: got {text!r}; expected a block: damaged?")
@@ -124,7 +117,7 @@ def _index(file: InputFile) -> _Index:
         at += len(line)
     if current is not None:
         raise InputError(f"{path}: cut off: a block without its end (-3)")
-    return index
+    return parts, results
 
 
 def _check_vector(block: _Block, name: str, path: Path) -> None:
@@ -191,7 +184,7 @@ def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBloc
     lines = file[block.start : block.end].split(b"\n")
     width = block.label_width()
     rows: dict[str, list[bytes]] = {}
-    kind, parts = "", 0
+    kind = ""
     for line in lines:
         if line[:3] == b" -1":
             number = line[3 + width : 8 + width].strip()
@@ -199,14 +192,10 @@ def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBloc
                 raise InputError(
                     f"{path}: element type {number.decode('ascii', 'replace')!r}; expected 1 to 12"
                 )
-            kind, parts = _TYPES[int(number)][0], 0
+            kind = _TYPES[int(number)][0]
+            rows.setdefault(kind, []).append(b"")
         elif line[:3] == b" -2" and kind:
-            nodes = line[3:].rstrip(b"\r\n ")
-            if parts == 0:
-                rows.setdefault(kind, []).append(nodes)
-            else:
-                rows[kind][-1] += nodes
-            parts += 1
+            rows[kind][-1] += line[3:].rstrip(b"\r\n ")
     sizes = dict(_TYPES.values())
     blocks = []
     for kind, texts in rows.items():
@@ -219,6 +208,5 @@ def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBloc
             nodes_of = index_of(labels, names.astype(np.int64))
         except ValueError:
             raise InputError(f"{path}: an element of type {kind} lacks nodes") from None
-        nodes_of = from_upright_first(kind, nodes_of)
-        blocks.append(RawBlock(kind, nodes_of))
+        blocks.append(RawBlock(kind, from_upright_first(kind, nodes_of)))
     return blocks

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +10,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.export.measured_fields import (
-    MAPPED,
-    PICTURE,
-    SPACE,
-    STRAIN,
-    FieldMap,
-    MeasuredField,
-    field_maps,
-)
+from gpusim.export.measured_fields import field_maps
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity, span
@@ -32,19 +23,6 @@ if TYPE_CHECKING:
 Result = DicResult | StereoResult | MappedResult | StrainResult
 _DPI = 110
 _INCHES = 5.4
-SHOWN: dict[type, tuple[Mapping[str, MeasuredField], tuple[str, ...], str]] = {
-    DicResult: (PICTURE, ("u", "v", "magnitude", "sigma", "zncc"), "px"),
-    StereoResult: (SPACE, ("W", "U", "V", "magnitude", "Z", "residual"), "unit of the rig"),
-    MappedResult: (MAPPED, ("u", "v", "magnitude", "sigma"), "unit of the mapping"),
-    StrainResult: (STRAIN, ("exx", "eyy", "exy", "e1", "e2"), ""),
-}
-"""What a result can be drawn by, the first one unless one is chosen; its unit of lengths."""
-
-
-def components(result: Result) -> dict[str, FieldMap]:
-    """What a result can be drawn by; the first one unless one is chosen."""
-    ((fields, names, unit),) = (row for kind, row in SHOWN.items() if isinstance(result, kind))
-    return field_maps(fields, result, names, unit)
 
 
 def html(result: Result) -> str:
@@ -60,7 +38,7 @@ def html(result: Result) -> str:
     else:
         rows.append(("strain", result.kind))
         rows.append(("virtual strain gauge", quantity(result.gauge_px, "px", 3)))
-    for component in components(result).values():
+    for component in field_maps(result).values():
         rows.append((component.title, span(component.values)))
     title = type(result).__name__
     return page(title, rows, [partial(_picture, result)] if known else [])
@@ -77,7 +55,7 @@ def plot(
     """A map of one component, over the reference ``image`` where one is given."""
     from gpusim.report.correlation import draw_map, grey_picture
 
-    known = components(result)
+    known = field_maps(result)
     name = next(iter(known)) if component is None else component
     if name not in known:
         hint = nearest_name(name, known)
@@ -116,7 +94,7 @@ def _check_picture(what: str, image: npt.NDArray[Any], points: Float, mapped: bo
 
 
 def _picture(result: Result) -> Picture:
-    names = list(components(result))[:2]
+    names = list(field_maps(result))[:2]
     low, high = result.points.min(axis=0), result.points.max(axis=0)
     wide, tall = np.maximum(high - low, 1e-9)
     # side by side, or one above the other where they are wide
@@ -130,5 +108,5 @@ def _picture(result: Result) -> Picture:
             plot(result, ax, component=name)
 
     size = inches * across, height * (2 // across)
-    pixels = drawn(size, draw, "constrained", dpi=_DPI)
+    pixels = drawn(size, draw, dpi=_DPI)
     return Picture("maps of what was measured", pixels, shown_width=pixels.shape[1] * 9 // 10)

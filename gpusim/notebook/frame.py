@@ -10,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Single
+from gpusim.export.images import encoded_picture
 from gpusim.notebook.axes import flat_axes
-from gpusim.notebook.page import Picture, fitting, page, png_bytes, span
+from gpusim.notebook.page import Picture, page, span
 from gpusim.notebook.shading import encoded
 from gpusim.optics.frame import Frame
+from gpusim.report.html import fitting
 from gpusim.report.style import named
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ def html(frame: Frame) -> str:
 
 def png(frame: Frame) -> bytes | None:
     """The picture as a file; None of a released frame."""
-    return None if frame.released else png_bytes(toned(_small(frame.radiance)))
+    return None if frame.released else encoded_picture(toned(_small(frame.radiance)), ".png")
 
 
 def plot(frame: Frame, ax: Axes | None, **style: Any) -> Axes:

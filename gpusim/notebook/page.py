@@ -6,29 +6,21 @@ things have no background, so that all of it can be read on light and dark pages
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Real
-from gpusim.printable import printable
+from gpusim.export.images import encoded_picture
+from gpusim.report.html import data_uri, page_template
 from gpusim.report.text import number
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 Rows = Sequence[tuple[str, ...]]
 """Of a table: what a row is of, and its values."""
 DIGITS = 4
 _WIDTH = 480  # px on the page
-
-_CELL = "padding: 2px 14px 2px 0; border: 0; border-bottom: 1px solid rgba(128, 128, 128, 0.35)"
 
 
 @dataclass(frozen=True)
@@ -57,7 +49,7 @@ class Picture:
     def source(self) -> str:
         """The pixels as a data URI."""
         assert self.pixels is not None
-        return "data:image/png;base64," + base64.b64encode(png_bytes(self.pixels)).decode("ascii")
+        return data_uri("image/png", encoded_picture(self.pixels, ".png"))
 
     @property
     def width(self) -> int:
@@ -83,41 +75,9 @@ def page(
             made.append(make())
         except Exception as error:
             said.append(f"No picture: {error}")
-    return _template().render(
-        title=title, rows=rows, pictures=made, notes=said, head=head, cell_style=_CELL
+    return page_template("display.html.j2").render(
+        title=title, rows=rows, pictures=made, notes=said, head=head
     )
-
-
-@cache
-def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    def shown(value: Any) -> Any:
-        plain = isinstance(value, str) and not hasattr(value, "__html__")
-        return printable(value) if plain else value
-
-    environment = Environment(
-        loader=PackageLoader("gpusim", "notebook"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=shown,
-    )
-    return environment.get_template("display.html.j2")
-
-
-def fitting(shape: tuple[int, ...], width: int, height: int) -> tuple[int, int]:
-    """Width and height of a picture (H, W, …), made smaller to at most these."""
-    factor = min(1.0, width / shape[1], height / shape[0])
-    return max(1, round(factor * shape[1])), max(1, round(factor * shape[0]))
-
-
-def png_bytes(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """``pixels`` (H, W), (H, W, 3) or (H, W, 4) as a PNG file."""
-    order = {3: [2, 1, 0], 4: [2, 1, 0, 3]}
-    image = pixels if pixels.ndim == 2 else pixels[..., order[pixels.shape[2]]]
-    return cv2.imencode(".png", np.ascontiguousarray(image))[1].tobytes()
 
 
 def quantity(value: float, unit: str = "", digits: int = DIGITS) -> str:
@@ -132,10 +92,10 @@ def _text(value: float, digits: int) -> str:
     return text.rstrip("0").rstrip(".")
 
 
-def span(values: Real, unit: str = "", digits: int = DIGITS) -> str:
+def span(values: Real) -> str:
     """The least and the greatest of the finite values; a dash where there are none."""
     known = values[np.isfinite(values)]
     if not known.size:
         return number(float("nan"))
-    low, high = (_text(float(v), digits) for v in (known.min(), known.max()))
-    return f"{low} to {high} {unit}".rstrip()
+    low, high = (_text(float(v), DIGITS) for v in (known.min(), known.max()))
+    return f"{low} to {high}"

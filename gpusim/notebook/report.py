@@ -10,9 +10,9 @@ import numpy as np
 from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.notebook.axes import flat_axes
-from gpusim.notebook.page import Picture, fitting, page, quantity
+from gpusim.notebook.page import Picture, page, quantity
 from gpusim.report.figures import draw_error_bars, draw_measured
-from gpusim.report.html import aligned, reduced
+from gpusim.report.html import aligned, fitting, reduced
 from gpusim.report.model import FramePair, Measurement, Report, Series
 from gpusim.report.style import drawn, named
 from gpusim.report.text import duration, signed_percent
@@ -107,5 +107,5 @@ def _line(series: Series) -> Picture:
     def draw(canvas: Any) -> None:
         plot_series(series, canvas.subplots())
 
-    pixels = drawn((5.6, 3.4), draw, "constrained", dpi=100)
+    pixels = drawn((5.6, 3.4), draw, dpi=100)
     return Picture(series.name, pixels, shown_width=_WIDTH)

@@ -17,12 +17,12 @@ import numpy.typing as npt
 from gpusim.arrays import srgb
 from gpusim.arrays.array_types import Bool, Float, Real, Single
 from gpusim.gpu.device import device_if_open
-from gpusim.notebook.page import fitting
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.rendering.renderer import render
 from gpusim.optics.truth import Truth, truth_of
 from gpusim.optics.visibility_buffer import visibility_twin
+from gpusim.report.html import fitting
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
 

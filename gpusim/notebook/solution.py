@@ -21,11 +21,16 @@ from gpusim.optics.truth import Truth
 from gpusim.report.figures import round_down
 from gpusim.surface import Skin, Surface
 from gpusim.validation import is_number
+from gpusim.view.fields import color_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FIELDS = ("von_mises", "displacement", "x", "y", "z")
+FIELDS = {
+    "von_mises": "von Mises stress",
+    "displacement": "displacement",
+    **{axis: f"displacement along {axis}" for axis in "xyz"},
+}
 """What a body may be coloured by: stress, length of the displacement, its components."""
 
 _STRESS_CELLS = 30_000
@@ -44,7 +49,6 @@ class _Shown:
 
     skin: Skin
     points: Float
-    rest: Float
     values: Float
     scale: float
 
@@ -113,10 +117,8 @@ def plot(
 
 
 def _label(field: str, unit: str) -> str:
-    if field == "von_mises":
-        return f"von Mises stress ({_STRESS_UNITS.get(unit, f'N/{unit}²')})"
-    name = "displacement" if field == "displacement" else f"displacement along {field}"
-    return f"{name} ({unit})"
+    shown = _STRESS_UNITS.get(unit, f"N/{unit}²") if field == "von_mises" else unit
+    return f"{FIELDS[field]} ({shown})"
 
 
 def _cases(values: Float) -> Float:
@@ -142,7 +144,7 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
         most = float(np.linalg.norm(moved, axis=1).max())
         scale = max(1.0, round_down(_SHOWN * size / most)) if most > 0.0 else 1.0
     values = skin.at_vertices(_field(model, u[case], field))
-    return _Shown(skin, rest + scale * moved, rest, values, scale)
+    return _Shown(skin, rest + scale * moved, values, scale)
 
 
 def _field(model: Model, u: Float, field: str) -> Float:
@@ -166,11 +168,12 @@ def _picture(solution: Solution, field: str) -> Picture:
     surface, colouring = _valued(shown, low, high)
     pixels = shaded([surface], fitted_camera(shown.points), colouring, shown.skin.face_of_piece)
     stops = [to_hex(colormaps[_COLOURS](k / (_STOPS - 1))) for k in range(_STOPS)]
-    name = "von Mises stress" if field == "von_mises" else "displacement"
-    legend = Legend(name, quantity(low, digits=3), quantity(high, digits=3), ", ".join(stops))
+    legend = Legend(
+        FIELDS[field], quantity(low, digits=3), quantity(high, digits=3), ", ".join(stops)
+    )
     times = f"Displacements drawn {shown.scale:g} times."
     case = " Load case 0." if solution.u.ndim == 3 else ""
-    return Picture(f"the deformed body, {name}", pixels, times + case, legend)
+    return Picture(f"the deformed body, {FIELDS[field]}", pixels, times + case, legend)
 
 
 def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]:
@@ -179,8 +182,6 @@ def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]
     The renderer tells of each pixel where its material was before: between the vertices as exactly
     as where it is. So the surface is told to come from places that differ by the values.
     """
-    from matplotlib import colormaps
-
     length = 1e-3 * float(np.linalg.norm(np.ptp(shown.points, axis=0)))
     share = (shown.values - low) / (high - low)
     plain = metal_surface(shown.skin)
@@ -188,15 +189,11 @@ def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]
         shown.points, plain.faces, plain.paint, plain.region,
         shown.points - length * share[:, None] * np.array([1.0, 0.0, 0.0]),
     )  # fmt: skip
-    table = _linear(colormaps[_COLOURS](np.linspace(0.0, 1.0, 256))[:, :3])
+    # a little brighter: shading darkens them
+    table = np.minimum(1.25 * decoded(color_map(_COLOURS)), 1.0)
 
     def colours(truth: Truth) -> Float:
         at = np.clip(truth.displacement[:, 0] / length, 0.0, 1.0)
         return table[np.rint(255.0 * at).astype(np.int64)]
 
     return surface, colours
-
-
-def _linear(colours: Float) -> Float:
-    """Linear values of sRGB's, a little brighter: shading darkens them."""
-    return np.minimum(1.25 * decoded(colours), 1.0)

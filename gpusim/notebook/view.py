@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
+from gpusim.export.images import encoded_picture
 from gpusim.files.atomic_files import write_text
 from gpusim.gpu import default_device
 from gpusim.notebook.frame import toned
-from gpusim.notebook.page import Picture, page, png_bytes
+from gpusim.notebook.page import Picture, page
 from gpusim.notebook.scene import scene_surfaces
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
 from gpusim.optics import render
@@ -45,7 +46,7 @@ class StillView:
         return page(self.name, [], [lambda: picture], [f"A still picture: {self.reason}."])
 
     def _repr_png_(self) -> bytes:
-        return png_bytes(self.pixels)
+        return encoded_picture(self.pixels, ".png")
 
 
 def view(scene: Scene, camera: str | None, size: tuple[int, int]) -> Any:

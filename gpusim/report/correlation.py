@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.colors import Normalize, TwoSlopeNorm
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import ScalarFormatter
 
@@ -19,25 +19,13 @@ from gpusim._version import __version__
 from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
-from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, FieldMap, field_maps
+from gpusim.export.measured_fields import FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
-from gpusim.report.html import page_template
+from gpusim.report.html import fitting, page_template
 from gpusim.report.model import Figure
 from gpusim.report.style import BAD, axis_title, draw_png
 from gpusim.report.text import number
-
-__all__ = [
-    "Backdrop",
-    "FieldMap",
-    "correlation_page",
-    "draw_map",
-    "draw_maps",
-    "draw_stereo_maps",
-    "grey_picture",
-    "stereo_summary",
-    "summary",
-]
 
 Frame = tuple[float, float, float, float]
 """Left, right, lower and upper border, px."""
@@ -73,57 +61,37 @@ DIGITS = 4
 
 
 def summary(
-    image: str, result: DicResult, strain: StrainResult | None, seconds: float
+    image: str, result: DicResult | StereoResult, strain: StrainResult | None, seconds: float
 ) -> dict[str, Any]:
-    """What one image gave, in numbers that JSON can hold; None where nothing was measured."""
+    """What one image, or pair, gave, in numbers that JSON can hold; None where nothing was
+    measured. Lengths in space are in mm, and sigma is that along the worst axis."""
     ok = result.ok
-    u, v = result.displacement[ok].T
-    values: dict[str, Any] = {
-        "image": image,
-        "points": len(ok),
-        "measured": int(ok.sum()),
-        "counts": result.counts(),
-        "u_mean": _mean(u),
-        "v_mean": _mean(v),
-        "motion_max": float(np.hypot(u, v).max()) if u.size else None,
-        "sigma_median": float(np.median(result.sigma[ok])) if u.size else None,
-        "zncc_median": float(np.median(result.zncc[ok])) if u.size else None,
-    }
-    return values | _strains(strain) | {"seconds": round(seconds, 3)}
-
-
-def stereo_summary(
-    image: str, result: StereoResult, strain: StrainResult | None, seconds: float
-) -> dict[str, Any]:
-    """What one pair gave; lengths in mm, ``sigma_median_mm`` along the worst axis."""
-    ok = result.ok
-    moved = result.displacement[ok]
-    some = bool(ok.any())
+    moved, sigma = result.displacement[ok], result.sigma[ok]
+    if isinstance(result, StereoResult):
+        axes, unit, quality, sigma = "UVW", "_mm", "residual", sigma.max(axis=1)
+    else:
+        axes, unit, quality = "uv", "", "zncc"
     values: dict[str, Any] = {
         "image": image,
         "points": len(ok),
         "measured": int(ok.sum()),
         "counts": result.counts(),
     }
-    values |= {f"{name}_mean": _mean(moved[:, k]) for k, name in enumerate("UVW")}
+    values |= {f"{axis}_mean": _known(np.mean, moved[:, k]) for k, axis in enumerate(axes)}
     values |= {
-        "motion_max_mm": float(np.linalg.norm(moved, axis=1).max()) if some else None,
-        "sigma_median_mm": float(np.median(result.sigma[ok].max(axis=1))) if some else None,
-        "residual_median": float(np.median(result.residual[ok])) if some else None,
+        f"motion_max{unit}": _known(np.max, np.linalg.norm(moved, axis=1)),
+        f"sigma_median{unit}": _known(np.median, sigma),
+        f"{quality}_median": _known(np.median, getattr(result, quality)[ok]),
     }
-    return values | _strains(strain) | {"seconds": round(seconds, 3)}
-
-
-def _strains(strain: StrainResult | None) -> dict[str, Any]:
-    if strain is None:
-        return {}
-    known = strain.ok
-    # quantiles: a single point at a rough border isn't the strain of the piece
-    return {
-        "e1_max": _quantile(strain.principal[known, 0], 0.995),
-        "e2_min": _quantile(strain.principal[known, 1], 0.005),
-        "strain_gauge_px": strain.gauge_px,
-    }
+    if strain is not None:
+        e1, e2 = strain.principal[strain.ok].T
+        # quantiles: a single point at a rough border isn't the strain of the piece
+        values |= {
+            "e1_max": _known(np.quantile, e1, 0.995),
+            "e2_min": _known(np.quantile, e2, 0.005),
+            "strain_gauge_px": strain.gauge_px,
+        }
+    return values | {"seconds": round(seconds, 3)}
 
 
 def correlation_page(
@@ -160,12 +128,9 @@ def _cell(value: Any) -> str:
     return number(value, DIGITS) if isinstance(value, float) else str(value)
 
 
-def _mean(values: Any) -> float | None:
-    return float(values.mean()) if values.size else None
-
-
-def _quantile(values: Any, share: float) -> float | None:
-    return float(np.quantile(values, share)) if values.size else None
+def _known(statistic: Callable[..., Any], values: Float, *options: float) -> float | None:
+    """A statistic of values; None where there are none."""
+    return float(statistic(values, *options)) if values.size else None
 
 
 _PICTURE_PX = 900  # width of the picture below a map
@@ -185,34 +150,22 @@ _STATUS = {
 
 
 def draw_maps(
-    image: npt.NDArray[Any], result: DicResult, strain: StrainResult | None, path: PathLike
-) -> Figure:
-    """Draw u, v, the strains if any, the correlation and what is missing over the reference.
-
-    Colours span the 2 to 98 % quantiles, so that rough borders don't hide the rest.
-    """
-    names = ("u", "v") if strain is not None else ("u", "v", "sigma")
-    return _draw(image, result, field_maps(PICTURE, result, names), strain, path)
-
-
-def draw_stereo_maps(
-    image: npt.NDArray[Any], result: StereoResult, strain: StrainResult | None, path: PathLike
-) -> Figure:
-    """Draw shape, displacement and strains in space over the left reference picture."""
-    maps = field_maps(SPACE, result, ("Z", "U", "V", "W"))
-    return _draw(image, result, maps, strain, path)
-
-
-def _draw(
     image: npt.NDArray[Any],
     result: DicResult | StereoResult,
-    fields: Mapping[str, FieldMap],
     strain: StrainResult | None,
     path: PathLike,
 ) -> Figure:
-    maps = list(fields.values())
+    """Draw displacements, in space with the shape, the strains if any, and what is missing over
+    the reference, the left one of a pair.
+
+    Colours span the 2 to 98 % quantiles, so that rough borders don't hide the rest.
+    """
+    names = ("Z", "U", "V", "W") if isinstance(result, StereoResult) else ("u", "v")
+    if strain is None and not isinstance(result, StereoResult):
+        names = (*names, "sigma")
+    maps = list(field_maps(result, names).values())
     if strain is not None:
-        strains = field_maps(STRAIN, strain, ("exx", "eyy", "exy")).items()
+        strains = field_maps(strain, ("exx", "eyy", "exy")).items()
         maps += [replace(one, title=f"{name}, {strain.kind}") for name, one in strains]
     backdrop = grey_picture(image)
     columns = 2 if len(maps) < 4 else 3 if len(maps) < 6 else 4
@@ -228,7 +181,7 @@ def _draw(
             draw_map(axes, backdrop, result.points, one)
         _draw_missing(panels[len(maps)], backdrop, result)
 
-    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw, "constrained")
+    draw_png(path, (columns * (_PANEL + 0.9), rows * (tall + 0.55)), draw)
     counts = ", ".join(f"{number} {_said(name)}" for name, number in result.counts().items())
     caption = f"Over the reference image; {counts}."
     if strain is not None:
@@ -241,10 +194,9 @@ def grey_picture(image: npt.NDArray[Any]) -> Backdrop:
     are integers."""
     image = grey_of(image)
     height, width = image.shape
-    scale = min(1.0, _PICTURE_PX / width)
-    size = max(1, round(width * scale)), max(1, round(height * scale))
     low, high = np.nanquantile(image.astype(np.float64), [0.005, 0.995])
     grey = (image.astype(np.float32) - low) / ((high - low) or 1.0)
+    size = fitting(image.shape, _PICTURE_PX)
     small = cv2.resize(np.nan_to_num(grey), size, interpolation=cv2.INTER_AREA)
     clipped = np.clip(small, 0, 1).astype(np.float32)
     return clipped, (-0.5, width - 0.5, height - 0.5, -0.5)
@@ -268,31 +220,25 @@ def draw_map(
         low, high = (float(v) for v in np.quantile(one.values[known], [SHOWN, 1 - SHOWN]))
         if not high - low > 1e-12 * max(abs(low), abs(high), 1e-12):
             low, high = low - 0.5e-6, high + 0.5e-6
-        norm: Normalize = Normalize(low, high)
         colours = "viridis"
         if one.centred and low < 0 < high:
-            most = max(-low, high)
-            norm, colours = TwoSlopeNorm(0.0, -most, most), "RdBu_r"
-        if limited:
-            norm = style.pop("norm", None) or _limits(style, low, high)
+            high = max(-low, high)
+            low, colours = -high, "RdBu_r"
+        norm = style.pop("norm", None) or _limits(style, low, high)
         style = {"cmap": colours, "norm": norm} | style
         shown = _lattice(points, one.values)
         if shown is not None:
             grid, extent = shown
-            cells: dict[str, Any] = {
-                "alpha": 0.85 if backdrop is not None else 1.0,
-                "interpolation": "nearest",
-            }
-            drawn: Any = axes.imshow(grid, **(cells | {"extent": extent} | style))
+            alpha = 0.85 if backdrop is not None else 1.0
+            cells: dict[str, Any] = {"alpha": alpha, "interpolation": "nearest", "extent": extent}
+            drawn: Any = axes.imshow(grid, **(cells | style))
         else:
             dots: dict[str, Any] = {"s": 14, "linewidths": 0} | style
             drawn = axes.scatter(points[known, 0], points[known, 1], c=one.values[known], **dots)
         bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02, extend="both")
         bar.outline.set_visible(False)
         bar.ax.yaxis.set_major_formatter(ScalarFormatter(useOffset=False))
-    left, right, lower, upper = backdrop[1] if backdrop is not None else _frame_of(points)
-    axes.set_xlim(left, right)
-    axes.set_ylim(lower, upper)
+    axes.axis(backdrop[1] if backdrop is not None else _frame_of(points))
     axis_title(axes, one.title)
 
 
@@ -340,9 +286,7 @@ def _draw_missing(
             axes.plot(*result.points[there].T, "s", color=colour, markersize=3, label=label)
     if (~result.ok).any():
         axes.legend(loc="upper right", fontsize=7, frameon=True, framealpha=0.85, markerscale=2)
-    left, right, lower, upper = backdrop[1]
-    axes.set_xlim(left, right)
-    axes.set_ylim(lower, upper)
+    axes.axis(backdrop[1])
     axis_title(axes, f"not measured: {int((~result.ok).sum())} of {result.ok.size}")
 
 

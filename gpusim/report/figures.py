@@ -6,7 +6,7 @@ Each function draws one PNG, writes it atomically and returns a `Figure` with it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +26,9 @@ from gpusim.report.style import (
     PAGE,
     TEXT,
     TRUTH,
-    Margins,
     axis_title,
     draw_png,
     page_pixels,
-    text_inches,
 )
 from gpusim.report.text import number, signed_percent
 
@@ -56,8 +54,7 @@ def draw_series(series: Series, path: PathLike, beside: Sequence[Series] = ()) -
         axis_title(upper, title)
         _draw_residual(lower, series, residual, 1 + len(beside))
 
-    margins = Margins(right=1.1 if series.units_per_px else 0.15)
-    draw_png(path, (_WIDTH, 5.2), draw, margins)
+    draw_png(path, (_WIDTH, 5.2), draw)
     finite = np.abs(residual[np.isfinite(residual)])
     caption = f"{finite.size} of {residual.size} points measured"
     if finite.size:
@@ -104,8 +101,7 @@ def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count
     axes.axhline(0.0, color=TRUTH, linewidth=1.4)
     axes.vlines(x, 0.0, residual, color=MEASURED, linewidth=1.6)
     axes.plot(x, residual, "o", color=MEASURED, markersize=4.5)
-    axes.set_xlabel(series.x_label)
-    axes.set_ylabel(f"Residual ({series.y_unit})")
+    axes.set(xlabel=series.x_label, ylabel=f"Residual ({series.y_unit})")
     axes.yaxis.set_major_locator(MaxNLocator(5))
     # Zero in the middle: a bias shows as points on one side.
     finite = np.abs(residual[np.isfinite(residual)])
@@ -113,13 +109,7 @@ def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count
     axes.set_ylim(-span, span)
     if series.units_per_px:
         scale = abs(series.units_per_px)
-
-        def to_px(units: Any) -> Any:
-            return units / scale
-
-        def to_units(pixels: Any) -> Any:
-            return pixels * scale
-
+        to_px, to_units = partial(np.multiply, 1.0 / scale), partial(np.multiply, scale)
         right = axes.secondary_yaxis("right", functions=(to_px, to_units))
         right.set_ylabel("(px)", color=TEXT)
         right.spines["right"].set_visible(True)
@@ -140,8 +130,7 @@ def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
         axes = canvas.subplots()
         axes.semilogy(np.arange(values.size), shown, color=TRUTH, linewidth=2.0)
         axes.plot(values.size - 1, shown[-1], "o", color=TRUTH, markersize=6)
-        axes.set_xlabel("Iteration")
-        axes.set_ylabel("Residual / first one")
+        axes.set(xlabel="Iteration", ylabel="Residual / first one")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.yaxis.set_minor_locator(NullLocator())
         axis_title(axes, "Conjugate gradients")
@@ -157,41 +146,24 @@ def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
     return Figure(Path(path), "Convergence of the solver", caption)
 
 
-@dataclass(frozen=True, eq=False)
-class Photo:
-    """A picture for the page of `draw_overlay`: ``pixels`` (h, w) or (h, w, 3) uint8, those of the
-    page, and the ``size`` (width, height) px that it has itself."""
+def draw_overlay(overlay: Overlay, path: PathLike) -> Figure:
+    """Draw tracked points with magnified displacement arrows on the down-scaled image.
 
-    pixels: npt.NDArray[np.uint8]
-    size: tuple[int, int]
-
-
-def photo_of(overlay: Overlay) -> Photo:
-    """The picture that ``overlay`` is drawn on. Raises InputError if it can't be read."""
+    Raises InputError if that can't be read.
+    """
     image = read_image(overlay.image)
     height, width = image.shape[:2]
-    return Photo(reduced(image, page_pixels(_photo_inches(width, height))), (width, height))
-
-
-def _photo_inches(width: int, height: int) -> tuple[float, float]:
-    return _WIDTH, _WIDTH * height / width
-
-
-def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
-    """Draw tracked points with magnified displacement arrows on the down-scaled image."""
-    width, height = photo.size
+    size = _WIDTH, _WIDTH * height / width
+    pixels = reduced(image, page_pixels(size))
     found = np.isfinite(overlay.displacement[:, 0] + overlay.displacement[:, 1])
     longest = float(np.hypot(*overlay.displacement[found].T).max(initial=0.0))
     factor = round_down(_ARROW_FRACTION * width / longest) if longest > 0.0 else 1.0
 
     def draw(canvas: Canvas) -> None:
-        pixels = photo.pixels
         canvas.figimage(pixels if pixels.ndim == 3 else np.dstack(3 * [pixels]), zorder=-1)
         axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0), facecolor="none")
         # Pixel centres are integers: the outer edges of the image lie half a pixel outside.
-        frame = (-0.5, width - 0.5, height - 0.5, -0.5)
-        axes.set_xlim(frame[0], frame[1])
-        axes.set_ylim(frame[2], frame[3])
+        axes.axis((-0.5, width - 0.5, height - 0.5, -0.5))
         axes.set_axis_off()
         start, step = overlay.points[found], overlay.displacement[found] * factor
         arrows = axes.quiver(
@@ -221,7 +193,7 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
             )
             key.text.set_bbox({"facecolor": "#000000a0", "edgecolor": "none", "pad": 3})
 
-    draw_png(path, _photo_inches(width, height), draw, "none")
+    draw_png(path, size, draw, None)
     caption = f"{int(found.sum())} of {found.size} markers tracked"
     if longest > 0.0:
         caption += f"; displacements drawn {factor:g} times their length, the longest is"
@@ -235,12 +207,9 @@ def draw_overlay(overlay: Overlay, photo: Photo, path: PathLike) -> Figure:
 
 def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
     """Return the length in px of a round reference displacement, and its label."""
-    if overlay.units_per_px:
-        scale = abs(overlay.units_per_px)
-        value = round_down(0.6 * longest * scale)
-        return value / scale, f"{value:g} {overlay.unit}"
-    value = round_down(0.6 * longest)
-    return value, f"{value:g} px"
+    scale, unit = (abs(overlay.units_per_px), overlay.unit) if overlay.units_per_px else (1.0, "px")
+    value = round_down(0.6 * longest * scale)
+    return value / scale, f"{value:g} {unit}"
 
 
 def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
@@ -252,8 +221,7 @@ def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     def draw(canvas: Canvas) -> None:
         draw_error_bars(canvas.subplots(), shown)
 
-    margins = Margins(left=max(text_inches(item.name) for item in shown) + 0.2, top=0.12)
-    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw, margins)
+    draw_png(path, (_WIDTH, 1.1 + 0.42 * len(shown)), draw)
     caption = "Error of each measured number; the grey marks are its tolerance."
     return Figure(Path(path), "Errors", caption)
 

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError, InputError
-from gpusim.export.images import Picture, read_image
+from gpusim.errors import InputError
+from gpusim.export.images import Picture, encoded_picture, read_image
 from gpusim.files.input_file import read_input
 from gpusim.files.picture_file import read_picture
 from gpusim.printable import printable
@@ -82,7 +82,7 @@ def page_pair(pair: FramePair) -> PagePair:
 def file_uri(path: Path) -> str:
     """Return a PNG file as a data URI."""
     try:
-        return _uri("image/png", read_input(path, "a figure").data)
+        return data_uri("image/png", read_input(path, "a figure").data)
     except InputError as error:
         raise InputError(f"figure: {path}: can't be read ({error})") from None
 
@@ -94,26 +94,22 @@ def photo_uri(path: Path) -> str:
 
 def _jpeg_uri(image: Picture, widest: int, quality: int, bits: int = 0) -> str:
     """Down-scale by area average and encode as JPEG; levels of ``bits`` become 8."""
-    height, width = image.shape[:2]
-    scale = min(1.0, widest / width)
-    small = reduced(image, (max(1, round(width * scale)), max(1, round(height * scale))), bits)
-    return _encoded(_opencv(small), ".jpg", "image/jpeg", [cv2.IMWRITE_JPEG_QUALITY, quality])
+    small = reduced(image, fitting(image.shape, widest), bits)
+    data = encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return data_uri("image/jpeg", data)
+
+
+def fitting(shape: tuple[int, ...], width: float, height: float = math.inf) -> tuple[int, int]:
+    """Width and height of a picture (H, W, …), made smaller to at most these."""
+    factor = min(1.0, width / shape[1], height / shape[0])
+    return max(1, round(factor * shape[1])), max(1, round(factor * shape[0]))
 
 
 def reduced(image: Picture, size: tuple[int, int], bits: int = 0) -> Bytes:
     """``image`` as 8 bit of ``size`` (width, height), by area average; of ``bits`` (0: as few as
-    hold its grey levels).
-
-    Whole pixels first: ten times faster than any other share of them, and nearly as good.
-    """
-    bits = bits or _bits_of(image)
-    whole = max(1, image.shape[1] // size[0])
-    part: npt.NDArray[Any] = image
-    if whole > 1:
-        inner = image.shape[1] // whole, image.shape[0] // whole
-        part = image[: inner[1] * whole, : inner[0] * whole]
-        part = cv2.resize(part, inner, interpolation=cv2.INTER_AREA)
-    return _eight_bit(cv2.resize(part, size, interpolation=cv2.INTER_AREA), bits)
+    hold its grey levels)."""
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return _eight_bit(small, bits or _bits_of(image))
 
 
 def _crop_uri(image: Picture, x: float, y: float, bits: int) -> str:
@@ -124,7 +120,7 @@ def _crop_uri(image: Picture, x: float, y: float, bits: int) -> str:
     top = min(max(round(y) - side // 2, 0), height - side)
     part = _eight_bit(image[top : top + side, left : left + side], bits)
     large = part.repeat(_CROP_ZOOM, axis=0).repeat(_CROP_ZOOM, axis=1)
-    return _encoded(_opencv(large), ".png", "image/png", [])
+    return data_uri("image/png", encoded_picture(large, ".png"))
 
 
 def _bits_of(image: Picture) -> int:
@@ -138,19 +134,8 @@ def _eight_bit(image: npt.NDArray[Any], bits: int) -> Bytes:
     return np.asarray(np.minimum(image.astype(np.uint16) >> (bits - 8), 255), dtype=np.uint8)
 
 
-def _opencv(image: Bytes) -> Bytes:
-    """With colours in OpenCV's order."""
-    return image if image.ndim == 2 else image[..., ::-1]
-
-
-def _encoded(image: Bytes, suffix: str, media: str, options: list[int]) -> str:
-    good, data = cv2.imencode(suffix, image, options)
-    if not good:
-        raise GpusimError(f"report: an image of shape {image.shape} can't be encoded as {suffix}")
-    return _uri(media, data.tobytes())
-
-
-def _uri(media: str, data: bytes) -> str:
+def data_uri(media: str, data: bytes) -> str:
+    """A file as a page holds it."""
     return f"data:{media};base64,{base64.b64encode(data).decode('ascii')}"
 
 
@@ -172,24 +157,16 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         finalize=_shown,
     )
-    environment.filters["number"] = number
-    environment.filters["percent"] = percent
-    environment.filters["signed_percent"] = signed_percent
-    environment.filters["aligned"] = aligned
-    environment.filters["duration"] = duration
-    environment.filters["uri"] = file_uri
-    environment.filters["photo_uri"] = photo_uri
-    environment.filters["link"] = _link
+    formats = (number, percent, signed_percent, aligned, duration, file_uri, photo_uri, link)
+    environment.filters.update({one.__name__: one for one in formats})
     return environment
 
 
 def aligned(item: Measurement) -> tuple[str, str, str]:
     """Return measured, truth and error with as many decimals as show the error to three digits."""
-    if not math.isfinite(item.error) or item.error == 0.0:
-        return number(item.measured), number(item.truth), number(item.error, 3)
-    decimals = 2 - math.floor(math.log10(abs(item.error)))
-    largest = max(abs(item.measured), abs(item.truth))
-    if decimals > 9 or largest >= 1e9 or decimals < 0:
+    known = math.isfinite(item.error) and item.error != 0.0
+    decimals = 2 - math.floor(math.log10(abs(item.error))) if known else -1
+    if not 0 <= decimals <= 9 or max(abs(item.measured), abs(item.truth)) >= 1e9:
         return number(item.measured), number(item.truth), number(item.error, 3)
     texts = (f"{value:.{decimals}f}" for value in (item.measured, item.truth, item.error))
     measured, truth, error = (text.replace("-", "\N{MINUS SIGN}") for text in texts)
@@ -205,7 +182,7 @@ def _shown(value: object) -> object:
     return value
 
 
-def _link(path: Path, folder: Path) -> str:
+def link(path: Path, folder: Path) -> str:
     """Return a URL of ``path`` relative to ``folder``."""
     relative = os.path.relpath(Path(path).resolve(), Path(folder).resolve())
     return quote(Path(relative).as_posix())
@@ -216,15 +193,14 @@ class FigureSet:
     """The figures by the section of the page they stand in."""
 
     series: tuple[Figure, ...] = ()
-    errors: Figure | None = None
+    errors: tuple[Figure, ...] = ()
     overlays: tuple[Figure, ...] = ()
-    convergence: Figure | None = None
+    convergence: tuple[Figure, ...] = ()
     other: tuple[Figure, ...] = ()
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        single = [figure for figure in (self.errors, self.convergence) if figure is not None]
-        return (*self.series, *self.overlays, *single, *self.other)
+        return (*self.series, *self.overlays, *self.errors, *self.convergence, *self.other)
 
 
 def render_html(report: Report, figures: FigureSet, folder: Path) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure
-from gpusim.report.style import MEASURED, MUTED, PAGE, TRUTH, Margins, axis_title, draw_png, named
+from gpusim.report.style import MEASURED, MUTED, PAGE, TRUTH, axis_title, draw_png, named
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,27 +42,24 @@ def draw_reconstruction(
     and in two projections."""
     there, real = rest + factor * measured, rest + factor * true
 
+    def points_in(plot: Any, axes: list[int]) -> None:
+        before, now, found = (points[:, axes].T for points in (rest, real, there))
+        plot.plot(*before, ".", color=MUTED, markersize=5, label="unloaded, triangulated")
+        plot.plot(*now, "-", color=TRUTH, linewidth=1.4, label="loaded, finite elements")
+        plot.plot(*found, "o", color=MEASURED, markersize=4, mfc="none", label="loaded, measured")
+        _label_space(plot, axes)
+
     def draw(canvas: Canvas) -> None:
         grid = canvas.add_gridspec(2, 2)
         space: Any = canvas.add_subplot(grid[0, :], projection="3d")
-        space.plot(*rest.T, ".", color=MUTED, markersize=5, label="unloaded, triangulated")
-        space.plot(*real.T, "-", color=TRUTH, linewidth=1.4, label="loaded, finite elements")
-        space.plot(
-            *there.T, "o", color=MEASURED, markersize=4, mfc="none", label="loaded, measured"
-        )
-        space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
+        points_in(space, [0, 1, 2])
         space.legend(loc="upper left", fontsize=8.5)
-        space.set_aspect("equal", adjustable="datalim")
-        for k, (a, b) in enumerate(((0, 2), (0, 1))):
+        for k, across in enumerate(([0, 2], [0, 1])):
             plot = canvas.add_subplot(grid[1, k])
-            plot.plot(rest[:, a], rest[:, b], ".", color=MUTED, markersize=5)
-            plot.plot(real[:, a], real[:, b], "-", color=TRUTH, linewidth=1.4)
-            plot.plot(there[:, a], there[:, b], "o", color=MEASURED, markersize=4, mfc="none")
-            plot.set(xlabel=_LABELS[a], ylabel=_LABELS[b])
-            plot.set_aspect("equal", adjustable="datalim")
+            points_in(plot, across)
             axis_title(plot, ("From the front", "From above")[k])
 
-    draw_png(path, (7.2, 8.0), draw, Margins(left=0.8, top=0.1))
+    draw_png(path, (7.2, 8.0), draw)
     size = f" drawn {factor:g} times their length" if factor != 1 else ""
     return Figure(
         Path(path),
@@ -70,6 +67,12 @@ def draw_reconstruction(
         f"Markers triangulated from both cameras, unloaded and loaded, displacements{size}; "
         "below, two projections.",
     )
+
+
+def _label_space(plot: Any, axes: Sequence[int]) -> None:
+    """Name these axes of space, lengths alike along all."""
+    plot.set(**{f"{'xyz'[k]}label": _LABELS[axis] for k, axis in enumerate(axes)})
+    plot.set_aspect("equal", adjustable="datalim")
 
 
 def draw_rig(cameras: Sequence[RigCamera], points: Float, boards: Float, path: PathLike) -> Figure:
@@ -87,11 +90,10 @@ def draw_rig(cameras: Sequence[RigCamera], points: Float, boards: Float, path: P
             space.plot(*np.stack([camera.eye, end]).T, color=MEASURED, linewidth=1.6)
             space.plot(*camera.eye[:, None], "s", color=MEASURED, markersize=6)
             space.text(*camera.eye, f"  {named(camera.name)}")
-        space.set(xlabel=_LABELS[0], ylabel=_LABELS[1], zlabel=_LABELS[2])
-        space.set_aspect("equal", adjustable="datalim")
+        _label_space(space, [0, 1, 2])
         space.legend(loc="upper left")
 
-    draw_png(path, (7.2, 5.6), draw, Margins(0.1, 0.1, 0.1, 0.1))
+    draw_png(path, (7.2, 5.6), draw)
     caption = f"Cameras with their axes, markers, and the {len(boards)} boards of the calibration."
     return Figure(Path(path), "The rig", caption)
 
@@ -120,8 +122,7 @@ def draw_calibration(cameras: Sequence[RigCamera], view_rms: Float, path: PathLi
         for k, (camera, rms) in enumerate(zip(cameras, view_rms, strict=True)):
             place = np.arange(len(rms)) + 0.8 * (k / count) - 0.4
             bars.bar(place, rms, width=0.8 / count, align="edge", label=named(camera.name))
-        bars.set_xlabel("Image of the target")
-        bars.set_ylabel("RMS (px)")
+        bars.set(xlabel="Image of the target", ylabel="RMS (px)")
         bars.legend(loc="best")
         axis_title(bars, "Reprojection error")
 
@@ -164,8 +165,7 @@ def draw_deflections(curves: Sequence[StateCurve], axes: tuple[str, str], path: 
         plot = canvas.subplots()
         for k, curve in enumerate(curves):
             _points(plot, k, curve)
-        plot.set_xlabel(axes[0])
-        plot.set_ylabel(axes[1])
+        plot.set(xlabel=axes[0], ylabel=axes[1])
         plot.legend(loc="best")
         axis_title(plot, "Deflection lines (lines: finite elements)")
 
@@ -198,8 +198,7 @@ def draw_differences(
         lower.axhline(0.0, color=MUTED, linewidth=0.8)
         upper.set_ylabel(axes[1])
         upper.legend(loc="best")
-        lower.set_xlabel(axes[0])
-        lower.set_ylabel("Error (px)")
+        lower.set(xlabel=axes[0], ylabel="Error (px)")
         axis_title(upper, "Difference to the reference (dotted: where the damage is)")
         axis_title(lower, "Measured minus true difference")
 

@@ -11,7 +11,6 @@ of its own (`gpusim.parallel.processes`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -64,42 +63,14 @@ _SETTINGS: dict[Any, Any] = {
 }
 
 
-@dataclass(frozen=True)
-class Margins:
-    """Inches around the plots of a page, which hold their labels; ``beside`` and ``between`` them.
-
-    matplotlib's layouts look at every label of a figure before it draws them: that takes as long as
-    drawing.
-    """
-
-    left: float = 1.05
-    right: float = 0.15
-    top: float = 0.36
-    bottom: float = 0.58
-    beside: float = 0.95
-    between: float = 0.62
-
-    def fit(self, canvas: Canvas) -> None:
-        """Move the plots of ``canvas``, which are those of one grid."""
-        grid: Any = canvas.axes[0].get_subplotspec()
-        rows, columns = grid.get_gridspec().get_geometry()
-        width, height = canvas.get_size_inches()
-        tall = (height - self.top - self.bottom - (rows - 1) * self.between) / rows
-        wide = (width - self.left - self.right - (columns - 1) * self.beside) / columns
-        canvas.subplots_adjust(
-            self.left / width, self.bottom / height, 1.0 - self.right / width,
-            1.0 - self.top / height, self.beside / wide, self.between / tall,
-        )  # fmt: skip
-
-
-Layout = Margins | Literal["constrained", "none"] | None
+Layout = Literal["constrained"] | None
 
 
 def draw_png(
     path: PathLike,
     size: tuple[float, float],
     draw: Callable[[Canvas], None],
-    layout: Layout = None,
+    layout: Layout = "constrained",
 ) -> None:
     """Let ``draw`` fill a canvas of ``size`` inches and write it to ``path`` (PNG, 200 dpi)."""
     write_image(path, drawn(size, draw, layout), pixels_per_metre=_DPI / 0.0254)
@@ -108,25 +79,21 @@ def draw_png(
 def drawn(
     size: tuple[float, float],
     draw: Callable[[Canvas], None],
-    layout: Layout = None,
+    layout: Layout = "constrained",
     dpi: int = _DPI,
 ) -> npt.NDArray[np.uint8]:
     """(H, W, 3) of a canvas of ``size`` inches that ``draw`` fills.
 
-    ``layout``: margins around the plots, usual ones unless given; "constrained" for plots that
-    share a page with colour bars, "none" for those that are in place.
+    ``layout``: None for plots that are in place; else there is room for their labels.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Canvas
 
     with _drawing, matplotlib.rc_context(_SETTINGS):
-        own: Any = "constrained" if layout == "constrained" else "none"
-        canvas = Canvas(figsize=size, dpi=dpi, layout=own)
+        canvas = Canvas(figsize=size, dpi=dpi, layout=layout)
         page: Any = FigureCanvasAgg(canvas)
         draw(canvas)
-        if not isinstance(layout, str):
-            (layout or Margins()).fit(canvas)
         # savefig would draw twice, the first time for a layout that drawing makes anyway
         page.draw()
         return np.array(page.buffer_rgba(), np.uint8)[..., :3]
@@ -135,16 +102,6 @@ def drawn(
 def page_pixels(size: tuple[float, float]) -> tuple[int, int]:
     """Width and height (px) of a page of ``size`` inches."""
     return int(size[0] * _DPI), int(size[1] * _DPI)
-
-
-def text_inches(text: str) -> float:
-    """How wide a line is in the usual size of letters."""
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import TextToPath
-
-    found = FontProperties(family=_SETTINGS["font.family"], size=_SETTINGS["font.size"])
-    width, _, _ = TextToPath().get_text_width_height_descent(text, found, ismath=False)
-    return float(width) / 72.0
 
 
 def named(name: str) -> str:

@@ -18,7 +18,6 @@ from gpusim.report.figures import (
     draw_errors,
     draw_overlay,
     draw_series,
-    photo_of,
 )
 from gpusim.report.html import FigureSet, render_html
 from gpusim.report.model import Report
@@ -72,39 +71,29 @@ def write_report(report: Report, out_dir: PathLike) -> ReportPaths:
 
 
 def _draw(report: Report, folder: Path) -> FigureSet:
+    begin = processes.begin
     # these take longest: they begin
-    other = [processes.begin(drawing) for drawing in report.figures]
+    sections = {"other": [begin(drawing) for drawing in report.figures]}
     together = groupby(report.series, lambda one: one.figure or one.name)
-    series = [
-        processes.begin(draw_series, item, inside(folder, f"{_stem('line', k, name)}.png"), beside)
-        for k, (name, (item, *beside)) in enumerate(together)
+    sections["series"] = [
+        begin(draw_series, item, _path(folder, "line", number, name), beside)
+        for number, (name, (item, *beside)) in enumerate(together, 1)
     ]
-    overlays = [
-        processes.begin(
-            draw_overlay,
-            item,
-            photo_of(item),
-            inside(folder, f"{_stem('markers', index, item.title)}.png"),
-        )
-        for index, item in enumerate(report.overlays)
+    sections["overlays"] = [
+        begin(draw_overlay, item, _path(folder, "markers", number, item.title))
+        for number, item in enumerate(report.overlays, 1)
     ]
     judged = [item for item in report.measurements if np.isfinite(item.error_relative)]
-    errors = convergence = None
     if len(judged) >= _WORTH_BARS:
-        errors = processes.begin(draw_errors, judged, inside(folder, "errors.png"))
+        sections["errors"] = [begin(draw_errors, judged, inside(folder, "errors.png"))]
     if len(report.residuals) >= _WORTH_A_PLOT:
-        convergence = processes.begin(
-            draw_convergence, report.residuals, inside(folder, "convergence.png")
-        )
+        path = inside(folder, "convergence.png")
+        sections["convergence"] = [begin(draw_convergence, report.residuals, path)]
     return FigureSet(
-        tuple(figure.result() for figure in series),
-        errors.result() if errors else None,
-        tuple(figure.result() for figure in overlays),
-        convergence.result() if convergence else None,
-        tuple(figure.result() for figure in other),
+        **{name: tuple(call.result() for call in calls) for name, calls in sections.items()}
     )
 
 
-def _stem(kind: str, index: int, title: str) -> str:
-    """Return a file name that stays the same from run to run and is unique in the report."""
-    return f"{kind}-{index + 1}-{safe_name(title).lower()[:60]}"
+def _path(folder: Path, kind: str, number: int, title: str) -> Path:
+    """Return a place that stays the same from run to run and is unique in the report."""
+    return inside(folder, f"{kind}-{number}-{safe_name(title).lower()[:60]}.png")

@@ -7,23 +7,22 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.gpu import Device, Texture, compare, twin_check
+from gpusim.gpu import Device, compare, twin_check
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.view import look
 from gpusim.optics.rendering.renderer import render
 from gpusim.optics.visibility_buffer import VisibilityBuffer
 from gpusim.twin_checks.scenes import shadow_scene
 from gpusim.view.field_colors import (
-    FieldColors,
     SurfaceField,
     corner_values,
+    draw_field_colors,
     field_colors_twin,
     finer,
 )
-from gpusim.view.overlay import Overlay, overlay_twin
+from gpusim.view.overlay import Overlay, overlay_twin, pixels_of
 from gpusim.view.picture.display import (
     display_twin,
     draw_enlarged,
@@ -34,15 +33,6 @@ from gpusim.view.picture.placement import Placement
 
 STEP = 1.0 / 255.0
 """Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""
-
-
-def pixels_of(device: Device, texture: Texture) -> npt.NDArray[Any]:
-    """(H, W, 4) uint8 of a texture of 8 bits a channel."""
-    buffer = device.empty(texture.stride * texture.height, "view.pixels")
-    with device.recording("view.pixels") as recording:
-        recording.copy_texture(texture, buffer, texture.height)
-    rows = buffer.read(np.uint8, (texture.height, texture.stride))
-    return rows[:, : 4 * texture.width].reshape(texture.height, texture.width, 4)
 
 
 @twin_check("view/overlay")
@@ -79,7 +69,7 @@ def check_field_colors(device: Device) -> None:
                        [0.8, 0.0, 0.1, 0.6]])  # fmt: skip
     target = device.texture(camera.width, camera.height, "rgba8unorm", "twin.field")
     options: dict[str, Any] = {"white": 0.8, "samples": 2}
-    FieldColors(device).draw(target, frame, values, (-1.2, 1.2), colors, **options)
+    draw_field_colors(device, target, frame, values, (-1.2, 1.2), colors, **options)
     ids = VisibilityBuffer.of(device, finer(frame.view, 2), 2 * camera.height).read()
     empty = np.zeros((camera.height, camera.width, 4), np.float32)
     twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)

@@ -8,11 +8,13 @@ from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View
 from gpusim.view.content.depth_of_field import DepthOfField
-from gpusim.view.overlay import Overlay, Shade, display_color
+from gpusim.view.overlay import Overlay, display_color
 from gpusim.view.picture.placement import Placement
 
 NEARER, FARTHER = "#ff8c1a", "#3d7dff"
 """What is too near to be sharp, and too far."""
+OUTSIDE, MIDDLE, GRID = "#20262ec0", "#ffb000", "#40c4ffc0"
+"""Beside the image, of the principal point, of the distortion grid."""
 TINTS = 512
 """Colours from one to the other: they are none within the depth of field."""
 LINES = 12
@@ -20,7 +22,7 @@ LINES = 12
 
 
 def defocus_tint(sharp: DepthOfField, view: View) -> tuple[Float, tuple[float, float], Float]:
-    """Depths (T, 3), limits and colours for `gpusim.view.field_colors.FieldColors.draw`: what is
+    """Depths (T, 3), limits and colours for `gpusim.view.field_colors.draw_field_colors`: what is
     nearer than a depth of field and what is beyond it in a colour each."""
     depth = view.vertices[view.corner, 2].astype(np.float64)
     far = min(sharp.far, max(float(depth.max(initial=0.0)), 2.0 * sharp.near))
@@ -31,9 +33,8 @@ def defocus_tint(sharp: DepthOfField, view: View) -> tuple[Float, tuple[float, f
 
 
 def draw_image_frame(
-    overlay: Overlay, camera: Camera, place: Placement, width: float, height: float,
-    outside: Shade = "#20262ec0", border: Shade = "#ffffff",
-) -> None:  # fmt: skip
+    overlay: Overlay, camera: Camera, place: Placement, width: float, height: float
+) -> None:
     """Darken a window of ``width`` x ``height`` px round a camera's image, and draw its border."""
     left, top = round(place.x), round(place.y)
     right = round(place.x + place.scale * camera.width)
@@ -45,39 +46,33 @@ def draw_image_frame(
         (right, top, width - right, down - top),
     ):
         if wide > 0 and tall > 0:
-            overlay.rectangle(x, y, wide, tall, outside)
+            overlay.rectangle(x, y, wide, tall, OUTSIDE)
     for x, y, wide, tall in (
         (left - 1, top - 1, right - left + 2, 1),
         (left - 1, down, right - left + 2, 1),
         (left - 1, top, 1, down - top),
         (right, top, 1, down - top),
     ):
-        overlay.rectangle(x, y, wide, tall, border)
+        overlay.rectangle(x, y, wide, tall, "white")
 
 
-def draw_principal_point(
-    overlay: Overlay, camera: Camera, place: Placement, color: Shade = "#ffb000"
-) -> None:
+def draw_principal_point(overlay: Overlay, camera: Camera, place: Placement) -> None:
     """A cross where the optical axis meets the image, with a gap in its middle."""
     x, y = np.floor(place.window(camera.distort(camera.K[:2, 2]))) + 0.5
     for step_x, step_y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         step = np.array([step_x, step_y])
-        for shade, width in (("#00000080", 3.0), (color, 1.0)):
+        for shade, width in (("#00000080", 3.0), (MIDDLE, 1.0)):
             overlay.line([(x, y) + 4 * step, (x, y) + 14 * step], shade, width)
 
 
-def draw_distortion(
-    overlay: Overlay, camera: Camera, place: Placement, color: Shade = "#40c4ffc0"
-) -> float:
-    """A grid of straight lines as the lens bends it; returns the largest displacement, px of the
-    image, 0 for a lens that doesn't distort (nothing is drawn)."""
+def draw_distortion(overlay: Overlay, camera: Camera, place: Placement) -> None:
+    """A grid of straight lines as the lens bends it; nothing for one that doesn't distort."""
     if camera.lens is None:
-        return 0.0
+        return
     step = max(camera.width, camera.height) / LINES
     size = np.array([camera.width, camera.height])
     middle = camera.K[:2, 2]
     first, last = -np.ceil((middle + 0.5) / step), np.ceil((size - middle) / step)
-    most = 0.0
     fine = 24
     for axis in (0, 1):
         along = np.arange(fine * first[axis], fine * last[axis] + 1) * step / fine + middle[axis]
@@ -88,7 +83,4 @@ def draw_distortion(
             with np.errstate(invalid="ignore"):
                 inside = ((bent >= -0.5) & (bent <= size - 0.5)).all(axis=1)
             bent[~inside] = np.nan
-            overlay.line(place.window(bent), color, 1.0)
-            moved = np.hypot(*(bent - ideal)[inside].T)
-            most = max(most, float(moved.max(initial=0.0)))
-    return most
+            overlay.line(place.window(bent), GRID, 1.0)

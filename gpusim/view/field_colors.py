@@ -7,6 +7,7 @@ interpolated as perspective has it, with more samples a pixel where borders shou
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -65,13 +66,13 @@ def corner_values(
             result[own] = field.values[topology.source[triangle]][:, None]
             continue
         vertices = topology.triangles[triangle]
-        shares = _shares(view.corners_of(own, REFERENCE), surface.rest[vertices])
+        shares = barycentric(view.corners_of(own, REFERENCE), surface.rest[vertices])
         result[own] = np.einsum("nck,nk->nc", shares, field.values[vertices])
     return result
 
 
-def _shares(points: Float, corners: Float) -> Float:
-    """(n, c, 3) of points (n, c, 3) in the planes of triangles (n, 3, 3): their weights."""
+def barycentric(points: Float, corners: Float) -> Float:
+    """(n, c, 3) of points (n, c, 3) in the planes of triangles (n, 3, 3): the corners' weights."""
     e, f = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     d = points - corners[:, :1]
     ee, ef, ff = ((a * b).sum(axis=1)[:, None] for a, b in ((e, e), (e, f), (f, f)))
@@ -93,12 +94,39 @@ def finer(view: View, samples: int) -> View:
     return replace(view, camera=camera, place=samples * (view.place + 0.5) - 0.5)
 
 
-class FieldColors:
-    """Draws a field over a picture in the window.
+def draw_field_colors(
+    device: Device,
+    target: Any,
+    frame: Frame,
+    values: Float,
+    limits: tuple[float, float],
+    colors: npt.NDArray[Any],
+    *,
+    white: float,
+    place: Placement | None = None,
+    samples: int = 1,
+    shade: float = SHADE,
+    opacity: float = 1.0,
+    recording: Recording | None = None,
+) -> None:
+    """Draw the colours of ``values`` over ``target``, on which the picture of ``frame`` is.
+
+    Parameters
+    ----------
+    target : a `gpusim.gpu.Texture`, or a `gpusim.view.overlay.Target`.
+    values : (T, 3), as `corner_values` gives them for ``frame.view``.
+    limits : values that the first and the last colour stand for; others have these, too.
+    colors : (C, 3) from 0 to 1 as sRGB has them, C at least 2; (C, 4) with an opacity.
+    white : the radiance that the picture shows as white.
+    place : where the picture lies on the target; None: pixel for pixel.
+    samples : along a side of a pixel; 1 while things move, 2 or 3 for smooth borders. One that
+        makes the image larger than a texture may be is lowered.
+    shade : what is left of a colour on a black surface; 1: the radiance isn't looked at.
+    recording : adds to it, to be submitted with what comes before; None: at once.
 
     Examples
     --------
-    >>> from gpusim.view.field_colors import FieldColors, SurfaceField, corner_values
+    >>> from gpusim.view.field_colors import SurfaceField, corner_values, draw_field_colors
     >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
     >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
     >>> device = gs.Device()
@@ -107,102 +135,65 @@ class FieldColors:
     >>> values = corner_values(frame.view, [wall], [height])
     >>> target = device.texture(60, 40, "rgba8unorm", "window")
     >>> black_to_white = np.array([[0, 0, 0], [1, 1, 1.0]])
-    >>> FieldColors(device).draw(target, frame, values, (-1.0, 1.0), black_to_white, white=1.0)
+    >>> draw_field_colors(device, target, frame, values, (-1.0, 1.0), black_to_white, white=1.0)
     """
-
-    def __init__(self, device: Device) -> None:
-        self.device = device
-
-    def draw(
-        self,
-        target: Any,
-        frame: Frame,
-        values: Float,
-        limits: tuple[float, float],
-        colors: npt.NDArray[Any],
-        *,
-        white: float,
-        place: Placement | None = None,
-        samples: int = 1,
-        shade: float = SHADE,
-        opacity: float = 1.0,
-        recording: Recording | None = None,
-    ) -> None:
-        """Draw the colours of ``values`` over ``target``, on which the picture of ``frame`` is.
-
-        Parameters
-        ----------
-        target : a `gpusim.gpu.Texture`, or a `gpusim.view.overlay.Target`.
-        values : (T, 3), as `corner_values` gives them for ``frame.view``.
-        limits : values that the first and the last colour stand for; others have these, too.
-        colors : (C, 3) from 0 to 1 as sRGB has them, C at least 2; (C, 4) with an opacity.
-        white : the radiance that the picture shows as white.
-        place : where the picture lies on the target; None: pixel for pixel.
-        samples : along a side of a pixel; 1 while things move, 2 or 3 for smooth borders. One that
-            makes the image larger than a texture may be is lowered.
-        shade : what is left of a colour on a black surface; 1: the radiance isn't looked at.
-        recording : adds to it, to be submitted with what comes before; None: at once.
-        """
-        if recording is None:
-            with self.device.recording("view.field_colors") as own:
-                return self.draw(
-                    target, frame, values, limits, colors, white=white, place=place, shade=shade,
-                    samples=samples, opacity=opacity, recording=own,
-                )  # fmt: skip
-        if values.shape != (frame.view.count, 3):
-            raise InputError(f"field values; got {values.shape}; expected ({frame.view.count}, 3)")
-        shown = _box_of(frame.view, values)
-        if shown is None:
-            return None
-        largest = self.device.limits["max-texture-dimension-2d"]
-        samples = max(1, min(samples, largest // max(frame.width, frame.height)))
-        layer = self._layer(
-            finer(frame.view, samples), _relative(values, limits), colors, recording
-        )
-        place = place or Placement()
-        low, high = np.clip(place.window(shown), 0.0, [target.width, target.height])
-        radiance, stride = _radiance(self.device, frame)
-        raster = self.device.raster(
-            "view/field_colors", (target.format,), depth="over",
-            entries=("vertex_over", "fragment_over"),
-        )  # fmt: skip
-        placing = {
-            "size": (target.width, target.height), "low": np.floor(low), "high": np.ceil(high),
-            "origin": (place.x, place.y), "scale": place.scale, "samples": samples,
-            "width": frame.width, "height": frame.height, "stride": stride, "white": white,
-            "shade": shade, "opacity": opacity,
-            "encode": int(not target.format.endswith("-srgb")),
-        }  # fmt: skip
+    if values.shape != (frame.view.count, 3):
+        raise InputError(f"field values; got {values.shape}; expected ({frame.view.count}, 3)")
+    shown = _box_of(frame.view, values)
+    if shown is None:
+        return
+    largest = device.limits["max-texture-dimension-2d"]
+    samples = max(1, min(samples, largest // max(frame.width, frame.height)))
+    place = place or Placement()
+    low, high = np.clip(place.window(shown), 0.0, [target.width, target.height])
+    radiance, stride = _radiance(device, frame)
+    raster = device.raster(
+        "view/field_colors", (target.format,), depth="over",
+        entries=("vertex_over", "fragment_over"),
+    )  # fmt: skip
+    placing = {
+        "size": (target.width, target.height), "low": np.floor(low), "high": np.ceil(high),
+        "origin": (place.x, place.y), "scale": place.scale, "samples": samples,
+        "width": frame.width, "height": frame.height, "stride": stride, "white": white,
+        "shade": shade, "opacity": opacity,
+        "encode": int(not target.format.endswith("-srgb")),
+    }  # fmt: skip
+    begun = (
+        nullcontext(recording) if recording is not None else device.recording("view.field_colors")
+    )
+    with begun as own:
+        view, relative = finer(frame.view, samples), _relative(values, limits)
+        layer = _layer(device, view, relative, colors, own)
         bindings = raster.bind(placing=placing, layer=layer, radiance=radiance)
-        recording.draw(
+        own.draw(
             raster, bindings, colors=(target,), depth=None, vertices=6,
             size=(target.width, target.height), clear=None,
         )  # fmt: skip
-        return None
 
-    def _layer(
-        self,
-        view: View,
-        values: Single,
-        colors: npt.NDArray[Any],
-        recording: Recording,
-    ) -> Texture:
-        """A view's triangles in the colours of ``values`` (3 T,), others as nothing."""
-        width, height = view.camera.width, view.camera.height
-        layer = self.device.target(width, height, "rgba8unorm-srgb", "view.field")
-        depth = self.device.target(width, height, "depth32float", "view.depth")
-        raster = self.device.raster("view/field_colors", (layer.format,))
-        buffers = VertexBuffers(self.device, view, "view")
-        bindings = raster.bind(
-            params={"width": width, "height": height, "near": buffers.near}, **buffers.bindings(),
-            values=self.device.buffer(values, "view.values"),
-            colors=self.device.buffer(_table(colors), "view.colors"),
-        )  # fmt: skip
-        recording.draw(
-            raster, bindings, colors=(layer,), depth=depth, vertices=3 * view.count,
-            size=(width, height),
-        )  # fmt: skip
-        return layer
+
+def _layer(
+    device: Device,
+    view: View,
+    values: Single,
+    colors: npt.NDArray[Any],
+    recording: Recording,
+) -> Texture:
+    """A view's triangles in the colours of ``values`` (3 T,), others as nothing."""
+    width, height = view.camera.width, view.camera.height
+    layer = device.target(width, height, "rgba8unorm-srgb", "view.field")
+    depth = device.target(width, height, "depth32float", "view.depth")
+    raster = device.raster("view/field_colors", (layer.format,))
+    buffers = VertexBuffers(device, view, "view")
+    bindings = raster.bind(
+        params={"width": width, "height": height, "near": buffers.near}, **buffers.bindings(),
+        values=device.buffer(values, "view.values"),
+        colors=device.buffer(_table(colors), "view.colors"),
+    )  # fmt: skip
+    recording.draw(
+        raster, bindings, colors=(layer,), depth=depth, vertices=3 * view.count,
+        size=(width, height),
+    )  # fmt: skip
+    return layer
 
 
 def _box_of(view: View, values: Float) -> Float | None:
@@ -263,7 +254,7 @@ def field_colors_twin(
     limits: tuple[float, float], colors: npt.NDArray[Any], *, white: float, samples: int,
     shade: float = SHADE,
 ) -> Single:  # fmt: skip
-    """What `FieldColors.draw` makes of a picture (H, W, 4) without sRGB's curve, pixel for pixel.
+    """What `draw_field_colors` makes of a picture (H, W, 4) without sRGB's curve, pixel for pixel.
 
     ``ids`` (H s, W s): of the `finer` view.
     """

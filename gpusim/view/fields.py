@@ -29,80 +29,66 @@ def _fem() -> Any:
     return fem
 
 
+UNITS = {"mm": 1e3, "MPa": 1e-6, "10⁻³": 1e3, "%": 1e2}
+"""Of fields: how many there are in one of SI."""
+
+
 @dataclass(frozen=True, eq=False)
 class FieldKind:
     """A field that can be shown.
 
-    ``title`` and ``unit`` for the legend; ``factor`` turns SI into that unit; ``signed``: both
-    signs occur, and zero is in the middle of the colours; ``by_cell``: values are of elements (M,),
-    else of nodes (N,).
+    ``title`` and ``unit`` for the legend; ``of``: in SI, (N,) of nodes, or of elements (M,) where
+    it is ``by_cell``, or ``component`` k of (N, K).
     """
 
     title: str
     unit: str
-    factor: float
-    signed: bool
     of: Callable[[BodyState], Float]
+    component: int | None = None
     by_cell: bool = False
 
     def values(self, state: BodyState) -> Float:
         """(N,) or (M,) in ``unit``. Raises InputError where the body hasn't this field."""
-        return self.factor * self.of(state)
+        values = self.of(state)
+        return UNITS[self.unit] * (values if self.component is None else values[:, self.component])
+
+    @property
+    def signed(self) -> bool:
+        """Whether both signs occur: zero is in the middle of the colours then."""
+        return self.component is not None
+
+    @property
+    def label(self) -> str:
+        """What stands over the legend."""
+        return f"{self.title} ({self.unit})"
 
 
-Of = Callable[[BodyState], Float]
-
-
-def _part(of: Of, k: int) -> Of:
-    """One component."""
-    return lambda state: of(state)[:, k]
-
-
-def _fields() -> dict[str, FieldKind]:
-    mm, MPa, small = ("mm", 1e3), ("MPa", 1e-6), ("10⁻³", 1e3)
-
-    def u(state: BodyState) -> Float:
-        return state.u
-
-    def stress(state: BodyState) -> Float:
-        return state.stress
-
-    def strain(state: BodyState) -> Float:
-        return state.strain
-
-    def principal(of: Of) -> Of:
-        return lambda state: _fem().principal(of(state))
-
-    found = {
-        "displacement": FieldKind(
-            "Displacement", *mm, False, lambda state: np.asarray(np.linalg.norm(state.u, axis=1))
-        )
+def _components(
+    name: str, title: str, unit: str, of: Callable[[BodyState], Float], components: str
+) -> dict[str, FieldKind]:
+    """A field for each component of a vector or tensor."""
+    return {
+        f"{name}_{component}": FieldKind(f"{title} {component}", unit, of, k)
+        for k, component in enumerate(components.split())
     }
-    for k, axis in enumerate("xyz"):
-        found[f"displacement_{axis}"] = FieldKind(f"Displacement {axis}", *mm, True, _part(u, k))
-    found["von_mises"] = FieldKind(
-        "von Mises stress", *MPa, False, lambda state: _fem().von_mises(state.stress)
-    )
-    for name, title, unit, of in (
-        ("stress", "Stress", MPa, stress),
-        ("strain", "Strain", small, strain),
-    ):
-        for k in range(3):
-            found[f"principal_{name}_{k + 1}"] = FieldKind(
-                f"Principal {name} {k + 1}", *unit, True, _part(principal(of), k)
-            )
-        for k, axes in enumerate(("xx", "yy", "zz", "xy", "yz", "zx")):
-            found[f"{name}_{axes}"] = FieldKind(f"{title} {axes}", *unit, True, _part(of, k))
-    found["element_von_mises"] = FieldKind(
-        "von Mises stress of elements", *MPa, False, lambda s: s.recovered.cell_von_mises, True
-    )
-    found["error_share"] = FieldKind(
-        "Share of the stress error", "%", 1e2, False, lambda s: s.recovered.error_share, True
-    )
-    return found
 
 
-FIELDS = _fields()
+_AXES = "xx yy zz xy yz zx"
+FIELDS = {
+    "displacement": FieldKind("Displacement", "mm", lambda state: state.length),
+    **_components("displacement", "Displacement", "mm", lambda state: state.u, "x y z"),
+    "von_mises": FieldKind("von Mises stress", "MPa", lambda s: _fem().von_mises(s.stress)),
+    **_components("principal_stress", "Principal stress", "MPa",
+                  lambda state: _fem().principal(state.stress), "1 2 3"),
+    **_components("stress", "Stress", "MPa", lambda state: state.stress, _AXES),
+    **_components("principal_strain", "Principal strain", "10⁻³",
+                  lambda state: _fem().principal(state.strain), "1 2 3"),
+    **_components("strain", "Strain", "10⁻³", lambda state: state.strain, _AXES),
+    "element_von_mises": FieldKind("von Mises stress of elements", "MPa",
+                                   lambda state: state.recovered.cell_von_mises, by_cell=True),
+    "error_share": FieldKind("Share of the stress error", "%",
+                             lambda state: state.recovered.error_share, by_cell=True),
+}  # fmt: skip
 """By the name that users write."""
 
 
@@ -180,18 +166,14 @@ def scale_of(values: Sequence[Float], signed: bool = False) -> ColorScale:
     from matplotlib.ticker import MaxNLocator
 
     every = np.concatenate([np.zeros(0), *(v[np.isfinite(v)] for v in values)])
-    least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
+    shares = [0.0, OUTSIDE, 100.0 - OUTSIDE, 100.0]
+    least, low, high, most = np.percentile(every if len(every) else [0.0], shares).tolist()
     both = signed and least < 0.0 < most
-    low, high = (
-        float(np.percentile(every, share)) if len(every) else 0.0
-        for share in (OUTSIDE, 100.0 - OUTSIDE)
-    )
     if both:
         high = max(abs(low), abs(high))
         low = -high
     elif 0.0 <= low < 0.5 * high or (high <= 0.0 and high > 0.5 * low):
         low, high = min(low, 0.0), max(high, 0.0)
-        low = 0.0 if high > 0.0 else low
     if not high - low > 1e-9 * max(abs(low), abs(high)):
         low, high = min(low, 0.0), max(high, 0.0) if high else 1.0
     locator = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
@@ -231,39 +213,34 @@ def _labels(scale: ColorScale) -> list[str]:
     return [format_value(tick, step) for tick in scale.ticks]
 
 
-def legend_width(
-    overlay: Overlay, scale: ColorScale, title: str, unit: str, size: float = 13.0
-) -> float:
+def legend_width(overlay: Overlay, scale: ColorScale, title: str, size: float) -> float:
     """Of what `draw_legend` draws, px."""
     beside = max((overlay.text_width(label, size) for label in _labels(scale)), default=0.0)
     bar = round(1.2 * size) + round(0.45 * size) + 6 + beside
-    text = f"{title} ({unit})" if unit else title
-    return float(round(2 * round(0.8 * size) + max(overlay.text_width(text, size), bar)))
+    return float(round(2 * round(0.8 * size) + max(overlay.text_width(title, size), bar)))
 
 
 def draw_legend(
     overlay: Overlay,
     scale: ColorScale,
     title: str,
-    unit: str,
-    x: float,
+    right: float,
     y: float,
-    height: float = 240.0,
-    size: float = 13.0,
+    height: float,
+    size: float,
 ) -> tuple[float, float]:
-    """The bar of colours with its ticks, name and unit; returns the width and height it takes, px.
+    """The bar of colours with its ticks and title; returns the width and height it takes, px.
 
-    (x, y): top left corner; ``height``: of the bar; ``size``: of the letters. Values beyond an
-    end are told by a tip there.
+    (right, y): top right corner; ``height``: of the bar; ``size``: of the letters. Values beyond
+    an end are told by a tip there.
     """
-    x, y, height = round(x), round(y), round(height)
-    text = f"{title} ({unit})" if unit else title
+    wide = legend_width(overlay, scale, title, size)
+    x, y, height = round(right - wide), round(y), round(height)
     pad, bar, tip = round(0.8 * size), round(1.2 * size), round(0.7 * size)
     mark = round(0.45 * size)
-    wide = legend_width(overlay, scale, title, unit, size)
     tall = 2 * pad + round(1.8 * size) + height + 2 * tip
     overlay.rectangle(x, y, wide, tall, PAPER)
-    overlay.text(x + pad, y + pad, text, size, INK)
+    overlay.text(x + pad, y + pad, title, size, INK)
     left, top = x + pad, y + pad + round(1.8 * size) + tip
     colors = scale.colors
     rows = (np.arange(height)[::-1] + 0.5) / height * (len(colors) - 1)

@@ -15,14 +15,6 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-_RANGES = ((0x20, 0x7F), (0xA0, 0x180), (0x391, 0x3A2), (0x3A3, 0x3CA), (0x2190, 0x2196))
-_SIGNS = "–—‘’“”•…′″‰⁰⁴⁵⁶⁷⁸⁹⁺⁻₀₁₂₃₄₅₆₇₈₉∂∆∇∑−√∞∠∥⊥≈≠≤≥▲▶▼◀■□●○✓✗"  # noqa: RUF001
-CHARACTERS = "".join(chr(code) for first, stop in _RANGES for code in range(first, stop)) + _SIGNS
-"""Those that there are letters for: Latin with its accents, Greek, signs."""
-
-_KNOWN = frozenset(CHARACTERS)
-_BOX = ""
-
 
 class Glyph(NamedTuple):
     """A letter in an atlas: ``first`` byte of its coverage, its size and place, px.
@@ -60,11 +52,10 @@ class GlyphAtlas:
         return np.frombuffer(bytes(self._coverage), np.uint8)
 
     def glyph(self, character: str, size: int) -> Glyph:
-        """A letter of a size (px, the font's em); a box for one that there is none of."""
-        known = character if character in _KNOWN else _BOX
-        if (known, size) not in self._glyphs:
-            self._glyphs[known, size] = self._drawn(known, size)
-        return self._glyphs[known, size]
+        """A letter of a size (px, the font's em); the font's box for one that it hasn't."""
+        if (character, size) not in self._glyphs:
+            self._glyphs[character, size] = self._drawn(character, size)
+        return self._glyphs[character, size]
 
     def width(self, line: str, size: int) -> float:
         """How far the pen goes, px."""
@@ -75,17 +66,12 @@ class GlyphAtlas:
         return -self.glyph("H", size).top
 
     def _drawn(self, character: str, size: int) -> Glyph:
-        if character == _BOX:
-            picture, left, top = _box(size)
-            advance = float(picture.shape[1] + 2)
-        else:
-            font = _font(size)
-            picture, left, top = _letter(font, character)
-            advance = font.getlength(character)
+        font = _font(size)
+        picture, left, top = _letter(font, character)
         rows, columns = picture.shape
         first = len(self._coverage)
         self._coverage += picture.tobytes()
-        return Glyph(first, columns, rows, left, top, advance)
+        return Glyph(first, columns, rows, left, top, font.getlength(character))
 
 
 def _letter(font: ImageFont.FreeTypeFont, character: str) -> tuple[npt.NDArray[np.uint8], int, int]:
@@ -95,13 +81,6 @@ def _letter(font: ImageFont.FreeTypeFont, character: str) -> tuple[npt.NDArray[n
     picture = Image.new("L", (right - left, bottom - top))
     ImageDraw.Draw(picture).text((-left, -top), character, 255, font, anchor="ls")
     return np.asarray(picture), left, top
-
-
-def _box(size: int) -> tuple[npt.NDArray[np.uint8], int, int]:
-    rows, columns = max(round(0.73 * size), 3), max(round(0.5 * size), 3)
-    picture = np.full((rows, columns), 255, np.uint8)
-    picture[1:-1, 1:-1] = 0
-    return picture, 1, -rows
 
 
 @cache

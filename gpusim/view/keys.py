@@ -3,42 +3,43 @@ here."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Key(NamedTuple):
-    """A key as it is typed or named, what `gpusim.view.viewer.Viewer` calls it, and its help; of
-    keys that are told of together the first one has it."""
+    """A key as it is typed or named, the method of `gpusim.view.viewer.Viewer` that it calls, its
+    help, and the call's arguments; of keys that are told of together the first one has the help."""
 
     key: str
     action: str
     help: str = ""
+    arguments: tuple[Any, ...] = ()
 
 
 KEYS = (
-    Key("1", "front", "look from the front (along +y), the right, the top"),
-    Key("3", "right"),
-    Key("7", "top"),
+    Key("1", "look_along", "look from the front (along +y), the right, the top", ("front",)),
+    Key("3", "look_along", "", ("right",)),
+    Key("7", "look_along", "", ("top",)),
     Key("0", "next_camera", "through the next camera of the scene"),
     Key("Home", "frame_all", "everything in view"),
     Key(".", "frame_selection", "the selection in view"),
     Key("r", "reset", "reset the view"),
     Key("c", "write_camera", "copy this view as a [[camera]] of a scene"),
-    Key("ArrowLeft", "previous_frame", "previous, next frame"),
-    Key("ArrowRight", "next_frame"),
-    Key("+", "larger", "deformation twice, half as large"),
-    Key("-", "smaller"),
+    Key("ArrowLeft", "step_frame", "previous, next frame", (-1,)),
+    Key("ArrowRight", "step_frame", "", (1,)),
+    Key("+", "deform", "deformation twice, half as large", (2.0,)),
+    Key("-", "deform", "", (0.5,)),
     Key("f", "next_field", "colours of the next field, then paint"),
-    Key("p", "paint", "paint, or plain grey"),
-    Key("l", "light", "the scene's lamps, or a headlight"),
-    Key("m", "mesh", "mesh lines, supports, loads"),
-    Key("u", "supports"),
-    Key("o", "loads"),
-    Key("v", "cameras", "cameras; in one: distortion, what is sharp"),
-    Key("[", "darker", "darker, brighter"),
-    Key("]", "brighter"),
-    Key("s", "save", "save a screenshot"),
-    Key("h", "help", "this help"),
+    Key("p", "switch", "paint, or plain grey", ("paint",)),
+    Key("l", "switch", "the scene's lamps, or a headlight", ("light",)),
+    Key("m", "switch", "mesh lines, supports, loads", ("mesh",)),
+    Key("u", "switch", "", ("supports",)),
+    Key("o", "switch", "", ("loads",)),
+    Key("v", "switch", "cameras; in one: distortion, what is sharp", ("cameras",)),
+    Key("[", "brighten", "darker, brighter", (0.5**0.5,)),
+    Key("]", "brighten", "", (2.0**0.5,)),
+    Key("s", "save_picture", "save a screenshot"),
+    Key("h", "switch", "this help", ("help",)),
 )
 
 MOUSE = (

@@ -7,6 +7,7 @@ pixel's centre to its edges; that of a letter is copied from a `gpusim.view.glyp
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from PIL import ImageColor
 from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
-from gpusim.gpu import Buffer, Device, Recording
+from gpusim.gpu import Buffer, Device, Recording, Texture
 from gpusim.view.glyphs import GlyphAtlas
 
 Shade = str | Sequence[float]
@@ -165,7 +166,7 @@ class Overlay:
         ``anchor``: what lies at (x, y): l, m or r for left, middle, right, and a, m, s or d for the
         top of the first line's capitals, the middle, the first base line, the last base line.
         ``halo``: a border of this colour, to be read over pictures. A character that
-        `gpusim.view.glyphs.CHARACTERS` hasn't is a box.
+        the font hasn't is a box.
         """
         if len(anchor) != 2 or anchor[0] not in "lmr" or anchor[1] not in "amsd":
             raise InputError(
@@ -219,13 +220,6 @@ class Overlay:
             return
         if target.format.endswith("-srgb"):
             quads["color"][:, :3] = decoded(quads["color"][:, :3])
-        if recording is None:
-            with self.device.recording("view.overlay") as own:
-                self._record(own, target, quads)
-        else:
-            self._record(recording, target, quads)
-
-    def _record(self, recording: Recording, target: Any, quads: npt.NDArray[np.void]) -> None:
         coverage = self.atlas.coverage
         if self._letters is None or self._letters.nbytes != max(coverage.nbytes, 4):
             some = coverage if coverage.size else np.zeros(4, np.uint8)
@@ -235,10 +229,23 @@ class Overlay:
             params={"width": target.width, "height": target.height},
             quads=self.device.buffer(quads, "overlay.quads"), letters=self._letters,
         )  # fmt: skip
-        recording.draw(
-            raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
-            size=(target.width, target.height), clear=None,
-        )  # fmt: skip
+        begun = (
+            self.device.recording("view.overlay") if recording is None else nullcontext(recording)
+        )
+        with begun as own:
+            own.draw(
+                raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
+                size=(target.width, target.height), clear=None,
+            )  # fmt: skip
+
+
+def pixels_of(device: Device, texture: Texture) -> npt.NDArray[Any]:
+    """(H, W, 4) uint8 of a texture of 8 bits a channel."""
+    buffer = device.empty(texture.stride * texture.height, "view.pixels")
+    with device.recording("view.pixels") as recording:
+        recording.copy_texture(texture, buffer, texture.height)
+    rows = buffer.read(np.uint8, (texture.height, texture.stride))
+    return rows[:, : 4 * texture.width].reshape(texture.height, texture.width, 4)
 
 
 def overlay_twin(

@@ -125,10 +125,10 @@ def _draw_message(
 def panels_taken(viewer: ViewState) -> tuple[float, float]:
     """Px of the window's right and lower side that the legend and the slider take; half of it at
     most, so that something is left to be seen."""
-    right, overlay, scale = 0.0, viewer.overlay, viewer.color_scale
+    right = 0.0
     if viewer.field_values and viewer.field is not None:
-        kind = field_kind(viewer.field)
-        right = 2.0 * EDGE + legend_width(overlay, scale, kind.title, kind.unit, SIZE)
+        title = field_kind(viewer.field).label
+        right = 2.0 * EDGE + legend_width(viewer.overlay, viewer.color_scale, title, SIZE)
     below = BELOW if _has_slider(viewer) else 0.0
     return min(right, 0.5 * viewer.size[0]), min(below, 0.5 * viewer.size[1])
 
@@ -184,10 +184,9 @@ def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
     """The legend of a field, in the corner; returns how far down it goes."""
     if not viewer.field_values or viewer.field is None:
         return 0.0
-    kind, scale = field_kind(viewer.field), viewer.color_scale
-    left = viewer.size[0] - EDGE - legend_width(overlay, scale, kind.title, kind.unit, SIZE)
+    title, right = field_kind(viewer.field).label, viewer.size[0] - EDGE
     tall = min(max(viewer.size[1] - 20.0 * SIZE, 4.0 * SIZE), 240.0)
-    return EDGE + draw_legend(overlay, scale, kind.title, kind.unit, left, EDGE, tall, SIZE)[1]
+    return EDGE + draw_legend(overlay, viewer.color_scale, title, right, EDGE, tall, SIZE)[1]
 
 
 def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:

@@ -14,6 +14,7 @@ from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import View
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
+from gpusim.view.field_colors import barycentric
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +85,12 @@ def pick(
     reference = _shares(view, triangle, column, row) @ corners[:, REFERENCE]
     first = sum(len(one.topology.triangles) for one in surfaces[:number])
     vertices = surface.topology.triangles[int(view.source[triangle]) - first]
-    rest = surface.rest[vertices]
-    second, third = np.linalg.lstsq((rest[1:] - rest[0]).T, reference - rest[0], rcond=None)[0]
+    weights = barycentric(reference[None, None], surface.rest[vertices][None])[0, 0]
     element = node = None
     sets: tuple[str, ...] = ()
     if number < len(skins):
         sets = _face_sets(skins[number], face)
         element, node = _element(skins[number], face, reference)
-    weights = np.array([1.0 - second - third, second, third])
     paint = list(surface.paints)[surface.regions[face]]
     return Pick(
         number, surface.name, paint, face, vertices, weights, reference, element, node, sets

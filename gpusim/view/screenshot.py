@@ -12,6 +12,7 @@ from PIL import Image
 
 from gpusim.errors import InputError, NotConverged
 from gpusim.files.atomic_files import atomic_stream
+from gpusim.view.overlay import pixels_of
 from gpusim.view.viewer import Viewer
 
 FORMAT = "rgba8unorm"
@@ -32,11 +33,7 @@ def screenshot(viewer: Viewer, size: tuple[int, int] | None = None) -> npt.NDArr
     device = viewer.device
     target = device.texture(width, height, FORMAT, "view.screenshot")
     viewer.draw(target, whole=True)
-    pixels = device.empty(target.stride * height, "view.screenshot")
-    with device.recording("view.screenshot") as recording:
-        recording.copy_texture(target, pixels, height)
-    rows = pixels.read(np.uint8, (height, target.stride // 4, 4))
-    return np.ascontiguousarray(rows[:, :width, :3])
+    return np.ascontiguousarray(pixels_of(device, target)[..., :3])
 
 
 def check_ending(path: Path) -> None:
@@ -45,7 +42,7 @@ def check_ending(path: Path) -> None:
         raise InputError(f"view: screenshot; got {path}; expected a name that ends with .png")
 
 
-def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = None) -> None:
+def save_screenshot(viewer: Viewer, path: Path) -> None:
     """Write it as PNG.
 
     Raises
@@ -54,7 +51,7 @@ def save_screenshot(viewer: Viewer, path: Path, size: tuple[int, int] | None = N
         Another ending, or a place that can't be written to.
     """
     check_ending(path)
-    pixels = Image.fromarray(screenshot(viewer, size))
+    pixels = Image.fromarray(screenshot(viewer))
     try:
         with atomic_stream(path) as stream:
             pixels.save(stream, "PNG")

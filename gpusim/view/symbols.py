@@ -28,6 +28,8 @@ BEFORE = 2e-3
 """Of the depth, by which lines on a surface lie before it."""
 DENSE = 3.0
 """px: borders of elements that are as short as this aren't drawn."""
+MOST_ARROWS, LONGEST = 40, 70.0
+"""Of loads, and its length in px."""
 PALE = 0.22
 """Opacity of symbols that a body hides."""
 
@@ -267,23 +269,20 @@ class Symbols:
             sign = np.where(away[own, k] >= 0.0, 1.0, -1.0)[nearest]
             self.pyramids(points[own][nearest], sign[:, None] * np.eye(3)[k], SUPPORT)
 
-    def loads(
-        self, points: Float, forces: Float, most: int = 40, pixels: float = 70.0,
-        unit: str = "N",
-    ) -> None:  # fmt: skip
-        """Arrows for nodal forces (n, 3) at points (n, 3), which they end at.
+    def loads(self, points: Float, forces: Float) -> None:
+        """Arrows for nodal forces (n, 3), N, at points (n, 3), which they end at.
 
-        Forces close to each other are one arrow, at most so many, as long as the mean of its nodes
-        is large: the longest about ``pixels`` px, none below half of it. The sum of all is written
-        above them.
+        Forces close to each other are one arrow, at most `MOST_ARROWS`, as long as the mean of its
+        nodes is large: the longest about `LONGEST` px, none below half of it. The sum of all is
+        written above them.
         """
         loaded = points[forces.any(axis=1)]
         apart = float(np.median(self.size_at(loaded, 26.0))) if len(loaded) else 0.0
-        at, total, count = clusters(points, forces, most, apart)
+        at, total, count = clusters(points, forces, MOST_ARROWS, apart)
         if not len(at):
             return
         size = np.linalg.norm(total, axis=1)
-        most_px = float(np.median(self.size_at(at, pixels)))
+        most_px = float(np.median(self.size_at(at, LONGEST)))
         mean = size / count
         length = most_px * np.maximum(mean / mean.max(), 0.5)
         vectors = length[:, None] * total / size[:, None]
@@ -293,8 +292,7 @@ class Symbols:
         sum_of = float(np.linalg.norm(forces.sum(axis=0)))
         if len(tails) and sum_of > 1e-6 * size.sum():
             x, y = tails[np.argmin(tails[:, 1])] - (0.0, 6.0)
-            text = f"{sum_of:.4g} {unit}"
-            self.overlay.text(x, y, text, 13, LOAD, anchor="ms", halo="#ffffffc0")
+            self.overlay.text(x, y, f"{sum_of:.4g} N", 13, LOAD, anchor="ms", halo="#ffffffc0")
 
     def tripod(self, x: float, y: float, size: float = 42.0, halo: Shade = "#ffffffb0") -> None:
         """The world's axes round (x, y) px in the window."""

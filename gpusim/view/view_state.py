@@ -22,7 +22,7 @@ from gpusim.view.content.content import Content
 from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
-from gpusim.view.field_colors import FieldColors, corner_values
+from gpusim.view.field_colors import corner_values, draw_field_colors
 from gpusim.view.fields import ColorScale, field_kind, scale_of, surface_field
 from gpusim.view.overlay import Overlay
 from gpusim.view.picking import Pick
@@ -71,7 +71,6 @@ class ViewState:
         self.shown = {"paint": True, "light": True, "help": False, "mesh": False,
                       "supports": False, "loads": False, "cameras": False}  # fmt: skip
         self.picture, self.overlay = ProgressivePicture(device), Overlay(device)
-        self.field_colors = FieldColors(device)
         self.watch = FileWatch([path])
         self.save: Callable[[Path], None] | None = None
         self.copy: Callable[[str], None] | None = None
@@ -374,8 +373,8 @@ class ViewState:
         """Values, limits and colours over the picture."""
         picture, place = self.picture, self.place
         assert picture.base is not None
-        self.field_colors.draw(
-            target, picture.base, *colored, white=self.white, recording=recording,
+        draw_field_colors(
+            self.device, target, picture.base, *colored, white=self.white, recording=recording,
             place=Placement(place.x, place.y, picture.coarseness),
             samples=1 if picture.waits else 2, **look,
         )  # fmt: skip

@@ -17,7 +17,7 @@ from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.view.picking import pick
 from gpusim.view.picture.placement import Placement
-from gpusim.view.turntable import SIDES, camera_lines
+from gpusim.view.turntable import camera_lines
 from gpusim.view.view_state import ViewState
 
 CLICK = 4.0
@@ -59,14 +59,12 @@ class Viewer(ViewState):
         wanted = ALIASES.get(key, key)
         for known in KEYS:
             if known.key.lower() == wanted.lower():
-                if known.action in SIDES:
-                    self.look(self.view.side(known.action))
-                elif known.action in self.shown:
-                    self._switch(known.action)
-                else:
-                    getattr(self, f"do_{known.action}")()
+                getattr(self, known.action)(*known.arguments)
 
-    def _switch(self, what: str) -> None:
+    def look_along(self, side: str) -> None:
+        self.look(self.view.side(side))
+
+    def switch(self, what: str) -> None:
         """On or off, and say so: not all that is switched is in sight."""
         content = self.content
         on = self.shown[what] = not self.shown[what]
@@ -77,7 +75,7 @@ class Viewer(ViewState):
             there = content is None or content.has(what)
             self.say(f"{what}: {'on' if on else 'off'}{'' if there else ', but there is none'}")
 
-    def do_next_camera(self) -> None:
+    def next_camera(self) -> None:
         cameras = self.content.cameras if self.content is not None else ()
         if not cameras:
             self.say("no camera in what is shown; c writes one")
@@ -85,10 +83,7 @@ class Viewer(ViewState):
         following = 0 if self.through is None else self.through + 1
         self.look_through(following if following < len(cameras) else None)
 
-    def do_frame_all(self) -> None:
-        self.frame_all()
-
-    def do_frame_selection(self) -> None:
+    def frame_selection(self) -> None:
         if self.content is None or self.selected is None:
             self.say("nothing selected: click something")
             return
@@ -107,10 +102,7 @@ class Viewer(ViewState):
             faces = surface.faces[skin.cell_of_piece == self.selected.element]
         return np.asarray(surface.points[np.unique(faces[faces >= 0])])
 
-    def do_reset(self) -> None:
-        self.reset()
-
-    def do_write_camera(self) -> None:
+    def write_camera(self) -> None:
         taken = {camera.name for camera in self.content.cameras} if self.content else set()
         names = chain(["view"], (f"view_{k}" for k in count(2)))
         name = next(name for name in names if name not in taken)
@@ -123,39 +115,27 @@ class Viewer(ViewState):
             where += " and the clipboard"
         self.say(f"{text}\n\n{where}: to be pasted into a scene")
 
-    def do_previous_frame(self) -> None:
-        self.show_frame(self.frame - 1)
+    def step_frame(self, by: int) -> None:
+        self.show_frame(self.frame + by)
 
-    def do_next_frame(self) -> None:
-        self.show_frame(self.frame + 1)
-
-    def do_larger(self) -> None:
-        self._deform(2.0)
-
-    def do_smaller(self) -> None:
-        self._deform(0.5)
-
-    def _deform(self, factor: float) -> None:
+    def deform(self, factor: float) -> None:
         if self.content is None or not self.content.moves:
             self.say("no deformation: nothing is solved")
             return
         self.scale = min(max(factor * self.scale, 2.0**-10), 2.0**20)
         self.changed()
 
-    def do_next_field(self) -> None:
+    def next_field(self) -> None:
         names = [None, *(name for name in FIELDS if self.has_field(name))]
         now = names.index(self.field) if self.field in names else 0
         self.show_field(names[(now + 1) % len(names)])
         if len(names) == 1:
             self.say("no field: nothing is solved")
 
-    def do_darker(self) -> None:
-        self.gain /= 2.0**0.5
+    def brighten(self, factor: float) -> None:
+        self.gain *= factor
 
-    def do_brighter(self) -> None:
-        self.gain *= 2.0**0.5
-
-    def do_save(self) -> None:
+    def save_picture(self) -> None:
         folder = self.path if self.path.is_dir() else self.path.parent
         paths = (folder / f"{self.path.stem}-{number:03d}.png" for number in count(1))
         path = next(path for path in paths if not path.exists())

@@ -20,7 +20,7 @@ from gpusim.applications import (
     calibrate_files,
     correlate_files,
     correlate_pairs,
-    correlation,
+    correlation_output,
     solve_deck,
 )
 from gpusim.cli import app
@@ -90,7 +90,7 @@ def test_a_long_series_keeps_no_results(tmp_path: Path, monkeypatch: pytest.Monk
         most = max(most, sum(one() is not None for one in results))
         return path
 
-    monkeypatch.setattr(correlation, "write_correlation", watched)
+    monkeypatch.setattr(correlation_output, "write_correlation", watched)
     frames = np.tile(pictures(), (3, 1, 1))
     settings = CorrelationSettings(subset=21, step=30, strain="none", backend="numpy")
     done = correlate_files(frames[0], frames, tmp_path / "out", settings, keep_results=False)

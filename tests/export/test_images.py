@@ -70,20 +70,6 @@ def test_drawings_keep_their_colours_and_size(tmp_path: Path) -> None:
     assert np.array_equal(cv2.imread(str(path))[:, :, ::-1], drawing[:, ::-1])
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_png_of_many_bands(
-    tmp_path: Path, dtype: type[np.unsignedinteger], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(images, "_BAND_BYTES", 1000)
-    image = noise(101, 57, dtype)
-    image[20:60] = 200  # runs across band borders
-    data = write_image(tmp_path / "a.png", image).read_bytes()
-    assert data.count(b"IDAT") > 5
-    with Image.open(tmp_path / "a.png") as picture:
-        picture.verify()  # checks every CRC
-    assert np.array_equal(np.asarray(Image.open(tmp_path / "a.png")), image)
-
-
 def test_png_stream_is_what_zlib_expects(tmp_path: Path) -> None:
     """The deflate stream, its Adler-32 and the filter are right, byte by byte."""
     image = noise(33, 57, np.uint8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpusim.export.correlation import csv_names, result_columns
-from gpusim.export.measured_fields import MAPPED, PICTURE, SPACE, STRAIN, field_maps
+from gpusim.export.measured_fields import field_maps
 from gpusim.measure import (
     CalibratedCamera,
     DicResult,
@@ -59,25 +59,25 @@ def test_columns_are_components_of_the_result() -> None:
 
 
 def test_maps_are_empty_where_nothing_was_measured_and_say_their_unit() -> None:
-    maps = field_maps(PICTURE, flat(), ("u", "magnitude", "sigma", "zncc"))
+    maps = field_maps(flat(), ("u", "magnitude", "sigma", "zncc"))
     assert [one.title for one in maps.values()] == [
         "u (px, to the right)", "displacement (px)", "standard uncertainty (px)",
         "correlation coefficient",
     ]  # fmt: skip
     assert maps["magnitude"].values[0] == 5.0
     assert all(np.isnan(one.values[2]) and not one.centred for one in maps.values())
-    maps = field_maps(SPACE, space(), ("W", "Z", "residual"), "unit of the rig")
+    maps = field_maps(space(), ("W", "Z", "residual"), "unit of the rig")
     assert [one.title for one in maps.values()] == [
         "W (unit of the rig, away)", "Z (unit of the rig, from the left camera)",
         "distance to the rays (px)",
     ]  # fmt: skip
-    assert field_maps(SPACE, space(), ("magnitude",))["magnitude"].title == "displacement (mm)"
+    assert field_maps(space(), ("magnitude",))["magnitude"].title == "displacement (mm)"
 
 
 def test_strains_and_mapped_results_have_their_own_components() -> None:
     result = dic(speckles(97, 81), speckles(97, 81, shift=(0.5, 0.25)), subset=21, backend="numpy")
     found = strain(result)
-    maps = field_maps(STRAIN, found, ("exx", "eyy", "exy", "e1"))
+    maps = field_maps(found, ("exx", "eyy", "exy", "e1"))
     for name, i, j in (("exx", 0, 0), ("eyy", 1, 1), ("exy", 0, 1)):
         np.testing.assert_array_equal(maps[name].values[found.ok], found.tensor[found.ok, i, j])
     assert all(one.centred for one in maps.values())
@@ -85,7 +85,7 @@ def test_strains_and_mapped_results_have_their_own_components() -> None:
     pose = np.eye(4)
     pose[2, 3] = 9.0
     on_plane = mapped(result, plane_mapping(camera, pose))
-    maps = field_maps(MAPPED, on_plane, ("u", "v", "sigma"), "unit of the mapping")
+    maps = field_maps(on_plane, ("u", "v", "sigma"), "unit of the mapping")
     assert maps["v"].title == "displacement along y (unit of the mapping)"
     assert float(np.nanmedian(maps["u"].values)) == pytest.approx(0.05, abs=2e-3)
     assert maps["sigma"].title == "standard uncertainty (unit of the mapping)"

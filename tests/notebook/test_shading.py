@@ -7,6 +7,7 @@ import pytest
 from matplotlib import colormaps
 
 import gpusim as gs
+from gpusim.arrays.srgb import decoded
 from gpusim.notebook import solution as of_solution
 from gpusim.notebook.shading import (
     encoded,
@@ -60,12 +61,12 @@ def test_colours_follow_a_linear_field() -> None:
     skin = gs.Skin(bar, gs.mesh.boundary_faces(bar))
     points = skin.at_vertices(bar.points)
     values = 3.0 + 2.0 * points[:, 0]
-    shown = of_solution._Shown(skin, points, points, values, 1.0)
+    shown = of_solution._Shown(skin, points, values, 1.0)
     surface, colouring = of_solution._valued(shown, 3.0, 5.0)
     view = local_view([surface], fitted_camera(points), lit=True)
     truth = truth_of(view, visibility_twin(view))
     where = truth.reference + truth.displacement
-    expected = of_solution._linear(colormaps["viridis"](where[:, 0])[:, :3])
+    expected = np.minimum(1.25 * decoded(colormaps["viridis"](where[:, 0])[:, :3]), 1.0)
     assert len(where) > 10_000 and np.abs(colouring(truth) - expected).max() < 0.03
 
 

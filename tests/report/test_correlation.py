@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpusim.report.correlation import FieldMap, _readable, _said
+from gpusim.export.measured_fields import FieldMap
+from gpusim.report.correlation import _readable, _said
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,6 @@ from gpusim.report.figures import (
     draw_errors,
     draw_overlay,
     draw_series,
-    photo_of,
 )
 from gpusim.report.html import page_pair
 
@@ -267,7 +266,7 @@ def test_captions_state_the_numbers(tmp_path: Path) -> None:
     assert line.caption == (
         "2 of 3 points measured; difference to the truth 0.014 mm RMS, at most 0.020 mm (0.10 px)."
     )
-    tracked = draw_overlay(report.overlays[0], photo_of(report.overlays[0]), tmp_path / "b.png")
+    tracked = draw_overlay(report.overlays[0], tmp_path / "b.png")
     assert tracked.photo
     assert tracked.caption == (
         "2 of 3 markers tracked; displacements drawn 2 times their length, the longest is"
@@ -291,8 +290,5 @@ def test_figures_of_awkward_data(tmp_path: Path) -> None:
         draw_convergence([], tmp_path / "e.png")
     image = write_image(tmp_path / "i.png", np.zeros((33, 57), np.uint16))
     still = Overlay("o", image, np.ones((1, 2)), np.zeros((1, 2)))
-    assert (
-        draw_overlay(still, photo_of(still), tmp_path / "f.png").caption
-        == "1 of 1 markers tracked."
-    )
+    assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 markers tracked."
     assert not (tmp_path / "e.png").exists()

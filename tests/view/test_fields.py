@@ -8,7 +8,6 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.twin_checks.overlays import pixels_of
 from gpusim.view.content.body_state import BodyState
 from gpusim.view.fields import (
     FIELDS,
@@ -17,10 +16,11 @@ from gpusim.view.fields import (
     draw_legend,
     field_kind,
     format_value,
+    legend_width,
     scale_of,
     surface_field,
 )
-from gpusim.view.overlay import Overlay
+from gpusim.view.overlay import Overlay, pixels_of
 from tests.support.view_bodies import small_crane
 
 E, NU, STRESS = 70e9, 0.3, 21e6
@@ -129,7 +129,8 @@ def test_the_legend_has_its_colours_beside_their_ticks(device: Device) -> None:
     scale = ColorScale(-4.0, 4.0, (-4.0, -2.0, 0.0, 2.0, 4.0), "coolwarm", False, True)
     target = device.texture(200, 300, "rgba8unorm", "test.legend")
     overlay = Overlay(device)
-    wide, tall = draw_legend(overlay, scale, "Displacement z", "mm", 10, 10, height=201)
+    right = 10 + legend_width(overlay, scale, "Displacement z (mm)", 13)
+    wide, tall = draw_legend(overlay, scale, "Displacement z (mm)", right, 10, 201, 13)
     assert wide < 180 and tall < 280
     overlay.draw(target)
     found = pixels_of(device, target)[..., :3] / 255.0

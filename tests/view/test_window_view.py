@@ -87,7 +87,7 @@ def test_nothing_that_fails_ends_the_ticks(viewer: Viewer, monkeypatch: pytest.M
             assert viewer.fault == "RuntimeError: no such luck" and len(loop.later) == 1
     viewer.fault = ""
     with monkeypatch.context() as patch:
-        patch.setattr(viewer, "do_save", fail)
+        patch.setattr(viewer, "save_picture", fail)
         typed(view, "s")
         assert viewer.fault == "RuntimeError: no such luck"
     with monkeypatch.context() as patch:

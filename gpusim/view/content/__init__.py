@@ -7,5 +7,5 @@
 - `content`: What is shown: surfaces by frame, cameras, lights, states of the bodies.
 - `loading`: Content from a file: a scene, a run's output folder, a mesh or a CAD file.
 - `background_solver`: A scene solved in another process, which tells how far it is.
-- `file_watch`: Whether files have changed, by their time and size.
+- `file_watch`: Whether files have changed, by their number, time and size.
 """

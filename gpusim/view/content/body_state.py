@@ -33,6 +33,11 @@ class BodyState:
     temperature: float = 0.0
     nodal_stress: Float | None = None
 
+    @property
+    def length(self) -> Float:
+        """Of the displacements, (N,), m."""
+        return np.asarray(np.linalg.norm(self.u, axis=1))
+
     @cached_property
     def recovered(self) -> Stress:
         """The stress of ``u``. Raises InputError for a body without a model."""

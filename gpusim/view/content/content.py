@@ -13,12 +13,12 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.optics.lens.thin_lens import Lens
 from gpusim.optics.light.lights import Light
 from gpusim.optics.sensor.channels import Weights
 from gpusim.pipeline.scene_objects.cameras import build_lens, grey_weights
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.pipeline.scene_objects.solution import SceneSolution
+from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.frames import frame_word
@@ -57,28 +57,29 @@ class Content:
     _models: dict[int, Model] = field(default_factory=dict)
 
     @property
+    def scene(self) -> Scene:
+        """That of ``objects``."""
+        assert self.objects is not None
+        return self.objects.scene
+
+    @property
     def background(self) -> float:
         """Radiance where no surface is."""
         return 0.0 if self.objects is None else self.objects.scene.render.background
 
-    def lens(self, number: int) -> Lens | None:
-        """Of a camera of the scene."""
-        assert self.objects is not None
-        return build_lens(self.objects.scene.cameras[number], self.objects.scene.input)
-
     @cached_property
     def depths_of_field(self) -> list[DepthOfField | None]:
         """Of the scene's cameras; None where there is no limit."""
-        return [depth_of_field(own, self.lens(k)) for k, own in enumerate(self.cameras)]
+        lenses = [build_lens(table, self.scene.input) for table in self.scene.cameras]
+        return list(map(depth_of_field, self.cameras, lenses))
 
     def grey_weights(self, number: int | None) -> Weights | None:
         """Of red, green and blue in the pictures of a camera of the scene; None if they are in
         colour. What no camera sees (``number`` None) is grey where all of their pictures are."""
         if self.objects is None or not self.cameras:
             return None
-        scene = self.objects.scene
-        cameras = scene.cameras if number is None else [scene.cameras[number]]
-        weights = [grey_weights(scene.sensor_of(camera.name), camera) for camera in cameras]
+        cameras = self.scene.cameras if number is None else [self.scene.cameras[number]]
+        weights = [grey_weights(self.scene.sensor_of(camera.name), camera) for camera in cameras]
         return None if None in weights else weights[0]
 
     def has(self, what: str) -> bool:
@@ -129,8 +130,8 @@ class Content:
         """What a slider says of a frame."""
         if self.objects is None or self.frames == 1:
             return ""
-        value = self.objects.scene.analysis.load_factors[frame]
-        word = frame_word(self.objects.scene).replace("_", " ")
+        value = self.scene.analysis.load_factors[frame]
+        word = frame_word(self.scene).replace("_", " ")
         return f"frame {frame} ({frame + 1} of {self.frames}): {word} {value:g}"
 
     def solve(self, solution: SceneSolution, stresses: Stresses | None) -> None:
@@ -190,14 +191,12 @@ class Content:
         """Edges (n, 2, 3) m of what is shown without paint and lamps: they tell its shape."""
         return [crease_edges(surface) for surface in self.parts]
 
-    def outline(self, frame: int, scale: float, whole: bool = False) -> Float:
-        """Points (n, 3) to be framed: those of the bodies; of everything if there are none, or for
-        ``whole``."""
+    def outline(self, frame: int, scale: float) -> Float:
+        """Points (n, 3) to be framed: those of the bodies; of everything if there are none."""
         surfaces = self.surfaces(frame, scale)
         count = len(self.objects.bodies) if self.objects is not None else 0
-        shown = surfaces if whole or not count else surfaces[:count]
         return np.concatenate([surface.points[np.unique(surface.faces[surface.faces >= 0])]
-                               for surface in shown])  # fmt: skip
+                               for surface in surfaces[: count or None]])  # fmt: skip
 
     def state(self, body: int, frame: int, solved: bool = False) -> BodyState:
         """A body in a frame, from which its fields follow; ``solved``: those, too, that need what
@@ -234,9 +233,7 @@ class Content:
 
     def load_groups(self, body: int) -> tuple[LoadGroup, ...]:
         """What of a body is solved apart."""
-        assert self.objects is not None
-        scene = self.objects.scene
-        return load_groups(scene.bodies[body], scene.analysis.load_factors)
+        return load_groups(self.scene.bodies[body], self.scene.analysis.load_factors)
 
     def forces(self, body: int, frame: int) -> Float:
         """Of a body's nodes (N, 3), N, as they act in a frame; of one that can't be shown loaded
@@ -261,9 +258,7 @@ class Content:
 
     def _mechanics(self) -> tuple[Any, ...]:
         """All of a scene that its solution depends on."""
-        assert self.objects is not None
-        scene = self.objects.scene
-        document = scene.document
+        document = self.scene.document
         bodies = [
             {key: value for key, value in body.items() if key != "paint"}
             for body in document.get("body", [])
@@ -271,5 +266,5 @@ class Content:
         return (
             bodies,
             *(document.get(key) for key in ("material", "analysis", "solver")),
-            scene.files,
+            self.scene.files,
         )

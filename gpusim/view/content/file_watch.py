@@ -1,10 +1,12 @@
-"""Whether files have changed, by their time and size."""
+"""Whether files have changed, by their number, time and size."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterable
 from pathlib import Path
+
+from gpusim.export.images import Stamp, file_stamp
 
 PERIOD = 0.25
 """s between two looks."""
@@ -48,13 +50,5 @@ class FileWatch:
         self._state = found
         return True
 
-    def _found(self) -> list[tuple[int, int] | None]:
-        result: list[tuple[int, int] | None] = []
-        for path in self.files:
-            try:
-                there = path.stat()
-            except OSError:
-                result.append(None)
-            else:
-                result.append((there.st_mtime_ns, there.st_size))
-        return result
+    def _found(self) -> list[Stamp | None]:
+        return [file_stamp(path) for path in self.files]

@@ -141,8 +141,8 @@ def _run(folder: Path) -> Content:
     return content
 
 
-def load_solution(content: Content, folder: Path) -> bool:
-    """Take over displacement.npz, and stress.npz if there is one, of a folder; False for none.
+def load_solution(content: Content, folder: Path) -> None:
+    """Take over displacement.npz, and stress.npz, of a folder, if there are any.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def load_solution(content: Content, folder: Path) -> bool:
 
     path, stress = folder / "displacement.npz", folder / "stress.npz"
     if not path.is_file():
-        return False
+        return
     try:
         with np.load(read_input(path).stream(), allow_pickle=False) as stored:
             solution = SceneSolution.from_arrays(stored)
@@ -163,4 +163,3 @@ def load_solution(content: Content, folder: Path) -> bool:
             f"{path}: damaged, or of another scene; got {error}; expected what a run of this scene "
             "has written"
         ) from None
-    return True
