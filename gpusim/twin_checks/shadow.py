@@ -11,9 +11,8 @@ from gpusim.arrays.array_types import Bool, Long
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.ambient import hemisphere_mask
 from gpusim.optics.ambient.hemisphere_mask import hemisphere_masks, hemisphere_masks_twin
-from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, SilhouetteBVH
+from gpusim.optics.ambient.silhouette_bvh import LOW, EdgeAdjacency, SamplePoints, SilhouetteBVH
 from gpusim.optics.ambient.silhouette_search import (
-    LOW,
     SilhouetteBuffers,
     contour_edges,
     faces_upward,
