@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.optics.shadow.occluders import morton_codes
 from gpusim.surface.topology import sorted_keys
 
 TILT = 0.1
@@ -215,16 +216,7 @@ def levels(count: int) -> list[int]:
 
 def in_order(at: Float, *keys: Long) -> Long:
     """The order (N,) by ``keys`` (N,), the first one above the others, then by where (N, 3) is."""
-    low = at.min(axis=0, initial=np.inf) if len(at) else np.zeros(3)
-    size = max(float(np.ptp(at, axis=0).max()) if len(at) else 0.0, 1e-300)
-    cell = np.minimum((at - low) / size * 1024.0, 1023.0).astype(np.int64)
-    key = np.zeros(len(at), np.int64)
-    for more in keys:
-        key = key * (int(more.max(initial=0)) + 1) + more
-    for bit in range(9, -1, -1):
-        for axis in range(3):
-            key = 2 * key + ((cell[:, axis] >> bit) & 1)
-    return np.argsort(key, kind="stable")
+    return np.lexsort((morton_codes(at), *keys[::-1]))
 
 
 def direction_cells(normal: Float) -> Long:

@@ -77,7 +77,7 @@ class Occluders:
             raise InputError("shadows occluders; got no triangles; expected one at least")
         every = np.concatenate(triangles)
         points = np.concatenate([surface.points for surface in surfaces])
-        order = np.argsort(_morton_codes(points[every].mean(axis=1)), kind="stable")
+        order = np.argsort(morton_codes(points[every].mean(axis=1)), kind="stable")
         rank = np.empty(first, np.int64)
         rank[order] = np.arange(first)
         beside = np.concatenate(neighbours)[order]
@@ -140,8 +140,10 @@ def _across(topology: Topology) -> Long:
     return np.where(shared[edge], np.where(is_first, second, first), -1)
 
 
-def _morton_codes(places: Float) -> npt.NDArray[np.uint64]:
+def morton_codes(places: Float) -> npt.NDArray[np.uint64]:
     """(n,): bits of x, y and z of ``places`` (n, 3) in turn."""
+    if not len(places):
+        return np.zeros(0, np.uint64)
     low = places.min(axis=0)
     size = max(float((places.max(axis=0) - low).max()), 1e-300)
     cell = ((places - low) / size * ((1 << MORTON_BITS) - 1)).astype(np.uint64)
