@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Single
+from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Raster, Recording, Texture
 from gpusim.optics.frame import Band
@@ -316,32 +316,29 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> Single:
         featured = setup.table.paints["featured"][paint]
         rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
-            cell, st, ex, ey, q = setup.coefficients.footprint(
-                triangle[rows], column[rows], row[rows]
-            )
-            corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+            footprints = _footprints(setup, triangle[rows], column[rows], row[rows])
             grazing = setup.traits.groups[triangle[rows]] > BITMAP
             for band_albedo, band in zip(albedo, setup.bands, strict=True):
-                band_albedo[rows] = mean_albedo(
-                    band.table, paint[rows], cell, st, corners,
-                    np.ones(corners.shape[:2]), (ex, ey, q), grazing,
-                )  # fmt: skip
+                band_albedo[rows] = mean_albedo(band.table, paint[rows], *footprints, grazing)
         for number in setup.bitmaps.images:
             rows = np.flatnonzero(paint == number)
-            footprints = setup.coefficients.footprint(triangle[rows], column[rows], row[rows])
+            on_image = setup.coefficients.footprint(triangle[rows], column[rows], row[rows])
             for band_albedo, band in zip(albedo, setup.bands, strict=True):
                 image = band.bitmaps.images[number]
-                band_albedo[rows] = mean_over_pixels(image, grey(image.ground), *footprints)
+                band_albedo[rows] = mean_over_pixels(image, grey(image.ground), *on_image)
         printed = np.zeros(len(paint))
         rows = np.flatnonzero((featured == 1) & setup.traits.shiny[triangle])
         if len(rows):
-            cell, st, ex, ey, q = setup.coefficients.footprint(
-                triangle[rows], column[rows], row[rows]
-            )
-            corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
-            printed[rows] = mean_albedo(
-                setup.table.mask(), paint[rows], cell, st, corners,
-                np.ones(corners.shape[:2]), (ex, ey, q),
-            )  # fmt: skip
+            footprints = _footprints(setup, triangle[rows], column[rows], row[rows])
+            printed[rows] = mean_albedo(setup.table.mask(), paint[rows], *footprints)
         radiance[:, y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
     return radiance
+
+
+def _footprints(
+    setup: Setup, triangle: Long, x: Float, y: Float
+) -> tuple[Long, Float, Float, Float, tuple[Float, Float, Float]]:
+    """Cells, places, corners, weights and sides of the footprints of pixels (n,)."""
+    cell, st, ex, ey, q = setup.coefficients.footprint(triangle, x, y)
+    corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+    return cell, st, corners, np.ones(corners.shape[:2]), (ex, ey, q)
