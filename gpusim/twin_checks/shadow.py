@@ -11,11 +11,11 @@ from gpusim.arrays.array_types import Bool, Long
 from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
 from gpusim.optics.ambient import hemisphere_mask
 from gpusim.optics.ambient.hemisphere_mask import hemisphere_masks, hemisphere_masks_twin
-from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, SilhouetteBVH
+from gpusim.optics.ambient.silhouette_bvh import LOW, EdgeAdjacency, SamplePoints, SilhouetteBVH
 from gpusim.optics.ambient.silhouette_search import (
     SilhouetteBuffers,
-    SilhouetteLists,
-    silhouettes_near,
+    contour_edges,
+    faces_upward,
 )
 from gpusim.optics.light.quadrature import Lamp
 from gpusim.optics.shading.scene_buffers import SceneBuffers, planes_on_device, planes_twin
@@ -53,6 +53,9 @@ from gpusim.twin_checks.scenes import (
     probe_setup,
     probe_spaces,
 )
+
+SPARE = 1.1
+"""How many times as many edges or faces a search may list as a point needs."""
 
 LENGTH = CHUNK // 4 - 1
 """Words of a chunk but for the number of the next."""
@@ -251,7 +254,7 @@ def _hemisphere_mask(device: Device) -> None:
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     points = SamplePoints(at, normal, np.full(301, 2e-6), np.full(301, 1e-3))
     facets = EdgeAdjacency.apart(corners, both)
-    want = hemisphere_masks_twin(points, SilhouetteLists.everywhere(facets, len(at)))
+    want = hemisphere_masks_twin(points, facets)
     tables = SilhouetteBuffers(device, SilhouetteBVH.of(facets))
     got = hemisphere_masks(tables, points)
     tables.release()
@@ -273,16 +276,25 @@ def _silhouette_search(device: Device) -> None:
         np.tile([0.0, 0.6, 0.8], (203, 1)), np.full(203, 2e-6), np.full(203, 1e-3),
     )  # fmt: skip
     contours = SilhouetteBVH.of(EdgeAdjacency.apart(corners, np.arange(len(corners)) % 3 == 0))
-    want = silhouettes_near(contours, points, 1)
+    facets = contours.facets
+    to = facets.ends - points.at[:, None, None]
+    sine = np.einsum("neka,na->nek", to, points.normal) / np.linalg.norm(to, axis=3)
+    contour = (contour_edges(points, facets) != 0) & (sine.max(axis=2) > LOW)
+    wanted = contour, faces_upward(points, facets)
     tables = SilhouetteBuffers(device, contours)
+    begin = 0
     for near in tables.batches(points):
         counts = near.counts.read(np.uint32, (near.count, 2))
-        for k, (buffer, start, listed) in enumerate(
-            ((near.edges, want.edge_start, want.edge), (near.faces, want.face_start, want.face))
-        ):
-            compare("optics/ambient/silhouette_search", counts[:, k], np.diff(start), "exact")
+        for k, (buffer, every) in enumerate(zip((near.edges, near.faces), wanted, strict=True)):
+            want = every[begin : begin + near.count]
+            listed = np.zeros(want.shape, np.int64)
             lists = buffer.read(np.uint32, (near.count, near.most[k]))
-            kept = np.arange(near.most[k]) < counts[:, k, None]
-            compare("optics/ambient/silhouette_search", lists[kept], listed, "exact")
+            point, place = np.nonzero(np.arange(near.most[k]) < counts[:, k, None])
+            np.add.at(listed, (point, lists[point, place]), 1)
+            # all that matter, each once, and few others: clusters are larger than what is in them
+            compare("optics/ambient/silhouette_search", listed[want], np.ones(want.sum()), "exact")
+            most = np.array([listed.max(), listed.sum() <= SPARE * want.sum()], np.int64)
+            compare("optics/ambient/silhouette_search", most, np.ones(2, np.int64), "exact")
+        begin += near.count
         near.release()
     tables.release()

@@ -25,7 +25,12 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.ambient.silhouette_bvh import AGAINST, TILT, EdgeAdjacency, SamplePoints, tangent
-from gpusim.optics.ambient.silhouette_search import GROUP, SilhouetteBuffers, SilhouetteLists
+from gpusim.optics.ambient.silhouette_search import (
+    SilhouetteBuffers,
+    contour_edges,
+    faces_upward,
+    hiding,
+)
 
 ROWS, COLUMNS = 64, 32
 TURN = 0.1
@@ -37,7 +42,7 @@ FAR = 1e9
 TOUCHES = 1 << 16
 """What a face that the point lies on counts, among the ways out of a body."""
 
-PAIRS = 1 << 14
+PAIRS = 1 << 17
 """Pairs of points and edges at a time in NumPy."""
 
 
@@ -113,41 +118,20 @@ def hemisphere_masks(tables: SilhouetteBuffers, points: SamplePoints) -> Hemisph
     return HemisphereMasks(np.concatenate(hidden), np.concatenate(inside))
 
 
-def hemisphere_masks_twin(points: SamplePoints, around: SilhouetteLists) -> HemisphereMasks:
-    """`hemisphere_masks` in float64."""
-    count = len(points.at)
-    hidden, leaves = np.zeros((count, ROWS), np.uint32), np.zeros(count, np.int64)
-    facets = around.facets
-    for group in range(len(around.edge_start) - 1):
-        part = slice(group * GROUP, (group + 1) * GROUP)
+def hemisphere_masks_twin(points: SamplePoints, facets: EdgeAdjacency) -> HemisphereMasks:
+    """`hemisphere_masks` in float64, past all of ``facets``."""
+    hidden = np.zeros((len(points.at), ROWS), np.uint32)
+    leaves = np.zeros(len(points.at), np.int64)
+    step = max(PAIRS // max(len(facets.ends), 1), 1)
+    for first in range(0, len(points.at), step):
+        part = slice(first, first + step)
         chunk = points.part(part)
-        face = around.face[around.face_start[group] : around.face_start[group + 1]]
-        edge = around.edge[around.edge_start[group] : around.edge_start[group + 1]]
-        start, leaves[part] = _along_normal(chunk, facets, face)
         change = np.zeros((len(chunk.at), ROWS, COLUMNS + 1), np.int64)
-        change[:, :, 0] = start
-        step = max(PAIRS // GROUP, 1)
-        for first in range(0, len(edge), step):
-            _cross(change, chunk, facets, edge[first : first + step])
+        change[:, :, 0], leaves[part] = _along_normal(chunk, facets)
+        _cross(change, chunk, facets)
         before = np.cumsum(change, axis=2)[:, :, :COLUMNS] > 0
         hidden[part] = (before << np.arange(COLUMNS, dtype=np.uint32)).sum(axis=2, dtype=np.uint32)
     return HemisphereMasks(hidden, leaves > 0)
-
-
-def _heights(points: SamplePoints, planes: Float) -> tuple[Float, Float]:
-    """(N, F): how far points lie behind planes (F, 4), and the cosines of the normals."""
-    normal = planes[:, :3].T
-    return planes[:, 3] - points.at @ normal, points.normal @ normal
-
-
-def _hiding(points: SamplePoints, facets: EdgeAdjacency, face: Long) -> Float:
-    """(N, F): -1 where faces (F,) hide by their outside, 1 by their inside, 0 where they don't."""
-    height, facing = _heights(points, facets.planes[face])
-    near, closed = points.tolerance[:, None], ~facets.both_sides[face]
-    against = closed & (np.abs(height) <= near) & (facing < AGAINST)
-    behind = ~closed & (height > near)
-    result = np.where(against | (height < -near), -1, behind.astype(np.int64))
-    return np.where(face >= 0, result, 0)
 
 
 def _axes(normal: Float) -> Float:
@@ -157,9 +141,10 @@ def _axes(normal: Float) -> Float:
 
 
 def _local(points: SamplePoints, ends: Float) -> Float:
-    """(N, E, 2, 3): ends (E, 2, 3) along each point's tangent, across, and along its normal."""
-    D = ends[None] - points.at[:, None, None]
-    return np.asarray(np.einsum("neka,nba->nekb", D, _axes(points.normal)))
+    """(P, …, 3): places (P, …, 3) along each point's tangent, across, and along its normal."""
+    lead = (slice(None), *[None] * (ends.ndim - 2))
+    axes = _axes(points.normal)
+    return np.asarray(np.einsum("p...a,pba->p...b", ends - points.at[lead], axes))
 
 
 def _crossed(ends: Float) -> tuple[Bool, Bool, Float, Float]:
@@ -179,50 +164,54 @@ def _crossed(ends: Float) -> tuple[Bool, Bool, Float, Float]:
     return np.where(leaves, rises, falls), leaves, value, slope
 
 
-def _cross(change: Long, points: SamplePoints, facets: EdgeAdjacency, edge: Long) -> None:
-    """Add to ``change`` (N, 64, 33) what crossing ``edge`` changes, sample by sample."""
-    beside = facets.beside[edge]
-    weight = _hiding(points, facets, beside[:, 0]) - _hiding(points, facets, beside[:, 1])
-    point, which = np.nonzero(weight)
-    ends = _local(points, facets.ends[edge])[point, which]
-    crossed, leaves, value, slope = _crossed(ends)
+def _cross(change: Long, points: SamplePoints, facets: EdgeAdjacency) -> None:
+    """Add to ``change`` (N, 64, 33) what crossing edges changes, sample by sample."""
+    weight = contour_edges(points, facets)
+    point, edge = np.nonzero(weight)
+    crossed, leaves, value, slope = _crossed(_local(points.part(point), facets.ends[edge]))
     # what is beyond the horizon doesn't count
     pair, row = np.nonzero(crossed & np.where(leaves, slope < 0.0, slope > 0.0))
     t = -value[pair, row] / slope[pair, row]
     sample = _sample(t, _rows()[2][row])
-    sign = np.where(leaves[pair, row], -1, 1) * weight[point, which][pair]
+    sign = np.where(leaves[pair, row], -1, 1) * weight[point, edge][pair]
     np.add.at(change, (point[pair], row, sample), sign)
 
 
-def _along_normal(points: SamplePoints, facets: EdgeAdjacency, face: Long) -> tuple[Long, Long]:
+def _along_normal(points: SamplePoints, facets: EdgeAdjacency) -> tuple[Long, Long]:
     """How many faces lie before the rows' starts (N, 64), and how often the way up leaves a body
     (N,)."""
-    height, facing = _heights(points, facets.planes[face])
-    near, closed = points.tolerance[:, None], ~facets.both_sides[face]
+    count = len(points.at)
+    point, face = np.nonzero(faces_upward(points, facets))
+    hides, points = hiding(points, facets)[point, face], points.part(point)
+    plane, closed = facets.planes[face], ~facets.both_sides[face]
+    height = plane[:, 3] - np.einsum("pa,pa->p", plane[:, :3], points.at)
+    facing = np.einsum("pa,pa->p", plane[:, :3], points.normal)
     number = facets.edges[face]
     sign = np.where(number < 0, 0, 1 - 2 * (number % 2))
     ends = facets.ends[np.maximum(number, 0) // 2]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
-    local = _local(points, ends.reshape(-1, 2, 3)).reshape(len(points.at), len(face), 4, 2, 3)
-    planes = sign[:, :, None] * np.cross(local[..., 0, :], local[..., 1, :])
-    up, level = planes[..., 2], np.abs(height) <= near
-    pierced = (up >= 0.0).all(axis=2) | (up <= 0.0).all(axis=2)
+    local = _local(points, ends)
+    planes = sign[:, :, None] * np.cross(local[:, :, 0], local[:, :, 1])
+    up, level = planes[..., 2], np.abs(height) <= points.tolerance
+    pierced = (up >= 0.0).all(axis=1) | (up <= 0.0).all(axis=1)
     rise = height / np.where(facing != 0.0, facing, 1.0)
     # a wall close above may be the point's own, but one that it would enter by isn't
-    pierced &= closed & ~level & (rise > np.where(height > 0.0, points.thickness[:, None], 0.0))
-    leaves = np.where(pierced, np.where(height > 0.0, 1, -1), 0).sum(axis=1)
-    normal = np.einsum("fa,nba->nfb", facets.planes[face, :3], _axes(points.normal))
-    on = np.einsum("nfka,nfa->nfk", planes, normal) >= -2.0 * near[:, :, None] * length
+    pierced &= closed & ~level & (rise > np.where(height > 0.0, points.thickness, 0.0))
+    ways = np.where(pierced, np.where(height > 0.0, 1, -1), 0)
+    normal = np.einsum("pa,pba->pb", plane[:, :3], _axes(points.normal))
+    inwards = np.einsum("pka,pa->pk", planes, normal)
+    on = (inwards >= -2.0 * points.tolerance[:, None] * length).all(axis=1)
     # a sheet that looks the other way is the point's own, from its other side
     across = (facing < 0.5) & (closed | (facing > AGAINST))
-    leaves += TOUCHES * (level & across & on.all(axis=2)).sum(axis=1)
-    start = np.zeros((len(points.at), ROWS), np.int64)
-    hiding = _hiding(points, facets, face)
-    point, which = np.nonzero(hiding)
-    crossed, leaving, _, _ = _crossed(local[point, which].reshape(-1, 2, 3))
-    turn = (hiding[point, which, None] * sign[which]).reshape(-1, 1) * np.where(leaving, -1, 1)
+    ways += TOUCHES * (level & across & on)
+    leaves = np.zeros(count, np.int64)
+    np.add.at(leaves, point, ways)
+    start = np.zeros((count, ROWS), np.int64)
+    some = np.flatnonzero(hides)
+    crossed, leaving, _, _ = _crossed(local[some].reshape(-1, 2, 3))
+    turn = (hides[some, None] * sign[some]).reshape(-1, 1) * np.where(leaving, -1, 1)
     gone = np.where(crossed, turn, 0).reshape(-1, 4, ROWS).sum(axis=1)
-    np.add.at(start, point, (gone < 0).astype(np.int64))
+    np.add.at(start, point[some], (gone < 0).astype(np.int64))
     return start, leaves
 
 

@@ -12,13 +12,12 @@ Where the faces on both sides are known to hide, or not to, none of its edges is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.arrays.ragged import expand
+from gpusim.optics.shadow.occluders import morton_codes
 from gpusim.surface.topology import sorted_keys
 
 TILT = 0.1
@@ -141,9 +140,6 @@ class EdgeAdjacency:
 MEMBERS = 4
 """Of a cluster."""
 
-GROUPS = 256
-"""Groups of points at a time."""
-
 CLOSED, OPEN, NONE, MIXED = 0, 1, 2, 3
 """Planes of faces that hide by their outside, by both sides, of none, and of several of these."""
 
@@ -218,44 +214,9 @@ def levels(count: int) -> list[int]:
     return sizes[::-1]
 
 
-def traverse(
-    counts: Sequence[int], groups: int, keep: Callable[[int, Long, Long], Bool]
-) -> tuple[Long, Long]:
-    """Which things each group needs: where their lists begin (G + 1,), and the lists.
-
-    ``counts``: clusters of each level, as `levels` has them. ``keep``: of a level's number, groups
-    and clusters (P,), whether a group may need something in a cluster.
-    """
-    if not counts:
-        return np.zeros(groups + 1, np.int64), np.zeros(0, np.int64)
-    starts, lists = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)]
-    for begin in range(0, groups, GROUPS):
-        many = min(GROUPS, groups - begin)
-        group = np.repeat(np.arange(begin, begin + many), counts[0])
-        cluster = np.tile(np.arange(counts[0]), many)
-        for level, count in enumerate(counts):
-            if level:
-                owner, place = expand(np.minimum(count - MEMBERS * cluster, MEMBERS))
-                group, cluster = group[owner], MEMBERS * cluster[owner] + place
-            kept = np.flatnonzero(keep(level, group, cluster))
-            group, cluster = group[kept], cluster[kept]
-        starts.append(np.bincount(group - begin, minlength=many))
-        lists.append(cluster)
-    return np.cumsum(np.concatenate(starts)), np.concatenate(lists)
-
-
 def in_order(at: Float, *keys: Long) -> Long:
     """The order (N,) by ``keys`` (N,), the first one above the others, then by where (N, 3) is."""
-    low = at.min(axis=0, initial=np.inf) if len(at) else np.zeros(3)
-    size = max(float(np.ptp(at, axis=0).max()) if len(at) else 0.0, 1e-300)
-    cell = np.minimum((at - low) / size * 1024.0, 1023.0).astype(np.int64)
-    key = np.zeros(len(at), np.int64)
-    for more in keys:
-        key = key * (int(more.max(initial=0)) + 1) + more
-    for bit in range(9, -1, -1):
-        for axis in range(3):
-            key = 2 * key + ((cell[:, axis] >> bit) & 1)
-    return np.argsort(key, kind="stable")
+    return np.lexsort((morton_codes(at), *keys[::-1]))
 
 
 def direction_cells(normal: Float) -> Long:

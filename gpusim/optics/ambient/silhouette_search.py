@@ -1,7 +1,7 @@
 """Which edges may be contours to points, and which faces they may lie on or have on their way up.
 
-On the device each point finds its own (``shaders/optics/ambient/silhouette_search.wgsl``); in the
-twin points that lie together share lists, which takes less time in NumPy.
+On the device each point finds its own in a hierarchy
+(``shaders/optics/ambient/silhouette_search.wgsl``); the twins look at all of them one by one.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.array_types import Bool, Long
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import Buffer
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.ambient.silhouette_bvh import (
     AGAINST,
-    CLOSED,
     LOW,
     MEMBERS,
     MIXED,
@@ -27,164 +26,43 @@ from gpusim.optics.ambient.silhouette_bvh import (
     TILT,
     BoundingSpheres,
     EdgeAdjacency,
-    NormalCones,
     SamplePoints,
     SilhouetteBVH,
     direction_cells,
     in_order,
     tangent,
-    traverse,
 )
 
-GROUP = 16
-"""Points that share lists of edges and faces."""
 
-UNKNOWN = 2
-
-
-@dataclass(frozen=True, eq=False)
-class SilhouetteLists:
-    """Which edges and faces of ``facets`` each `GROUP` of points in order may need.
-
-    ``edge``: those that may be contours; ``face``: those that a point may lie on, and those on the
-    way along the normal or at the start of a row. ``edge_start``, ``face_start`` (G + 1,): where a
-    group's lists begin.
-    """
-
-    facets: EdgeAdjacency
-    edge_start: Long
-    edge: Long
-    face_start: Long
-    face: Long
-
-    @staticmethod
-    def everywhere(facets: EdgeAdjacency, points: int) -> SilhouetteLists:
-        """All for all of so many points."""
-        edges, faces = len(facets.ends), len(facets.planes)
-        group = np.arange(-(-points // GROUP) + 1)
-        return SilhouetteLists(
-            facets, edges * group, np.tile(np.arange(edges), len(group) - 1),
-            faces * group, np.tile(np.arange(faces), len(group) - 1),
-        )  # fmt: skip
-
-
-def silhouettes_near(
-    contours: SilhouetteBVH, points: SamplePoints, size: int = GROUP
-) -> SilhouetteLists:
-    """Those that matter to every ``size`` of ``points`` in order."""
-    groups = _Groups.of(points, size)
-    count = len(groups.middle)
-
-    def contour(level: int, group: Long, cluster: Long) -> Bool:
-        return _contour(groups, contours, level, group, cluster)
-
-    def upward(level: int, group: Long, cluster: Long) -> Bool:
-        return _upward(groups, contours.spheres[level], group, cluster)
-
-    start, edge = traverse([len(v.radius) for v in contours.balls], count, contour)
-    first, face = traverse([len(v.radius) for v in contours.spheres], count, upward)
-    return SilhouetteLists(contours.facets, start, edge, first, face)
-
-
-def _contour(
-    groups: _Groups, contours: SilhouetteBVH, level: int, group: Long, cluster: Long
-) -> Bool:
-    """Whether clusters (P,) may hold edges that are contours to groups (P,)."""
-    balls = contours.balls[level]
-    r, thick = groups.radius[group], groups.thick[group]
-    to = balls.middle[cluster] - groups.middle[group]
-    away = np.sqrt(np.einsum("pa,pa->p", to, to))
-    reach = balls.radius[cluster]
-    height = np.einsum("pa,pa->p", to, groups.up[group])
-    rise = height + reach + thick + groups.lean[group] * (away + reach + r)
-    kept = rise > LOW * np.maximum(away - reach - r, 0.0)
-    undecided = np.flatnonzero(kept)
-    group, cluster, span = group[undecided], cluster[undecided], (away + reach + r)[undecided]
-    one, two = (
-        _hiding(groups, slopes, contours.rounding, group, cluster, span)
-        for slopes in contours.slopes[level]
-    )
-    kept[undecided] = (one == UNKNOWN) | (one != two)
-    return np.asarray(kept)
-
-
-def _hiding(
-    groups: _Groups,
-    slopes: NormalCones,
-    rounding: float,
-    group: Long,
-    cluster: Long,
-    span: Float,
-) -> Long:
-    """How all faces of clusters (P,) hide from all of a group, as `hemisphere_mask` has it, or
-    ``UNKNOWN``; ``span`` (P,): how far apart they are at most."""
-    axis, spread = slopes.axis[cluster], slopes.spread[cluster]
-    product = np.einsum("pa,pa->p", axis, groups.middle[group])
-    facing = np.einsum("pa,pa->p", axis, groups.up[group])
-    across = np.sqrt(np.maximum(1.0 - facing * facing, 0.0))
-    extent = groups.thick[group] + across * groups.radius[group]
-    extent = np.minimum(extent, groups.radius[group]) + spread * span + rounding
-    low, high = slopes.low[cluster] - product - extent, slopes.high[cluster] - product + extent
-    near, far = groups.tolerance[group].T
-    before, behind = high < -far, low > far
-    against = facing - spread - groups.lean[group] < AGAINST
-    kind = slopes.kind[cluster]
-    result = np.full(len(group), UNKNOWN)
-    closed = kind == CLOSED
-    result[closed & (behind | (~against & (low > -near)))] = 0
-    opened = kind == OPEN
-    result[opened & behind] = 1
-    result[opened & (low > -near) & (high < near)] = 0
-    result[(closed | opened) & before] = -1
-    result[kind == NONE] = 0
+def hiding(points: SamplePoints, facets: EdgeAdjacency) -> Long:
+    """(N, F + 1): -1 where faces hide by their outside, 1 by their inside, 0 where they don't, as
+    where there is no face, in the last column."""
+    normal = facets.planes[:, :3].T
+    height, facing = facets.planes[:, 3] - points.at @ normal, points.normal @ normal
+    near, closed = points.tolerance[:, None], ~facets.both_sides
+    against = closed & (np.abs(height) <= near) & (facing < AGAINST)
+    behind = ~closed & (height > near)
+    result = np.zeros((len(points.at), len(facets.planes) + 1), np.int64)
+    result[:, :-1] = np.where(against | (height < -near), -1, behind)
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _Groups:
-    """What encloses groups of points: ``middle`` (G, 3) and ``radius`` (G,), at most ``thick`` from
-    the plane square to ``up``, from which their normals pass by ``lean``; their least and greatest
-    ``tolerance`` (G, 2)."""
-
-    middle: Float
-    radius: Float
-    up: Float
-    thick: Float
-    lean: Float
-    tolerance: Float
-
-    @staticmethod
-    def of(points: SamplePoints, size: int) -> _Groups:
-        """Of every ``size`` points."""
-        if not len(points.at):
-            none = np.zeros(0)
-            return _Groups(points.at, none, points.normal, none, none, np.zeros((0, 2)))
-        first = np.arange(0, len(points.at), size)
-        count = np.minimum(first + size, len(points.at)) - first
-        middle = np.add.reduceat(points.at, first) / count[:, None]
-        up = np.add.reduceat(points.normal, first)
-        up /= np.maximum(np.linalg.norm(up, axis=1), 1e-300)[:, None]
-        to = points.at - np.repeat(middle, count, axis=0)
-        axes = np.repeat(up, count, axis=0)
-        return _Groups(
-            middle, np.maximum.reduceat(np.linalg.norm(to, axis=1), first), up,
-            np.maximum.reduceat(np.abs(np.einsum("na,na->n", to, axes)), first),
-            np.maximum.reduceat(np.linalg.norm(points.normal - axes, axis=1), first),
-            np.stack([np.minimum.reduceat(points.tolerance, first),
-                      np.maximum.reduceat(points.tolerance, first)], axis=1),
-        )  # fmt: skip
+def contour_edges(points: SamplePoints, facets: EdgeAdjacency) -> Long:
+    """(N, E): by how much edges' faces on the left hide more than those on the right; 0 where an
+    edge is no contour to a point."""
+    hides = hiding(points, facets)
+    return np.asarray(hides[:, facets.beside[:, 0]] - hides[:, facets.beside[:, 1]])
 
 
-def _upward(groups: _Groups, spheres: BoundingSpheres, group: Long, cluster: Long) -> Bool:
-    """Whether clusters (P,) may hold faces that points of groups (P,) lie on, or that are on the
-    way up from them, as far aside as rows begin."""
-    to = spheres.middle[cluster] - groups.middle[group]
-    away = np.sqrt(np.einsum("pa,pa->p", to, to))
-    height = np.einsum("pa,pa->p", to, groups.up[group])
-    reach = spheres.radius[cluster] + groups.radius[group] + groups.tolerance[group, 1]
-    beside = reach + groups.lean[group] * (away + reach)
-    wide = beside + 1.01 * TILT * np.maximum(height + beside, 0.0)
-    return np.asarray((height + beside > 0.0) & (away * away - height * height <= wide * wide))
+def faces_upward(points: SamplePoints, facets: EdgeAdjacency) -> Bool:
+    """(N, F): whether points may lie on a face, or have it on their way up, as far aside as rows
+    begin."""
+    to = facets.balls[:, :3] - points.at[:, None]
+    height = np.einsum("nfa,na->nf", to, points.normal)
+    reach = facets.balls[:, 3] + points.tolerance[:, None]
+    wide = reach + 1.01 * TILT * np.maximum(height + reach, 0.0)
+    aside = np.einsum("nfa,nfa->nf", to, to) - height * height
+    return np.asarray((height + reach > 0.0) & (aside <= wide * wide))
 
 
 def in_groups(points: SamplePoints) -> Long:

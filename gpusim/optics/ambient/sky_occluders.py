@@ -5,35 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.optics.ambient.coplanar_merging import QuadStrips, merge_flat, neighbours, rows_of
+from gpusim.optics.ambient.coplanar_merging import merge_flat
 from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SilhouetteBVH
 from gpusim.optics.geometry.view import View
 from gpusim.surface.surface import Surface
-from gpusim.surface.topology import Topology
 
 FLATNESS = 0.05
 """px at the nearest surface, that joined faces may pass from the surface."""
 
 BENT = 1e-7
 """Of a face's size: a corner's distance from the plane of the others that makes it bent."""
-
-
-class _FaceNeighbours(NamedTuple):
-    """Of faces (F, 4): what is across their edges and whether something is across all, see
-    `neighbours`; and their rows."""
-
-    beside: Long
-    closed: bool
-    rows: tuple[QuadStrips, QuadStrips]
-
-
-_KNOWN: WeakKeyDictionary[Topology, dict[int, _FaceNeighbours]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +53,11 @@ def joined_faces(surfaces: Sequence[Surface], sag: float) -> tuple[Float, Long, 
             triangles = surface.topology.triangles
             used = np.column_stack([triangles, np.full(len(triangles), -1)])
         faces_of = np.where(used >= 0, used, np.roll(used, 1, axis=1))
-        known = _known(surface.topology, faces_of)
         if several:
-            faces_of = merge_flat(surface.points, faces_of, sag, known.beside, known.rows)
+            faces_of = merge_flat(surface.points, faces_of, sag)
         points.append(surface.points)
         faces.append(faces_of + first)
-        both_sides.append(np.full(len(faces_of), not known.closed))
+        both_sides.append(np.full(len(faces_of), not surface.topology.closed))
         first += len(surface.points)
     return np.concatenate(points), np.concatenate(faces), np.concatenate(both_sides)
 
@@ -85,12 +69,3 @@ def _bent(points: Float, faces: Long) -> bool:
     size = np.linalg.norm(normal, axis=1)
     gap = np.abs(np.einsum("fa,fa->f", normal, b - a))
     return bool((gap > BENT * size * np.sqrt(size)).any())
-
-
-def _known(topology: Topology, faces: Long) -> _FaceNeighbours:
-    """What is known of a topology's faces, or of its triangles, for all frames."""
-    by_count = _KNOWN.setdefault(topology, {})
-    if len(faces) not in by_count:
-        beside, closed = neighbours(faces)
-        by_count[len(faces)] = _FaceNeighbours(beside, closed, rows_of(faces, beside))
-    return by_count[len(faces)]

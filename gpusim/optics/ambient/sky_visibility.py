@@ -26,7 +26,7 @@ from gpusim.optics.ambient.hemisphere_mask import (
     hemisphere_masks_twin,
 )
 from gpusim.optics.ambient.silhouette_bvh import SamplePoints
-from gpusim.optics.ambient.silhouette_search import SilhouetteBuffers, in_groups, silhouettes_near
+from gpusim.optics.ambient.silhouette_search import SilhouetteBuffers, in_groups
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.geometry.interpenetration import Discontinuities
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION
@@ -332,7 +332,7 @@ class _Nodes:
         order = in_groups(points)
         key, points = key[order], points.part(order)
         if self._tables is None:
-            masks = hemisphere_masks_twin(points, silhouettes_near(self.joined.contours, points))
+            masks = hemisphere_masks_twin(points, self.joined.contours.facets)
         else:
             masks = hemisphere_masks(self._tables, points)
         share = self.value(masks, points.normal)

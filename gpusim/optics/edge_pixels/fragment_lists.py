@@ -23,33 +23,6 @@ from gpusim.optics.geometry.polygon_clipping import pick
 from gpusim.optics.geometry.triangle_corners import CHUNK, POSITION, corner_range
 from gpusim.optics.geometry.view import View
 
-
-class Ranks:
-    """Of ``listed`` (n,) linear indices, ascending and below ``size``."""
-
-    def __init__(self, listed: Long, size: int) -> None:
-        word = listed >> 6
-        self._bits = np.zeros((size >> 6) + 1, np.uint64)
-        bit = np.uint64(1) << (listed & 63).astype(np.uint64)
-        np.bitwise_or.at(self._bits, word, bit)
-        many = np.bitwise_count(self._bits)
-        self._before = np.cumsum(many, dtype=np.int64) - many
-
-    def of(self, index: Long) -> Long:
-        """(m,): how many come before linear indices 0 … ``size``."""
-        result = np.empty(len(index), np.int64)
-        one = np.uint64(1)
-        for first in range(0, len(index), CHUNK):
-            chunk = index[first : first + CHUNK]
-            word = chunk >> 6
-            below = (one << (chunk & 63).view(np.uint64)) - one
-            below &= np.take(self._bits, word, mode="clip")
-            out = result[first : first + CHUNK]
-            np.take(self._before, word, out=out, mode="clip")
-            out += np.bitwise_count(below)
-        return result
-
-
 TILE = 8
 """px, side of the tiles by which triangles far from all edges are sorted out."""
 
@@ -138,9 +111,8 @@ def find_edge_pixels(view: View) -> EdgePixels:
     near_triangles, place, low, high = _near_pixels(pixel, view)
     triangle, step = expand(np.maximum(high[:, 1] - low[:, 1] + 1, 0))
     row = low[triangle, 1] + step
-    ranks = Ranks(pixel, width * height)
-    first = ranks.of(row * width + low[triangle, 0])
-    last = ranks.of(row * width + high[triangle, 0] + 1)
+    first = np.searchsorted(pixel, row * width + low[triangle, 0])
+    last = np.searchsorted(pixel, row * width + high[triangle, 0] + 1)
     run, step = expand(np.maximum(last - first, 0))
     entry, near_row = first[run] + step, triangle[run]
     row, column = np.divmod(pixel, width)

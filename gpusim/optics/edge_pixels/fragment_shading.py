@@ -2,24 +2,17 @@
 
 The float64 form of what ``shaders/optics/edge_pixels/resolve.wgsl`` does; the host resolves those
 pixels by it that the device leaves.
-
-Where the outline of a fine mesh crosses a pixel before a wall, what is left of the wall has as many
-sides as there are triangles along it, and would be cut by one after the other. But the area, the
-centroid and the second moments of what is left are those of the pixel less those of what is seen of
-the triangles in front; plain paint and light don't ask for more. That holds as long as its shadows
-don't end where it does: what stands on the wall is followed piece by piece.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.array_types import Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
 from gpusim.optics.edge_pixels.visible_polygons import (
-    SLIVER,
     Cutting,
     depth_planes,
     visible_polygons,
@@ -32,7 +25,6 @@ from gpusim.optics.geometry.polygon_clipping import (
     rectangles,
     second_moments,
 )
-from gpusim.optics.geometry.triangle_corners import corner_range
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.paint.bitmap import BITMAP, mean_over_polygons
 from gpusim.optics.paint.footprint_mean import mean_albedo
@@ -42,88 +34,17 @@ from gpusim.optics.shading.radiance import radiance_of
 from gpusim.optics.shading.setup import Setup
 from gpusim.surface.color import grey
 
-CONTACT = 8.0
-"""Pixels' sides, at its depth, from a backdrop to what is before it, where lamps cast shadows."""
-
-SEVERAL = 6
-"""Triangles before it that are worth it where lamps cast shadows: what is left beside fewer may be
-in pieces apart from each other, as beside a thin bar, and a shadow end in one of them."""
-
-PIXEL = (1.0, 0.0, 0.0, 1.0 / 12.0, 0.0, 1.0 / 12.0)
-"""Area, first and second moments."""
-
-
-def fills(planes: Float) -> Bool:
-    """(n,) which triangles fill their pixel, by their half planes (n, 3, 3) from its centre."""
-    least = planes[..., 2] - 0.5 * (np.abs(planes[..., 0]) + np.abs(planes[..., 1]))
-    return np.asarray(np.all(least >= 0.0, axis=1))
-
-
-def backdrops(setup: Setup, edges: EdgePixels, full: Bool, corners: Float) -> Bool:
-    """(n,) which of the triangles over edge pixels are such: those of ``full`` ones (n,), which
-    fill their pixel, with ``corners`` (n, 3, 2) relative to its centre."""
-    count, depth = len(edges.pixel), edges.depth
-    result = np.zeros(len(full), bool)
-    pixel = np.repeat(np.arange(count), depth)
-    row = np.flatnonzero(full)
-    # the nearest that fills each pixel, behind others
-    row = row[np.flatnonzero(np.diff(pixel[row], prepend=-1))]
-    pixel_of = pixel[row]
-    suits = (row > edges.start[pixel_of]) & ~edges.pierced[pixel_of]
-    triangle = edges.triangle[: len(full)]
-    suits &= (setup.traits.groups[triangle[row]] == 0) & ~setup.traits.bumpy[triangle[row]]
-    row, pixel_of = row[suits], pixel_of[suits]
-    if setup.lighting.shadows is not None and len(row):
-        several = row - edges.start[pixel_of] >= SEVERAL
-        row, pixel_of = row[several], pixel_of[several]
-        last = np.full(count, -1)
-        last[pixel_of] = row
-        front = np.flatnonzero(np.arange(len(full)) < last[pixel])
-        farthest = np.full(count, np.inf)
-        inverse = corner_range(setup.view.inverse_depth(triangle[front]))[0]
-        np.minimum.at(farthest, pixel[front], inverse)
-        a, b, c = depth_planes(corners[row], setup.view.inverse_depth(triangle[row])).T
-        nearest = 1.0 / (c + 0.5 * (np.abs(a) + np.abs(b)))
-        side = float(np.linalg.norm(setup.view.rays()[:, 0]))
-        gap = nearest - 1.0 / farthest[pixel_of]
-        row = row[gap > CONTACT * side * nearest]
-    result[row] = True
-    return result
-
-
-def left_open(
-    number: Long, count: int, size: Float, middle: Float, second: Float
-) -> tuple[Float, Float, Float]:
-    """What pieces leave of ``count`` pixels: area (m,), centroid (m, 2) and second moments (m, 3)
-    about the pixel's centre, of which pieces have ``size`` (n,), ``middle`` (n, 2) and ``second``
-    (n, 3). ``number`` (n,): the pixel of each piece, -1 for none."""
-    inside = np.flatnonzero(number >= 0)
-    values = np.column_stack([size, size[:, None] * middle, second])[inside]
-    rest = np.stack([
-        total - np.bincount(number[inside], column, count)
-        for total, column in zip(PIXEL, values.T, strict=True)
-    ], axis=1)  # fmt: skip
-    area = np.maximum(rest[:, 0], 0.0)
-    return area, rest[:, 1:3] / np.where(area > 0.0, area, 1.0)[:, None], rest[:, 3:]
-
-
 THIN = 5e-4
 """Area, px^2, that no triangle takes; less of it is a seam between neighbours."""
 
 
-def corners_over(
-    view: View, edges: EdgePixels, rows: Long | None = None
-) -> tuple[Long, Float, Float]:
-    """Of triangles over edge pixels, or some ``rows`` of them: the pixel (n,) of each, where that
-    is (n, 2), and the corners (n, 3, 2) from there, in sides of its sensitive square."""
-    width = view.camera.width
+def _corners_over(view: View, edges: EdgePixels) -> tuple[Long, Float, Float]:
+    """Of triangles over edge pixels: the pixel (n,) of each, where that is (n, 2), and the corners
+    (n, 3, 2) from there, in sides of its sensitive square."""
     pixel = np.repeat(np.arange(len(edges.pixel)), edges.depth)
-    triangle = edges.triangle[: len(pixel)]
-    if rows is not None:
-        pixel, triangle = pixel[rows], triangle[rows]
-    number = edges.pixel[pixel]
-    at = np.stack([number % width, number // width], axis=1).astype(np.float64)
-    corners = np.rint(view.screen_of(triangle) * FIXED) / FIXED
+    row, column = np.divmod(edges.pixel[pixel], view.camera.width)
+    at = np.stack([column, row], axis=1).astype(np.float64)
+    corners = np.rint(view.screen_of(edges.triangle[: len(pixel)]) * FIXED) / FIXED
     corners -= at[:, None]
     return pixel, at, corners / view.camera.pixel_side
 
@@ -142,38 +63,21 @@ def resolve_on_host(setup: Setup, edges: EdgePixels, shares: SharesOf | None = N
     if not len(edges.pixel):
         return np.zeros((len(setup.bands), 0))
     view, count = setup.view, len(edges.pixel)
-    pixel, at, corners = corners_over(view, edges)
+    pixel, at, corners = _corners_over(view, edges)
     first = np.repeat(edges.start[:-1], edges.depth)
     triangle = edges.triangle[: len(pixel)]
     planes = half_planes(corners)
     cutting = _cutting(view, edges, pixel, at) if edges.pierced.any() else None
     polygon, sides_left = clip_square(planes)
-    behind = backdrops(setup, edges, fills(planes), corners)
-    row, piece = visible_polygons(polygon, sides_left, planes, corners, first, cutting, behind)
+    row, piece = visible_polygons(polygon, sides_left, planes, corners, first, cutting)
     size, middle = moments(piece)
     solid = np.flatnonzero(size > 0.0)
     row, size, middle, piece = row[solid], size[solid], middle[solid], pick(piece, solid)
-    shadowed = setup.lighting.shadows is not None
-    walls = bool(behind.any())
-    second = second_moments(piece) if shadowed or walls else np.zeros((len(size), 3))
-    if walls:
-        wall = np.flatnonzero(behind)
-        number = np.full(count, -1)
-        number[pixel[wall]] = np.arange(len(wall))
-        gaps = left_open(number[pixel[row]], len(wall), size, middle, second)
-        open_ = np.flatnonzero(gaps[0] > SLIVER)
-        wall = wall[open_]
-        row = np.concatenate([row, wall])
-        size, middle, second = (
-            np.concatenate([of_pieces, of_gaps[open_]])
-            for of_pieces, of_gaps in zip((size, middle, second), gaps, strict=True)
-        )
-        piece = np.concatenate([piece, pick(polygon, wall)])
     albedo, printed = _mean_albedo(setup, triangle[row], at[row], piece, middle)
     sides: Float | None = None
-    if shadowed:
+    if setup.lighting.shadows is not None:
         # each piece by itself: the middle of those round a corner may lie under what hides it
-        sides = rectangles(size, middle, second)
+        sides = rectangles(size, middle, second_moments(piece))
     else:
         area: Float = np.bincount(row, size, len(pixel)).astype(np.float64)
         covered = np.flatnonzero(area > 0.0)

@@ -22,16 +22,8 @@ from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.arrays.ragged import WORKGROUP, dealt
 from gpusim.arrays.unique import distinct
 from gpusim.optics.edge_pixels.fragment_lists import EdgePixels
-from gpusim.optics.edge_pixels.fragment_shading import (
-    SEVERAL,
-    THIN,
-    backdrops,
-    corners_over,
-    fills,
-    resolve_on_host,
-)
+from gpusim.optics.edge_pixels.fragment_shading import THIN, resolve_on_host
 from gpusim.optics.frame import Band, write_pixels
-from gpusim.optics.geometry.polygon_clipping import half_planes
 from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.paint.bitmap import BITMAP
 from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns
@@ -45,10 +37,6 @@ from gpusim.optics.shadow.scene import Shadows
 MAX_DEPTH = 64
 """Triangles over a pixel beyond which the host resolves it; fewer where patterns are dense. As many
 as the shader has bits for."""
-
-BACKDROP = np.uint32(1 << 31)
-"""Of where a pixel's triangles start in the device's list: see
-``shaders/optics/edge_pixels/resolve.wgsl``."""
 
 MAX_PIECES = 1 << 20
 """Of pixels that look at lamps at a time."""
@@ -91,7 +79,6 @@ class EdgePixelPass:
         lists = np.zeros(2 * (count + 1) + len(edges.triangle), np.uint32)
         lists[0 : 2 * count : 2] = edges.pixel
         lists[1 : 2 * count + 2 : 2] = edges.start + 2 * (count + 1)
-        lists[1 : 2 * count : 2] |= np.where(_filled(setup, edges), BACKDROP, np.uint32(0))
         lists[2 * (count + 1) :] = edges.triangle
         values = device.empty(4 * self._words * count, "edges.found")
         constants = setup.programs.constants(self._present, *setup.programs.looks)
@@ -194,25 +181,6 @@ def _range(first: int, stop: int) -> dict[str, Any]:
         "first": first, "count": stop, "sides": 3, "corners": 4, "hard_rows": EDGE_ROWS,
         "thin": THIN, "sure": MAX_ERROR, "slots": 0, "casting": 0,
     }  # fmt: skip
-
-
-def _filled(setup: Setup, edges: EdgePixels) -> Bool:
-    """(E,) pixels of which the nearest triangle that fills them is a backdrop, where the device
-    would be in doubt about that otherwise: where lamps cast shadows."""
-    result = np.zeros(len(edges.pixel), bool)
-    if setup.lighting.shadows is None:
-        return result
-    rows = np.flatnonzero(edges.depth > SEVERAL)
-    chosen = edges.select(rows)
-    # what a square lies in is twice as large at least; of fine meshes hardly any triangle is
-    a, b, c = np.moveaxis(setup.view.screen_of(chosen.triangle), 1, 0)
-    (x, y), (u, v) = (b - a).T, (c - a).T
-    large = np.flatnonzero(np.abs(x * v - y * u) > 3.9 * setup.view.camera.pixel_side**2)
-    corners, full = np.zeros((len(x), 3, 2)), np.zeros(len(x), bool)
-    corners[large] = corners_over(setup.view, chosen, large)[2]
-    full[large] = fills(half_planes(corners[large]))
-    result[np.repeat(rows, chosen.depth)[backdrops(setup, chosen, full, corners)]] = True
-    return result
 
 
 def _alike(

@@ -74,7 +74,6 @@ def visible_polygons(
     corners: Float,
     first: Long,
     cutting: Cutting | None = None,
-    without: Bool | None = None,
 ) -> tuple[Long, Float]:
     """Visible parts of triangles: the row (M,) that each belongs to, and the part (M, 8, 2).
 
@@ -85,7 +84,6 @@ def visible_polygons(
     first : (n,) row of the first triangle over the same pixel; those up to the row itself are in
         front of it.
     cutting : where bodies cut each other, triangles hide each other only where they are nearer.
-    without : (n,) rows that hide what is behind them, and whose own parts aren't asked for.
     """
     area, _ = moments(polygon)
     vertex_buffers = area > MIN_AREA
@@ -98,8 +96,6 @@ def visible_polygons(
         fronts = np.where(cutting.pierced, cutting.last - first, fronts)
         ahead |= cutting.pierced
     vertex_buffers &= ahead
-    if without is not None:
-        vertex_buffers &= ~without
     before = np.where(vertex_buffers, fronts, 0)
     hidden, by = _occlusions(polygon, planes, corners, first, before)
     many = np.bincount(hidden, minlength=len(row))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.optics.geometry.triangle_corners import CHUNK
+from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.topology import Topology
 
 
@@ -92,24 +92,13 @@ def creases(topology: Topology, normal: Float, smooth_angle: float, edges: Long 
     than ``smooth_angle``, rad; ``normal`` (3, T): of the triangles, of any length."""
     numbers = np.arange(len(topology.first)) if edges is None else edges
     result = np.zeros(len(numbers), bool)
-    once = len(numbers) >= normal.shape[1]
-    if once:
-        of_triangles, normal = normal, np.empty_like(normal)
-        for first in range(0, normal.shape[1], CHUNK):
-            part = slice(first, first + CHUNK)
-            normal[:, part] = unit(of_triangles[:, part])
     for start in range(0, len(numbers), CHUNK):
         chunk = numbers[start : start + CHUNK]
         sides = [np.take(triangle, chunk) for triangle in (topology.first, topology.second)]
         a, b = (np.take(topology.source, triangle, mode="clip") for triangle in sides)
         between = np.flatnonzero(a != b)
-        one, other = (np.take(normal, side[between], axis=1, mode="clip") for side in sides)
-        if not once:
-            one, other = unit(one), unit(other)
-        cosine = one[0] * other[0]
-        cosine += one[1] * other[1]
-        cosine += one[2] * other[2]
-        result[start + between] = cosine < np.cos(smooth_angle)
+        one, other = (unit(np.take(normal, side[between], axis=1, mode="clip")) for side in sides)
+        result[start + between] = products(one, other) < np.cos(smooth_angle)
     return result
 
 

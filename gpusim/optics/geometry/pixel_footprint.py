@@ -8,20 +8,20 @@ along its footprint, which look up the cells that they lie in.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
+from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.camera.undistortion_table import distortion_map
 from gpusim.optics.geometry.triangle_corners import (
-    CHUNK,
     POSITION,
     ST,
     at_corners,
     barycentric_planes,
+    parts,
 )
 from gpusim.surface.frames import used_vertices
 from gpusim.surface.paint import Paint
@@ -128,16 +128,10 @@ def _median(values: Float, weights: Float) -> float:
 
 
 MIN_TRIANGLES_FOR_BOUNDS = 2000
-"""Triangles of a region from which on bounds tell which may have the largest pixel."""
+"""Triangles of a region from which on a quicker look tells which may have the largest pixel."""
 
-BLOCK = 1 << 15
-"""Triangles at a time in float32: more than `CHUNK`, as a pass is short then."""
-
-MAX_SLACK = 0.02
-"""By which the bound may be above it, twice."""
-
-ROUNDED = 1e-6
-"""Of a bound, by which float32 may be off."""
+ROUNDED = 1e-9
+"""Of a size, by which two ways of finding it may differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,10 +204,8 @@ def with_reach(
             reach = min(float(half.max()), extent) if limit is None else limit
             region = replace(region, reach=reach, seen=seen, grazing=limit is not None)
         elif count:
-            starts = range(0, count, CHUNK)
-            parts = [slice(k, k + CHUNK) if whole else rows[k : k + CHUNK] for k in starts]
-            sizes = (_footprint_sizes(columns, corner[part]) for part in parts)
-            reach = stretch * max(float(size.max()) for size in sizes)
+            some = (part if whole else rows[part] for part in parts(count))
+            reach = stretch * max(float(_footprint_sizes(columns, corner[k]).max()) for k in some)
             region = replace(region, reach=min(reach, extent), seen=None, grazing=False)
         result.append(region)
     return tuple(result), widest
@@ -223,23 +215,15 @@ def _at_corners_of(
     vertices: Float, corner: Long, camera: Camera, stretch: float
 ) -> tuple[Float, Float]:
     """Half the size (n, 3) of pixels at the corners of triangles, and their sides (n, 3, 2, 2)."""
-    parts = [corner[first : first + CHUNK] for first in range(0, len(corner), CHUNK)]
-    footprints = (_of_corners(vertices, part, camera) for part in parts)
+    footprints = (_of_corners(vertices, corner[part], camera) for part in parts(len(corner)))
     slope = stretch * np.concatenate([_footprints(*one) for one in footprints])
     return 0.5 * np.abs(slope).sum(axis=-1).max(axis=-1), slope
 
 
 def _maybe_largest(columns: list[Float], corner: Long) -> Long:
     """Those (m,) of triangles (n, 3) that the largest of `_footprint_sizes` may be of."""
-    bounds = _bounds_in_float32(columns)
-    low, high = np.zeros(len(corner), np.float32), np.full(len(corner), np.inf, np.float32)
-    for first in range(0, len(corner), BLOCK):
-        part = slice(first, first + BLOCK)
-        sure, most, more, area, less = bounds(corner[part])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            low[part] = np.where(sure, (most - more) / (area + less), 0.0)
-            high[part] = np.where(sure, (most + more) / (area - less), np.inf)
-    return np.flatnonzero(high >= (1.0 - ROUNDED) * low.max())
+    sizes = np.concatenate([_footprint_sizes(columns, corner[part]) for part in parts(len(corner))])
+    return np.flatnonzero(sizes >= (1.0 - ROUNDED) * sizes.max())
 
 
 def _of_corners(vertices: Float, corner: Long, camera: Camera) -> tuple[Float, Float]:
@@ -292,56 +276,3 @@ def _footprint_sizes(columns: list[Float], corner: Long) -> Float:
             np.maximum(most, size, out=most)
     result: Float = 0.5 * most / area
     return result
-
-
-Bounds = tuple[Bool, Single, Single, Single, Single]
-
-
-def _bounds_in_float32(columns: list[Float]) -> Callable[[Long], Bounds]:
-    """A function that finds twice the size of the largest pixel on triangles (n, 3) as a quotient:
-    whether (n,) bounds are close, the numerator and what it may be off by, and the denominator
-    with what that may.
-
-    It takes one depth for a triangle, and adds what that may be off by: differences d of s between
-    corners make the gradient, and perspective weighs them by ratios of depths; where these reach
-    up to 1 + r, that changes it by 2 r times the largest d times the length of the triangle's
-    sides, over its area.
-    """
-    x, y, _, inverse, *paint = columns
-    single = [v.astype(np.float32) for v in (x, y, inverse / inverse.min())]
-    single += [(v - 0.5 * (v.min() + v.max())).astype(np.float32) for v in paint]
-    # what a difference may be off by
-    step = [float(np.spacing(np.abs(v).max())) for v in single]
-    off, off_w, off_s = max(step[:2]), step[2], max(step[3:])
-
-    def find(corner: Long) -> Bounds:
-        vertices = [corner[:, k] for k in range(3)]
-        u: list[Single] = []
-        v: list[Single] = []
-        for column in single:
-            first, second, third = (np.take(column, rows, mode="clip") for rows in vertices)
-            u.append(np.subtract(second, first, out=second))
-            v.append(np.subtract(third, first, out=third))
-        area = np.abs(u[0] * v[1] - u[1] * v[0])
-        most, widest = np.zeros_like(area), np.zeros_like(area)
-        for one, two in zip(u[3:], v[3:], strict=True):
-            size = np.abs(one * v[1] - two * u[1])
-            size += np.abs(two * u[0] - one * v[0])
-            np.maximum(most, size, out=most)
-            np.maximum(widest, np.abs(one), out=widest)
-            np.maximum(widest, np.abs(two), out=widest)
-        length = np.abs(u[0]) + np.abs(u[1])
-        length += np.abs(v[0])
-        length += np.abs(v[1])
-        # all three differences are within twice the two
-        depths = np.abs(u[2]) + np.abs(v[2])
-        depths += np.float32(off_w + 1e-6)
-        more: Single = np.float32(4.0) * depths * widest
-        more += np.float32(off_s)
-        more *= length
-        more += np.float32(4.0 * off) * widest
-        less: Single = (np.float32(2.0 * off) + np.float32(1e-6) * length) * length
-        sure = (more <= MAX_SLACK * most) & (less <= MAX_SLACK * area) & (area > 0.0)
-        return sure, most, more, area, less
-
-    return find

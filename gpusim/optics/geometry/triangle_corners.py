@@ -54,44 +54,28 @@ def at_corners(values: Float, corner: list[Long]) -> Float:
 
 def barycentric_planes(corners: Float, camera: Camera) -> Float:
     """(T, 3, 3): row i holds the coefficients of b_i as an affine function of [x, y, 1]."""
-    columns, spare = np.empty((3, 3, len(corners))), np.empty((5, CHUNK))
-    D = camera.ray_matrix()
+    planes, D = np.empty((3, 3, len(corners))), camera.ray_matrix()
     for part in parts(len(corners)):
-        own = columns[:, :, part]
-        _barycentric_planes(corners[part], D, own, spare[:, : own.shape[2]])
-    return np.moveaxis(columns, 2, 0)
-
-
-def _barycentric_planes(corners: Float, D: Float, columns: Float, spare: Float) -> None:
-    p = [[corners[:, k, axis] for axis in range(3)] for k in range(3)]
-    x, y, z, scale, term = spare
-    for i in range(3):
-        (ux, uy, uz), (vx, vy, vz) = p[(i + 1) % 3], p[(i + 2) % 3]
-        for out, (a, b, c, d) in zip(
-            (x, y, z), ((uy, vz, uz, vy), (uz, vx, ux, vz), (ux, vy, uy, vx)), strict=True
-        ):
-            np.multiply(a, b, out=out)
-            np.multiply(c, d, out=term)
-            out -= term
-        if i == 0:
-            np.multiply(p[0][0], x, out=scale)
-            for own, normal in ((p[0][1], y), (p[0][2], z)):
-                np.multiply(own, normal, out=term)
-                scale += term
-            if not np.all(scale != 0.0):
-                raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
-            np.divide(1.0, scale, out=scale)
-        for k, row in enumerate(columns[i]):
+        a, b, c = (corners[part, k, POSITION].T for k in range(3))
+        normals = [_cross(b, c), _cross(c, a), _cross(a, b)]
+        volume = products(a, normals[0])
+        if not np.all(volume != 0.0):
+            raise InputError("a triangle is seen exactly edge-on; it should have been dropped")
+        scale = 1.0 / volume
+        for rows, (x, y, z) in zip(planes, normals, strict=True):
             # the ray matrix is upper triangular
-            np.multiply(x, D[0, k], out=row)
-            for axis, normal in ((1, y), (2, z)):
-                if k >= axis:
-                    np.multiply(normal, D[axis, k], out=term)
-                    row += term
-            row *= scale
+            rows[0, part] = x * D[0, 0] * scale
+            rows[1, part] = (x * D[0, 1] + y * D[1, 1]) * scale
+            rows[2, part] = (x * D[0, 2] + y * D[1, 2] + z * D[2, 2]) * scale
+    return np.moveaxis(planes, 2, 0)
 
 
-def products(vectors: Float, others: Float) -> Float:
+def _cross(u: Float, v: Float) -> list[Float]:
+    """Components (n,) of the cross products of vectors (3, n)."""
+    return [u[i] * v[j] - u[j] * v[i] for i, j in ((1, 2), (2, 0), (0, 1))]
+
+
+def products(vectors: Float, others: Float | list[Float]) -> Float:
     """Scalar products (n,) of vectors (3, n) with one (3,) or as many (3, n)."""
     result: Float = vectors[0] * others[0] + vectors[1] * others[1] + vectors[2] * others[2]
     return result

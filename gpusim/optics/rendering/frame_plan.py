@@ -38,9 +38,8 @@ class FramePlan:
     ``rows``: of a band. ``lit``, ``shadowed``: whether there are lights, and lamps whose light
     something may hide. The others are shortcuts: ``deferred``: pixels are shaded once it is known
     which triangle each one sees; ``checker_lines``: boards are plain but for strips along their
-    lines; ``tile_light``: light on large planes is interpolated; ``painter``: triangles of one
-    plane are drawn without a depth buffer; ``plate_border``: edge pixels of a flat plate in closed
-    form. ``reasons``: why, by name.
+    lines; ``tile_light``: light on large planes is interpolated; ``plate_border``: edge pixels of a
+    flat plate in closed form. ``reasons``: why, by name.
     """
 
     rows: int
@@ -49,7 +48,6 @@ class FramePlan:
     deferred: bool
     checker_lines: bool
     tile_light: bool
-    painter: bool
     plate_border: bool
     reasons: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
 
@@ -69,7 +67,7 @@ class FramePlan:
         return "\n".join(f"{n:15} {v!s:6} {self.reasons[n]}" for n, v in shown.items())
 
 
-SHORTCUTS = ("deferred", "checker_lines", "tile_light", "painter", "plate_border")
+SHORTCUTS = ("deferred", "checker_lines", "tile_light", "plate_border")
 
 
 def plan_frame(
@@ -84,7 +82,6 @@ def plan_frame(
     rows = _band_rows(camera.width, height, lights or [] if shadowed else None)
     straight = camera.lens is None
     deferred = small_triangles(view)
-    painter = not deferred and view.flat
     # a box that is too small holds no triangle that is large enough
     large = 0.5 * view.extent**2 >= MIN_PIXELS
     choices: dict[str, tuple[bool | int, str]] = {
@@ -99,7 +96,6 @@ def plan_frame(
             not straight else "triangles larger than fields' lines are wide",
         ),
         "tile_light": (lit and large, f"boxes of at least {MIN_PIXELS:.0f} px, lit"),
-        "painter": (painter, "one plane" if painter else "triangles may hide each other"),
         "plate_border": (
             not (lit or coloured) and Border.suits(view),
             "one unlit grey plate, its ground all round",

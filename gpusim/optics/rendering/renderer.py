@@ -182,9 +182,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
         lines = BoardLines.of(view, setup.traits.printed)
     buffers = SceneBuffers(device, setup, lines, fine=plan.deferred)
     tiles = LightTiles.of(setup) if plan.tile_light else None
-    lit_by_all = ShadingPass(
-        buffers, plan.rows, plan.deferred, tiles=tiles, marked=plan.shadowed, painter=plan.painter
-    )
+    lit_by_all = ShadingPass(buffers, plan.rows, plan.deferred, tiles=tiles, marked=plan.shadowed)
     shading = RelightingPass(lit_by_all) if plan.shadowed else lit_by_all
     edge_pixels: EdgePixelPass | PlateBorderPass
     if plan.plate_border:

@@ -49,55 +49,37 @@ def coefficients(
     featured = table.paints["featured"] > 0
     patterned = bool(featured.any())
     cell_of_paint = table.paints["cell"].astype(np.float64)
-    all_planes, all_basis = np.zeros((6, 3, BLOCK)), np.empty((3, 3, BLOCK))
-    spare, all_local = np.empty(BLOCK), np.empty((2, 3, BLOCK))
+    rows = [*([0, 1] if patterned else []), 2, *([3, 4, 5] if lit else [])]
+    all_values, all_planes = np.ones((6, 3, BLOCK)), np.zeros((6, 3, BLOCK))
     for first in range(0, view.count, BLOCK):
         part = slice(first, min(first + BLOCK, view.count))
-        count = part.stop - first
         corners = view.corners_of(part)
-        barycentric = barycentric_planes(corners, view.camera)
-        planes, basis, term = all_planes[:, :, :count], all_basis[:, :, :count], spare[:count]
+        count = len(corners)
+        # of all corners what is affine in the image; of the reciprocal depth 1
+        values, planes = all_values[:, :, :count], all_planes[:, :, :count]
         inverse = [1.0 / corners[:, i, 2] for i in range(3)]
         mean_inverse = (inverse[0] + inverse[1] + inverse[2]) / 3.0
         ideal = at_corners(view.ideal_place, list(view.corner[part].T))
         at = np.rint(corner_mean(ideal)).T
         cell = np.zeros_like(at)
-        values: dict[int, list[Float]] = {}
         if patterned:
             paint = view.paint[part]
             size, printed = cell_of_paint[paint], featured[paint]
             st = corners[:, :, ST]
             if bitmaps.images:
                 st = bitmaps.texel_positions(paint, st)
-            for axis in range(2):
-                across = [st[:, i, axis] for i in range(3)]
-                cell[axis] = np.floor((across[0] + across[1] + across[2]) / 3.0 / size) * printed
-                corner = cell[axis] * size
-                local = all_local[axis, :, :count]
-                for i in range(3):
-                    np.subtract(across[i], corner, out=local[i])
-                values[axis] = list(local)
+            cell[:] = np.floor(corner_mean(st).T / size) * printed
+            values[:2] = st.T - (cell * size)[:, None]
         if lit:
-            for axis in range(3):
-                values[3 + axis] = [corners[:, i, NORMAL.start + axis] for i in range(3)]
-        scale = 1.0 / mean_inverse
-        for i in range(3):
-            for k in range(3):
-                np.multiply(barycentric[:, i, k], scale, out=basis[i, k])
-        for k in range(3):
-            np.add(basis[0, k], basis[1, k], out=planes[2, k])
-            planes[2, k] += basis[2, k]
-        for row, corner_values in values.items():
-            for k in range(3):
-                slope = planes[row, k]
-                np.multiply(corner_values[0], basis[0, k], out=slope)
-                for i in (1, 2):
-                    np.multiply(corner_values[i], basis[i, k], out=term)
-                    slope += term
-        for row in (2, *values):
-            for k in range(2):
-                np.multiply(planes[row, k], at[k], out=term)
-                planes[row, 2] += term
+            values[3:] = corners[:, :, NORMAL].T
+        basis = np.moveaxis(barycentric_planes(corners, view.camera), 0, 2) * (1.0 / mean_inverse)
+        for row in rows:
+            plane = planes[row]
+            np.multiply(values[row, 0], basis[0], out=plane)
+            plane += values[row, 1] * basis[1]
+            plane += values[row, 2] * basis[2]
+            plane[2] += plane[0] * at[0]
+            plane[2] += plane[1] * at[1]
         yield Coefficients(part, planes, at, cell, mean_inverse)
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Single
+from gpusim.arrays.array_types import Float, Long, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Raster, Recording, Texture
 from gpusim.optics.frame import Band
@@ -119,8 +119,7 @@ class ShadingPass:
 
     ``deferred``: pixels are shaded once it is known which triangle each one sees; otherwise
     triangles are drawn from near to far. ``tiles``: light on large planes. ``marked``: whether
-    pixels are marked for `gpusim.optics.shading.relighting`. ``painter``: triangles of one plane
-    are drawn without a depth buffer.
+    pixels are marked for `gpusim.optics.shading.relighting`.
     """
 
     def __init__(
@@ -131,7 +130,6 @@ class ShadingPass:
         *,
         tiles: LightTiles | None = None,
         marked: bool = False,
-        painter: bool = False,
     ) -> None:
         device, setup = buffers.device, buffers.setup
         _check_loops(setup)
@@ -161,7 +159,7 @@ class ShadingPass:
         if visibility is not None:
             self._pass = DeferredPass(buffers, rows, programs, visibility, colors)
         else:
-            self._pass = ForwardPass(buffers, rows, programs, self.colors, entry, painter)
+            self._pass = ForwardPass(buffers, rows, programs, self.colors, entry)
 
     @property
     def stride(self) -> int:
@@ -201,20 +199,16 @@ class ForwardPass:
         programs: list[Program],
         colors: tuple[Texture, ...],
         entry: str,
-        painter: bool,
     ) -> None:
         device, setup = buffers.device, buffers.setup
-        self.buffers, self.depth = buffers, None
-        if not painter:
-            width = setup.view.camera.width
-            self.depth = device.target(width, rows, "depth32float", "shade.depth")
+        self.buffers = buffers
+        self._depth = device.target(setup.view.camera.width, rows, "depth32float", "shade.depth")
         formats = tuple(texture.format for texture in colors)
         self._draws: list[tuple[Raster, Buffer, int]] = []
-        # what is in front comes first where depths are compared, else last
-        programs = programs[::-1] if painter else programs
         name, entries = setup.programs.name("optics/shading/forward_pass"), ("vertex", entry)
-        depth = "none" if painter else "greater"
-        rasters = device.rasters([(name, formats, v.constants, entries, depth) for v in programs])
+        rasters = device.rasters(
+            [(name, formats, v.constants, entries, "greater") for v in programs]
+        )
         for raster, program in zip(rasters, programs, strict=True):
             count = len(program.triangles)
             numbers = program.triangles if count else NONE
@@ -233,7 +227,7 @@ class ForwardPass:
         for raster, order, count in self._draws:
             values = {**shared, **self.buffers.vertex_buffers.bindings(), "order": order}
             recording.draw(
-                raster, raster.bind_used(params=params, **values), colors=colors, depth=self.depth,
+                raster, raster.bind_used(params=params, **values), colors=colors, depth=self._depth,
                 vertices=3 * count, size=size, clear=clear,
             )  # fmt: skip
             clear = None
@@ -322,32 +316,29 @@ def shade_twin(setup: Setup, ids: npt.NDArray[np.uint32]) -> Single:
         featured = setup.table.paints["featured"][paint]
         rows = np.flatnonzero((featured > 0) & (featured < BITMAP))
         if len(rows):
-            cell, st, ex, ey, q = setup.coefficients.footprint(
-                triangle[rows], column[rows], row[rows]
-            )
-            corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+            footprints = _footprints(setup, triangle[rows], column[rows], row[rows])
             grazing = setup.traits.groups[triangle[rows]] > BITMAP
             for band_albedo, band in zip(albedo, setup.bands, strict=True):
-                band_albedo[rows] = mean_albedo(
-                    band.table, paint[rows], cell, st, corners,
-                    np.ones(corners.shape[:2]), (ex, ey, q), grazing,
-                )  # fmt: skip
+                band_albedo[rows] = mean_albedo(band.table, paint[rows], *footprints, grazing)
         for number in setup.bitmaps.images:
             rows = np.flatnonzero(paint == number)
-            footprints = setup.coefficients.footprint(triangle[rows], column[rows], row[rows])
+            on_image = setup.coefficients.footprint(triangle[rows], column[rows], row[rows])
             for band_albedo, band in zip(albedo, setup.bands, strict=True):
                 image = band.bitmaps.images[number]
-                band_albedo[rows] = mean_over_pixels(image, grey(image.ground), *footprints)
+                band_albedo[rows] = mean_over_pixels(image, grey(image.ground), *on_image)
         printed = np.zeros(len(paint))
         rows = np.flatnonzero((featured == 1) & setup.traits.shiny[triangle])
         if len(rows):
-            cell, st, ex, ey, q = setup.coefficients.footprint(
-                triangle[rows], column[rows], row[rows]
-            )
-            corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
-            printed[rows] = mean_albedo(
-                setup.table.mask(), paint[rows], cell, st, corners,
-                np.ones(corners.shape[:2]), (ex, ey, q),
-            )  # fmt: skip
+            footprints = _footprints(setup, triangle[rows], column[rows], row[rows])
+            printed[rows] = mean_albedo(setup.table.mask(), paint[rows], *footprints)
         radiance[:, y + row0, x] = radiance_of(setup, triangle, column, row, albedo, printed)
     return radiance
+
+
+def _footprints(
+    setup: Setup, triangle: Long, x: Float, y: Float
+) -> tuple[Long, Float, Float, Float, tuple[Float, Float, Float]]:
+    """Cells, places, corners, weights and sides of the footprints of pixels (n,)."""
+    cell, st, ex, ey, q = setup.coefficients.footprint(triangle, x, y)
+    corners = np.stack([-ex - ey, ex - ey, ex + ey, ey - ex], axis=1) * 0.5
+    return cell, st, corners, np.ones(corners.shape[:2]), (ex, ey, q)

@@ -77,7 +77,7 @@ class Occluders:
             raise InputError("shadows occluders; got no triangles; expected one at least")
         every = np.concatenate(triangles)
         points = np.concatenate([surface.points for surface in surfaces])
-        order = np.argsort(_morton_codes(points[every].mean(axis=1)), kind="stable")
+        order = np.argsort(morton_codes(points[every].mean(axis=1)), kind="stable")
         rank = np.empty(first, np.int64)
         rank[order] = np.arange(first)
         beside = np.concatenate(neighbours)[order]
@@ -140,8 +140,10 @@ def _across(topology: Topology) -> Long:
     return np.where(shared[edge], np.where(is_first, second, first), -1)
 
 
-def _morton_codes(places: Float) -> npt.NDArray[np.uint64]:
+def morton_codes(places: Float) -> npt.NDArray[np.uint64]:
     """(n,): bits of x, y and z of ``places`` (n, 3) in turn."""
+    if not len(places):
+        return np.zeros(0, np.uint64)
     low = places.min(axis=0)
     size = max(float((places.max(axis=0) - low).max()), 1e-300)
     cell = ((places - low) / size * ((1 << MORTON_BITS) - 1)).astype(np.uint64)
@@ -152,33 +154,6 @@ def _morton_codes(places: Float) -> npt.NDArray[np.uint64]:
         cell[:, 0] | cell[:, 1] << np.uint64(1) | cell[:, 2] << np.uint64(2)
     )
     return result
-
-
-class DeviceOccluders:
-    """`Occluders` on a device, and where their vertices are now."""
-
-    def __init__(self, device: Device, occluders: Occluders) -> None:
-        self.device, self.occluders = device, occluders
-        count = occluders.count
-        corners = np.zeros((count, 4), np.uint32)
-        corners[:, :3], corners[:, 3] = occluders.triangles, occluders.sheet
-        beside = np.full((count, 4), NO_OCCLUDER, np.uint32)
-        beside[:, :3] = occluders.neighbours
-        vertices = int(occluders.triangles.max()) + 1
-        self.triangles = device.buffer(corners, "shadow.triangles")
-        self.vertices = device.empty(12 * vertices, "shadow.vertices")
-        self.neighbours = device.texels(count, "rgba32uint", "shadow.neighbours")
-        self.neighbours.write(beside)
-        self.records: Texels = device.texels(4 * count, "rgba32float", "shadow.occluders")
-
-    def move(self, points: Single) -> None:
-        """Put the vertices at ``points`` (V, 3), relative to the eye."""
-        used = self.vertices.nbytes // 12
-        if len(points) < used or points.shape[1:] != (3,):
-            raise InputError(
-                f"shadows vertices; got shape {points.shape}; expected ({used}, 3) at least"
-            )
-        self.vertices.write(points[:used])
 
 
 HIDES_NOTHING, AWAY, TOWARDS, SPLIT, SPLIT_OPEN, AWAY_OPEN, CROSSING, KIND = range(8)
@@ -192,11 +167,21 @@ NAME = "optics/shadow/bvh_refit"
 
 
 class OccluderBVH:
-    """Occluders on a device, and the tree of each light space, which stays until they move."""
+    """Occluders on a device, where their vertices are now, and the tree of each light space, which
+    stays until they move."""
 
     def __init__(self, device: Device, occluders: Occluders) -> None:
         self.device, self.occluders = device, occluders
-        self.placed = DeviceOccluders(device, occluders)
+        count = occluders.count
+        corners = np.zeros((count, 4), np.uint32)
+        corners[:, :3], corners[:, 3] = occluders.triangles, occluders.sheet
+        beside = np.full((count, 4), NO_OCCLUDER, np.uint32)
+        beside[:, :3] = occluders.neighbours
+        vertices = int(occluders.triangles.max()) + 1
+        self._vertices = device.empty(12 * vertices, "shadow.vertices")
+        self._neighbours = device.texels(count, "rgba32uint", "shadow.neighbours")
+        self._neighbours.write(beside)
+        self._records: Texels = device.texels(4 * count, "rgba32float", "shadow.occluders")
         self._boxes = device.empty(64 * occluders.leaves, "shadow.boxes")
         self._levels = []
         first = occluders.leaves
@@ -204,12 +189,11 @@ class OccluderBVH:
             numbers = {"count": occluders.count, "leaves": occluders.leaves, "first": first}
             self._levels.append((first, Uniform(device, numbers, "shadow.tree")))
             first >>= LEVELS
-        own = self.placed
         self._gathering = Bound(
             device,
             {
-                "tree": self._levels[0][1], "vertices": own.vertices, "triangles": own.triangles,
-                "gathered": own.records,
+                "tree": self._levels[0][1], "vertices": self._vertices,
+                "triangles": device.buffer(corners, "shadow.triangles"), "gathered": self._records,
             },
         )  # fmt: skip
         self._gathered = True
@@ -219,7 +203,12 @@ class OccluderBVH:
 
     def move(self, points: Single) -> None:
         """Put the vertices at ``points`` (V, 3), relative to the eye."""
-        self.placed.move(points)
+        used = self._vertices.nbytes // 12
+        if len(points) < used or points.shape[1:] != (3,):
+            raise InputError(
+                f"shadows vertices; got shape {points.shape}; expected ({used}, 3) at least"
+            )
+        self._vertices.write(points[:used])
         self._gathered = False
         for tree in self._trees:
             tree.space = None
@@ -228,9 +217,9 @@ class OccluderBVH:
         """By their WGSL names; of the space with this number among all."""
         while place >= len(self._trees):
             self._trees.append(_Tree(self.device, self.occluders.leaves))
-        tree, placed = self._trees[place], self.placed
+        tree = self._trees[place]
         return {
-            "occluders": placed.records, "neighbours": placed.neighbours, "nodes": tree.nodes,
+            "occluders": self._records, "neighbours": self._neighbours, "nodes": tree.nodes,
             "sides": tree.sides,
         }  # fmt: skip
 

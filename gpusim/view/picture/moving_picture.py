@@ -62,7 +62,7 @@ def moving_picture(
     plan = plan_frame(view, lamps)
     setup = Setup.build(view, lamps, background, there, device)
     buffers = SceneBuffers(device, setup, None, fine=plan.deferred)
-    shading = ShadingPass(buffers, plan.rows, plan.deferred, painter=plan.painter)
+    shading = ShadingPass(buffers, plan.rows, plan.deferred)
     bands = []
     for row0 in range(0, camera.height, plan.rows):
         rows = min(plan.rows, camera.height - row0)

@@ -41,8 +41,7 @@ struct Range {
 @group(0) @binding(7) var<storage, read> screen: array<vec2i>;
 @group(0) @binding(10) var<storage, read> corners: array<u32>;
 // per edge pixel two words: its index in the image, and where its triangles start in this list
-// (one more pair ends the last), with `BACKDROP` where the nearest of them that fills the pixel is one;
-// the numbers of the triangles follow, nearest first
+// (one more pair ends the last); the numbers of the triangles follow, nearest first
 @group(0) @binding(8) var<storage, read> lists: array<u32>;
 // of every edge pixel
 @group(0) @binding(9) var<storage, read_write> found: array<EdgePixel>;
@@ -136,9 +135,6 @@ const LEFT_OUT: f32 = 1e-5;
 // px^2 of a triangle round a corner that may be lit as a rectangle.
 const SMALL: f32 = 0.01;
 
-// What is seen of such a triangle is what is left by those before it: gpusim/optics/edge_pixels/fragment_shading.py.
-const BACKDROP: u32 = 0x80000000u;
-
 // Seen share of a pixel from which on nothing behind can matter.
 const FULL: f32 = 1.0 - 1e-6;
 
@@ -149,7 +145,7 @@ fn corner_from(place: u32, pixel: vec2i) -> vec2f {
 }
 
 fn start_of(n: u32) -> u32 {
-    return lists[2u * n + 1u] & (BACKDROP - 1u);
+    return lists[2u * n + 1u];
 }
 
 fn triangle_sides(id: u32, pixel: vec2i) -> Sides {
@@ -171,7 +167,6 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
     if (n >= range.count) { return; }
     let index = lists[2u * n];
     let stop = start_of(n + 1u);
-    let filled = (lists[2u * n + 1u] & BACKDROP) != 0u;
     let pixel = vec2i(i32(index % params.width), i32(index / params.width));
 
     let bend = bend_at(pixel);
@@ -247,11 +242,11 @@ fn main(@builtin(global_invocation_id) gid: vec3u, @builtin(num_workgroups) grou
         var spread = vec3f(0.0);
         if (listing != 0u && m.x > SMALLEST) { spread = spread_of(&polygon, m); }
         let plain = bumpy == 0u && (patterned == 0u || t.more.y == 0.0);
-        if (doubt && (filled || plain) && all(doubtful == vec2u(0u)) && m.x > FULL) {
+        if (doubt && plain && all(doubtful == vec2u(0u)) && m.x > FULL) {
             // what is left by all others
             doubt = false;
             m.x = 1.0 - sum.seen;
-            corner = !filled && m.x > SMALL;
+            corner = m.x > SMALL;
             m = vec3f(m.x, clamp(-first / m.x, vec2f(-0.5), vec2f(0.5)));
             spread = vec3f(1.0, 0.0, 1.0) - second - spread_at(m);
         }

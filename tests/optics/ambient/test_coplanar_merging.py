@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gpusim as gs
-from gpusim.optics.ambient.coplanar_merging import merge_flat, neighbours, rows_of
+from gpusim.optics.ambient.coplanar_merging import merge_flat
 from gpusim.optics.ambient.sky_occluders import joined_faces
 
 
@@ -19,14 +19,9 @@ def strip(columns: int, rows: int, sag: float) -> tuple[np.ndarray, np.ndarray]:
     return points, np.stack([a, a + 1, a + columns + 2, a + columns + 1], axis=1)
 
 
-def merged(points: np.ndarray, faces: np.ndarray, tolerance: float) -> np.ndarray:
-    beside, _ = neighbours(faces)
-    return merge_flat(points, faces, tolerance, beside, rows_of(faces, beside))
-
-
 def test_a_flat_sheet_becomes_one_face() -> None:
     points, faces = strip(7, 3, 0.0)
-    found = merged(points, faces, 1e-9)
+    found = merge_flat(points, faces, 1e-9)
     assert len(found) == 1
     corners = points[found[0]]
     np.testing.assert_allclose(
@@ -37,7 +32,7 @@ def test_a_flat_sheet_becomes_one_face() -> None:
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-4, 1e-3])
 def test_a_bent_sheet_keeps_to_its_tolerance(tolerance: float) -> None:
     points, faces = strip(64, 3, 0.02)
-    found = merged(points, faces, tolerance)
+    found = merge_flat(points, faces, tolerance)
     assert 4 <= len(found) <= 64
     middles = points[faces].mean(axis=1)
     covered = 0
@@ -56,7 +51,7 @@ def test_a_bent_sheet_keeps_to_its_tolerance(tolerance: float) -> None:
 def test_triangles_are_not_joined() -> None:
     points, faces = strip(5, 2, 0.0)
     triangles = np.concatenate([faces[:, [0, 1, 2, 2]], faces[:, [0, 2, 3, 3]]])
-    np.testing.assert_array_equal(merged(points, triangles, 1e-6), triangles)
+    np.testing.assert_array_equal(merge_flat(points, triangles, 1e-6), triangles)
 
 
 def test_faces_of_several_surfaces() -> None:

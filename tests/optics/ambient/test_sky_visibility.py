@@ -14,12 +14,7 @@ from gpusim.optics.ambient.hemisphere_mask import (
     hemisphere_masks_twin,
 )
 from gpusim.optics.ambient.silhouette_bvh import EdgeAdjacency, SamplePoints, tangent
-from gpusim.optics.ambient.silhouette_search import (
-    SilhouetteBuffers,
-    SilhouetteLists,
-    in_groups,
-    silhouettes_near,
-)
+from gpusim.optics.ambient.silhouette_search import SilhouetteBuffers, in_groups
 from gpusim.optics.ambient.sky_occluders import JoinedFaces
 from gpusim.optics.camera.undistortion_table import undistorted
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
@@ -42,7 +37,7 @@ def share(corners: Array, at: Array, normal: Array = UP) -> Array:
     sizes = np.full((2, len(at)), [[1e-9], [1e-3]])
     points = SamplePoints(at, np.broadcast_to(normal, at.shape), *sizes)
     edges = EdgeAdjacency.apart(corners, np.ones(len(corners), bool))
-    return hemisphere_masks_twin(points, SilhouetteLists.everywhere(edges, len(at))).open_share
+    return hemisphere_masks_twin(points, edges).open_share
 
 
 def turned(points: Array, angle: float) -> Array:
@@ -127,9 +122,7 @@ def from_pixels(setup: Setup, surfaces: list[gs.Surface]) -> tuple[Array, Array]
     points = SamplePoints(
         at, normal, np.full(count, 2.0 * joined.sag), np.full(count, 20.0 * joined.sag)
     )
-    hemisphere_masks = hemisphere_masks_twin(
-        points, SilhouetteLists.everywhere(joined.contours.facets, count)
-    )
+    hemisphere_masks = hemisphere_masks_twin(points, joined.contours.facets)
     assert setup.lighting.openness is not None
     got = setup.lighting.openness.at(triangle, at)
     return got[~hemisphere_masks.inside], hemisphere_masks.open_share[~hemisphere_masks.inside]
@@ -235,14 +228,11 @@ def test_only_contours_count_and_no_list_leaves_one_out(device: Device) -> None:
     corners = facets.ends[np.maximum(facets.edges, 0) // 2, facets.edges % 2]
     corners[:, 2] = np.where(facets.edges[:, 2:3] < 0, corners[:, 3], corners[:, 2])
     apart = EdgeAdjacency.apart(corners, facets.both_sides)
-    want = hemisphere_masks_twin(points, SilhouetteLists.everywhere(apart, count))
-    near = silhouettes_near(joined.contours, points)
-    assert len(near.edge) < 0.75 * len(facets.ends) * (len(near.edge_start) - 1)
+    want = hemisphere_masks_twin(points, apart)
     for got in (
-        hemisphere_masks_twin(points, SilhouetteLists.everywhere(facets, count)),
-        hemisphere_masks_twin(points, near),
+        hemisphere_masks_twin(points, facets),
         hemisphere_masks(SilhouetteBuffers(device, joined.contours), points),
-    ):  # fmt: skip
+    ):
         # rounding moves a few of all samples over an edge
         wrong = np.bitwise_count(got.hidden ^ want.hidden).sum(axis=1)
         assert wrong.max() <= 3

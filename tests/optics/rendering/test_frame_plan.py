@@ -79,12 +79,9 @@ def environment() -> Scene:
 
 CASES: list[tuple[Callable[[], Scene], str, float]] = [
     (plate, "checker_lines", 5e-5),
-    # where two strips overlap either may be seen, each as its own triangle has it
-    (plate, "painter", 5e-5),
     # what is left open by less than this counts as a seam
     (plate, "plate_border", 5.1e-4),
     (plate_lit, "tile_light", 5e-5),
-    (plate_lit, "painter", 5e-5),
     # the device makes coefficients from places in 1/65536 px
     (fine, "deferred", 5e-5),
     (fine_shadows, "deferred", 5e-5),

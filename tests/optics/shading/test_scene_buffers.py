@@ -10,7 +10,6 @@ from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
 from gpusim.gpu.buffer import BufferPool
 from gpusim.gpu.texture_array import Texels
-from gpusim.optics.edge_pixels.fragment_lists import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.scene_buffers import TriangleRecords
@@ -145,15 +144,6 @@ def test_corners_that_differ_have_vertices_of_their_own() -> None:
         look([one], back, lit=True).vertices[:, NORMAL].mean(axis=0),
         -look([one], camera(), lit=True).vertices[:, NORMAL].mean(axis=0), atol=1e-12,
     )  # fmt: skip
-
-
-@pytest.mark.parametrize("size", [1, 64, 65, 4096, 100_003])
-def test_ranks_are_those_of_a_search(size: int) -> None:
-    rng = np.random.default_rng(size)
-    for share in (0.0, 0.03, 1.0):
-        listed = np.flatnonzero(rng.uniform(size=size) < share)
-        index = np.concatenate([[0, size], rng.integers(0, size + 1, 40_000)])
-        np.testing.assert_array_equal(Ranks(listed, size).of(index), np.searchsorted(listed, index))
 
 
 def test_texels_serve_one_frame_after_the_other(device: Device) -> None:
