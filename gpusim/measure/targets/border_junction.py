@@ -123,7 +123,7 @@ def residual_and_slopes(p: Float, x: Float, y: Float, grey: Float) -> tuple[Floa
         profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, variance)
         for normal in (normal_1, normal_2)
     )
-    light = 1.0 + p[:, 6:7] * dx + p[:, 7:8] * dy
+    light = p[:, 6:7] * dx + p[:, 7:8] * dy + 1.0
     both = first[0] * second[0]
     pattern = p[:, 4:5] + p[:, 5:6] * both
     by_first, by_second = (p[:, 5:6] * light * other[0] for other in (second, first))
