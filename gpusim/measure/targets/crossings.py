@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.images import check_image, check_points
@@ -268,7 +268,7 @@ def fit_windows(
     if before is not None:
         known = np.isfinite(before).all(axis=1)
         p0[known, 2:] = before[known, 2:]
-    fit = fit_junctions(*_used(rows, weight, x, y, grey), p0[rows], rough=rough)
+    fit = fit_junctions(x[rows], y[rows], grey[rows], weight[rows], p0[rows], rough=rough)
     p[rows], rms[rows], settled[rows] = fit.parameters, fit.rms, fit.converged
     variance = 0.5 * (fit.covariance[:, 0, 0] + fit.covariance[:, 1, 1])
     sigma[rows] = np.sqrt(np.maximum(variance, 0.0))
@@ -326,16 +326,6 @@ def _windows(
     use &= ~((off_1 < CENTRE) & (off_2 < CENTRE))
     across = np.broadcast_to(x, use.shape), np.broadcast_to(y, use.shape)
     return across[0], across[1], grey, use.astype(np.float64), middle
-
-
-def _used(rows: Long, weight: Float, *values: Float) -> tuple[Float, Float, Float, Float]:
-    """``values`` (C, P) and ``weight`` of the corners ``rows``: pixels that are used come first,
-    and the rest is left out as far as it goes for all of them."""
-    own = weight[rows]
-    most = int(np.count_nonzero(own, axis=1).max())
-    order = np.argsort(own == 0, axis=1, kind="stable")[:, :most]
-    x, y, grey = (np.take_along_axis(v[rows], order, axis=1) for v in values)
-    return x, y, grey, np.take_along_axis(own, order, axis=1)
 
 
 def _first(
