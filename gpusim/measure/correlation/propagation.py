@@ -7,7 +7,7 @@ tried again from another neighbour as the front passes.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
 
@@ -57,38 +57,33 @@ def seeds(points: Float) -> Long:
     return np.sort(order[first])
 
 
+@dataclass(eq=False)
 class Front:
     """What has been tried, and the best outcome of each point so far.
 
-    ``near`` is how far from its point a subset is expected to start, px: only that much of the
-    deformed image is filtered at first.
+    ``images``: the reference and the deformed one; ``mask`` is of the reference. ``near`` is how
+    far from its point a subset is expected to start, px: only that much of the deformed image is
+    filtered at first.
     """
 
-    def __init__(
-        self,
-        reference: Image,
-        deformed: Image,
-        points: Float,
-        settings: Settings,
-        mask: Bool | None,
-        blur_px: float,
-        near: float,
-        device: Device | None,
-    ) -> None:
-        self.images = reference, deformed
-        self.points = points
-        self.settings = settings
-        self.blur_px = blur_px
-        self.device = device
-        inner = settings.half + 1.0
+    images: tuple[Image, Image]
+    points: Float
+    settings: Settings
+    mask: Bool | None
+    blur_px: float
+    near: float
+    device: Device | None
+
+    def __post_init__(self) -> None:
+        inner = self.settings.half + 1.0
         # as far as a subset may go from a start within ``near`` before it counts as diverged
-        outer = near + settings.max_move + 1.5 * inner
-        self.pair = Pair(
-            SplineImage.from_image(reference, _around(points, inner), blur_px=blur_px),
-            SplineImage.from_image(deformed, _around(points, outer), blur_px=blur_px),
-            mask,
+        outer = self.near + self.settings.max_move + 1.5 * inner
+        reference, deformed = (
+            SplineImage.from_image(image, _around(self.points, reach), blur_px=self.blur_px)
+            for image, reach in zip(self.images, (inner, outer), strict=True)
         )
-        count = len(points)
+        self.pair = Pair(reference, deformed, self.mask)
+        count = len(self.points)
         self.matches = Correlation.unmatched(count)
         self.attempts = np.zeros(count, dtype=np.int64)
         self.source = np.full(count, -1, dtype=np.int64)
