@@ -161,7 +161,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
 def _measured(
     build: StageBuilder, spec: m.MeasureTable, whole: Needs, table: list[Any]
 ) -> Iterator[Stage]:
-    """One measurement; what it can find without the calibration's pictures comes before them."""
+    """One measurement."""
     sections = [f"measure.{spec.name}", "camera", "sensor", "prop", "body", "calibration",
                 "analysis"]  # fmt: skip
     frames: dict[str, list[int]] = {}
@@ -169,9 +169,7 @@ def _measured(
         frames.setdefault(f"picture/{camera}", []).append(frame)
     needs = whole | {stage: partial(_these, numbers) for stage, numbers in frames.items()}
     if spec.uses_calibration:
-        name = f"tracks/{spec.name}"
-        yield build.stage(name, "measuring:tracks", sections, needs, table, keeps=True)
-        needs = needs | {f"calib-picture/{camera}": None for camera in spec.views} | {name: first}
+        needs = needs | {f"calib-picture/{camera}": None for camera in spec.views}
     yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
                       "measure", keeps=True)  # fmt: skip
 

@@ -111,10 +111,8 @@ ALLOWED = {
     "graph/store.py": "whole files, under a temporary name; deletes what nobody needs",
     "graph/folder.py": "links and copies, under a temporary name",
     "graph/runner.py": "deletes the scratch of a stage",
-    "pipeline/measurements/marker_tracking.py": "np.savez into a stream of atomic_stream",
     "pipeline/measurements/results.py": "np.savez into a stream of atomic_stream",
     "pipeline/stages/images.py": "np.savez into a file that the store gives",
-    "pipeline/stages/measuring.py": "copies into the scratch of a stage",
     "pipeline/stages/mechanics.py": "arrays into files that the store gives",
     "mesh/formats/cad_cache.py": "into a stream of atomic_stream; deletes what is oldest",
     "notebook/view.py": "a scene that isn't in a file, in a temporary folder",
@@ -122,7 +120,6 @@ ALLOWED = {
     "view/content/background_solver.py": "np.savez into a stream of atomic_stream, and a pipe",
 }
 HANDLES = {
-    "pipeline/measurements/marker_tracking.py",
     "pipeline/measurements/results.py",
     "applications/decks.py",
     "pipeline/stages/mechanics.py",

@@ -38,7 +38,7 @@ CONCEPTS = {
     "optics/shadow": "border contact edge_on render scenes shares sheets stages sunk_lamps",
     "parallel": "child_process copies helper_processes",
     "pipeline": "analyses cad_plans elements",
-    "pipeline/measurements": "developed_pictures frames marker_cache",
+    "pipeline/measurements": "developed_pictures frames",
     "pipeline/pictures": "target_window",
     "pipeline/runner": "output_reuse reuse",
     "pipeline/scene_objects": "refusals",

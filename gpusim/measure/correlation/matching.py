@@ -185,7 +185,7 @@ class Correlation:
 
 
 class PointResult:
-    """What results at M points share."""
+    """What results at M points share; status 0 is that of a point that was measured."""
 
     status: npt.NDArray[np.int8]
 
@@ -209,7 +209,8 @@ class PointResult:
         or (H, W, 3) if given.
 
         Components: "u", "v", "magnitude", "sigma", "zncc" of a `DicResult`; "U", "V", "W",
-        "magnitude", "Z", "residual" in space; "u", "v", "magnitude", "sigma" of a `MappedResult`.
+        "magnitude", "Z", "residual" in space; "u", "v", "magnitude", "sigma" of a `MappedResult`;
+        "exx", "eyy", "exy", "e1", "e2" (principal) of a `StrainResult`.
         ``style`` goes to what draws the map (``cmap``, ``norm``, ``vmin``). Returns the axes.
         """
         return plotted("correlation", self, ax, component=component, image=image, **style)

@@ -88,10 +88,6 @@ class MaskedImage:
                 parts[..., k] = part[row, column]
         return parts
 
-    def bad_at(self, positions: Float) -> Bool:
-        """Whether the pixels at positions (M, 2, n) can't be used: (M, n)."""
-        return np.asarray(self.parts_at(positions).any(axis=-1))
-
 
 def masked_image(
     image: object,
@@ -240,7 +236,7 @@ def name_failures(
     if not covers:
         return
     # what the reference leaves out anyway may be covered: white patches of the pattern itself
-    used = ~first.bad_at(here)[..., None]
+    used = ~first.parts_at(here).any(axis=-1, keepdims=True)
     masked, saturated = (
         (part & used).sum(axis=(1, 2)) / np.maximum(used.sum(axis=(1, 2)), 1)
         for part in np.split(second.parts_at(there), 2, axis=-1)

@@ -7,7 +7,7 @@ tried again from another neighbour as the front passes.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
 
@@ -57,38 +57,33 @@ def seeds(points: Float) -> Long:
     return np.sort(order[first])
 
 
+@dataclass(eq=False)
 class Front:
     """What has been tried, and the best outcome of each point so far.
 
-    ``near`` is how far from its point a subset is expected to start, px: only that much of the
-    deformed image is filtered at first.
+    ``images``: the reference and the deformed one; ``mask`` is of the reference. ``near`` is how
+    far from its point a subset is expected to start, px: only that much of the deformed image is
+    filtered at first.
     """
 
-    def __init__(
-        self,
-        reference: Image,
-        deformed: Image,
-        points: Float,
-        settings: Settings,
-        mask: Bool | None,
-        blur_px: float,
-        near: float,
-        device: Device | None,
-    ) -> None:
-        self.images = reference, deformed
-        self.points = points
-        self.settings = settings
-        self.blur_px = blur_px
-        self.device = device
-        inner = settings.half + 1.0
+    images: tuple[Image, Image]
+    points: Float
+    settings: Settings
+    mask: Bool | None
+    blur_px: float
+    near: float
+    device: Device | None
+
+    def __post_init__(self) -> None:
+        inner = self.settings.half + 1.0
         # as far as a subset may go from a start within ``near`` before it counts as diverged
-        outer = near + settings.max_move + 1.5 * inner
-        self.pair = Pair(
-            SplineImage.from_image(reference, _around(points, inner), blur_px=blur_px),
-            SplineImage.from_image(deformed, _around(points, outer), blur_px=blur_px),
-            mask,
+        outer = self.near + self.settings.max_move + 1.5 * inner
+        reference, deformed = (
+            SplineImage.from_image(image, _around(self.points, reach), blur_px=self.blur_px)
+            for image, reach in zip(self.images, (inner, outer), strict=True)
         )
-        count = len(points)
+        self.pair = Pair(reference, deformed, self.mask)
+        count = len(self.points)
         self.matches = Correlation.unmatched(count)
         self.attempts = np.zeros(count, dtype=np.int64)
         self.source = np.full(count, -1, dtype=np.int64)
@@ -175,26 +170,17 @@ class Front:
             which = np.flatnonzero(self.matches.status == Status.NOT_CONVERGED)
             if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
                 continue
-            neighbour = self._neighbours[which]
-            score = np.where(self.ok[neighbour], self.matches.zncc[neighbour], -1.0)
-            source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
-            near = score.max(axis=1) > 0
+            source, near = self._best_neighbours(which)
             start = self._extrapolated(which[near], source[near])
             self.attempt(which[near], *start, tolerance=tolerance)
 
     def propagate(self) -> None:
         """Let the measured points hand their motion on until nothing new can be started."""
-        count = len(self.points)
-        if count < 2:
+        if len(self.points) < 2:
             return
-        neighbour = self._neighbours
         while True:
-            ok = self.ok
-            open_points = self._open & (self.attempts < ATTEMPTS)
-            score = np.where(ok[neighbour], self.matches.zncc[neighbour], -1.0)
-            column = np.argmax(score, axis=1)
-            source = neighbour[np.arange(count), column]
-            usable = open_points & (score.max(axis=1) > 0) & (source != self.source)
+            source, near = self._best_neighbours(np.arange(len(self.points)))
+            usable = self._open & (self.attempts < ATTEMPTS) & near & (source != self.source)
             which = np.flatnonzero(usable)
             if which.size == 0:
                 return
@@ -215,14 +201,8 @@ class Front:
         self.matches.refuse(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
         displacements = self.matches.coefficients[:, :, 0]
-        extrapolated = np.stack(
-            [
-                self._extrapolated(np.arange(len(displacements)), column)[0]
-                for column in neighbour.T
-            ],
-            axis=1,
-        )
-        extrapolated = np.where(ok[neighbour][:, :, None], extrapolated, np.nan)
+        every = np.arange(len(displacements))
+        extrapolated = np.where(ok[neighbour][:, :, None], self._by_neighbours(every), np.nan)
         enough = ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2)
         which = np.flatnonzero(enough)
         if which.size == 0:
@@ -300,8 +280,9 @@ class Front:
         if which.size < NEIGHBOURS:
             return which
         neighbour = self._neighbours[which]
-        extrapolated = np.stack([self._extrapolated(which, column)[0] for column in neighbour.T], 1)
-        away = np.abs(extrapolated - self.matches.coefficients[which, None, :, 0]).max(axis=2)
+        away = np.abs(
+            self._by_neighbours(which) - self.matches.coefficients[which, None, :, 0]
+        ).max(axis=2)
         unsure = np.hypot(self.matches.sigma[which][:, None], self.matches.sigma[neighbour])
         # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
         slopes = self.matches.coefficients[:, :, 1:3]
@@ -323,6 +304,18 @@ class Front:
         number = min(NEIGHBOURS, len(self.points))
         nearest = scipy.spatial.cKDTree(self.points).query(self.points, k=number)[1]
         return np.asarray(nearest, dtype=np.int64)[:, 1:]
+
+    def _best_neighbours(self, which: Long) -> tuple[Long, Bool]:
+        """The best correlated of the measured neighbours of points (K,); whether there is one."""
+        neighbour = self._neighbours[which]
+        score = np.where(self.ok[neighbour], self.matches.zncc[neighbour], -1.0)
+        source = neighbour[np.arange(which.size), np.argmax(score, axis=1)]
+        return source, np.asarray(score.max(axis=1) > 0)
+
+    def _by_neighbours(self, which: Long) -> Float:
+        """Displacements (K, N, 2) of points as each of their neighbours says."""
+        columns = self._neighbours[which].T
+        return np.stack([self._extrapolated(which, source)[0] for source in columns], axis=1)
 
     def _extrapolated(self, which: Long, source: Long) -> tuple[Float, Float]:
         """Displacements and slopes of points as their sources' warps continue to them.

@@ -15,23 +15,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
+from gpusim.measure.correlation.matching import PointResult
 from gpusim.measure.images import point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
 KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
@@ -84,7 +80,7 @@ class MeasuredSurface(Measured, Protocol):
 
 
 @dataclass(frozen=True)
-class StrainResult:
+class StrainResult(PointResult):
     """Strain at M points; NaN where ``status`` isn't ``OK``.
 
     points : (M, 2) float64, as measured.
@@ -114,29 +110,6 @@ class StrainResult:
     kind: StrainKind
     gauge_px: float
     __repr__ = field_summary
-
-    def _repr_html_(self) -> str | None:
-        return notebook_html("correlation", self)
-
-    def plot(
-        self,
-        ax: Axes | None = None,
-        *,
-        component: str | None = None,
-        image: npt.NDArray[Any] | None = None,
-        **style: Any,
-    ) -> Axes:
-        """Draw a map of one component in matplotlib's axes, over ``image`` (H, W) if given.
-
-        Components: "exx", "eyy", "exy", "e1", "e2" (principal). ``style``
-        goes to what draws the map (``cmap``, ``norm``). Returns the axes.
-        """
-        return plotted("correlation", self, ax, component=component, image=image, **style)
-
-    @property
-    def ok(self) -> Bool:
-        """(M,) bool: the points that have a strain."""
-        return np.asarray(self.status == StrainStatus.OK)
 
     @property
     def principal(self) -> Float:

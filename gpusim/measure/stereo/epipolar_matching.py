@@ -177,7 +177,7 @@ def match_views(
 
     Pairs further than ``epipolar_px`` from the epipolar constraint have the status ``EPIPOLAR``.
     """
-    front = Front(left, right, points, settings, mask, blur_px, 1.0, device)
+    front = Front((left, right), points, settings, mask, blur_px, 1.0, device)
     front.take_whole_image()
     chosen = seeds(points)
     features_left, features_right = feature_matches(left, right)

@@ -16,7 +16,6 @@ the moment grows, by c_s V / (c_b M): c_s / (c_b L) with a force at a distance L
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -77,12 +76,9 @@ class SlopeChanges:
 
     def write_csv(self, path: str | Path) -> None:
         """One row per break."""
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["position", "sigma", "change", "change_sigma", "p_value"])
-            columns = (self.position, self.sigma, self.change, self.change_sigma, self.p_value)
-            for row in zip(*columns, strict=True):
-                writer.writerow([f"{value:.6g}" for value in row])
+        names = ("position", "sigma", "change", "change_sigma", "p_value")
+        rows = np.column_stack([getattr(self, name) for name in names])
+        np.savetxt(path, rows, "%.6g", ",", header=",".join(names), comments="")
 
 
 @unmasked()

@@ -12,7 +12,7 @@ known.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -25,6 +25,7 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import check_image, check_points
 from gpusim.measure.stereo.plane_mapping import plane_mapping
+from gpusim.measure.stereo.triangulation import project
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import unmasked
 
@@ -157,9 +158,7 @@ def _projected(camera: CalibratedCamera, pose: Float, places: Float) -> Float:
     """Pixels (…, 2) of places (…, 2) on the plane."""
     flat = places.reshape(-1, 2)
     space = np.column_stack([flat, np.zeros(len(flat))])
-    turn = cv2.Rodrigues(pose[:3, :3])[0]
-    pixels = cv2.projectPoints(space, turn, pose[:3, 3], camera.K, camera.distortion)[0]
-    return np.asarray(pixels, dtype=np.float64).reshape(places.shape)
+    return project(replace(camera, camera_from_rig=pose), space)[0].reshape(places.shape)
 
 
 def _components(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -153,6 +154,7 @@ class Matches(Correlation):
         return Matches(**nothing, backward=np.full(count, np.nan), source=np.full(count, -1))
 
 
+@dataclass(frozen=True, eq=False)
 class Matcher:
     """Subsets around ``points`` (M, 2) of a reference image, to be found in a deformed one.
 
@@ -160,26 +162,24 @@ class Matcher:
     device to gain anything by it.
     """
 
-    def __init__(
-        self,
-        reference: Image,
-        deformed: Image,
-        points: Float,
-        settings: Settings,
-        mask: Bool | None,
-        search_px: int,
-        backward_px: float,
-        blur_px: float,
-    ) -> None:
-        self.deformed = deformed
-        self.points = points
-        self.settings = settings
-        self.mask = mask
-        self.search_px = search_px
-        self.backward_px = backward_px
-        self.blur_px = blur_px
-        self.reach = 1.5 * (settings.half + 2.0) + settings.max_move
-        self.patches = ImagePatches.around(reference, points, self.reach, blur_px)
+    reference: Image
+    deformed: Image
+    points: Float
+    settings: Settings
+    mask: Bool | None
+    search_px: int
+    backward_px: float
+    blur_px: float
+
+    @cached_property
+    def patches(self) -> ImagePatches:
+        """The surroundings of the points in the reference."""
+        return self._around(self.reference, self.points)
+
+    def _around(self, image: Image, places: Float) -> ImagePatches:
+        """As far around places (K, 2) as a subset there may look."""
+        reach = 1.5 * (self.settings.half + 2.0) + self.settings.max_move
+        return ImagePatches.around(image, places, reach, self.blur_px)
 
     def search(self, index: int, c: Float) -> Float:
         """Displacement near the prediction ``c`` (2, 6) where the turned template fits best."""
@@ -219,8 +219,7 @@ class Matcher:
             return Matches.none(0)
         points = self.points[which]
         reference = self.patches.take(which)
-        target = points + starts[:, :, 0]
-        deformed = ImagePatches.around(self.deformed, target, self.reach, self.blur_px)
+        deformed = self._around(self.deformed, points + starts[:, :, 0])
         mask = None if self.mask is None else reference.stacked_mask(self.mask)
         forward = self._correlate(Pair(reference, deformed, mask, sparse=True), points, starts)
         missed = np.full(len(which), np.nan)

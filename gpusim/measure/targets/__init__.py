@@ -9,12 +9,12 @@ In the order in which data passes:
   chessboards show.
 - `plumb_lines`: How a lens bends straight lines, from the lines of a flat grid in one picture
   (plumb lines).
+- `crossings`: Chessboard corners to a thousandth of a pixel: all crossings of an image fitted at
+  once.
 - `cross_fit`: Fit the crosses of square 2x2 checker markers: the junction of their borders, and
   its ends.
 - `checker_markers`: Find the centres of 2x2 checker markers: Harris response, symmetry check,
   exact edge fit.
-- `crossings`: Chessboard corners to a thousandth of a pixel: all crossings of an image fitted at
-  once.
 - `boards`: What a calibration looks at: flat boards with points of known places, found in images.
 - `coded_markers`: Coded markers (ArUco, AprilTag): OpenCV reads their numbers, our own fit places
   their corners.

@@ -10,7 +10,8 @@ told by the markers, so that partly hidden boards are fine. Sub-pixel positions 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
+from functools import cache, partial
+from itertools import islice, product
 from typing import Any
 
 import cv2
@@ -121,22 +122,15 @@ def _detections(
         sizes.append(longest)
     # whole pixels are put together: exact, and many times faster than any other share
     factors = list(dict.fromkeys(max(1, round(longest / size)) for size in sizes))
-    kept: dict[int, npt.NDArray[np.uint8]] = {}
-
-    def reduced(factor: int) -> tuple[int, npt.NDArray[np.uint8]]:
-        # the first size nearly always does, and reducing costs as much as detecting
-        if factor not in kept:
-            kept[factor] = _reduced(grey, factor)
-        return factor, kept[factor]
-
-    for flags in (0, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE):
-        for factor, small in map(reduced, factors):
-            found, points = cv2.findChessboardCornersSB(small, corners, flags=flags)
-            if found:
-                yield _full_size(points, factor)
-    for factor, small in map(reduced, factors):
-        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-        found, points = cv2.findChessboardCorners(small, corners, flags=flags)
+    # the first size nearly always does, and reducing costs as much as detecting
+    reduced = cache(partial(_reduced, grey))
+    detectors = (
+        (cv2.findChessboardCornersSB, 0),
+        (cv2.findChessboardCornersSB, cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE),
+        (cv2.findChessboardCorners, cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE),
+    )
+    for (detect, flags), factor in product(detectors, factors):
+        found, points = detect(reduced(factor), corners, flags=flags)
         if found:
             yield _full_size(points, factor)
 

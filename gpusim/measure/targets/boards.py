@@ -20,7 +20,21 @@ from gpusim.measure.targets.crossings import Crossings
 
 
 @dataclass(frozen=True)
-class Chessboard:
+class _Fields:
+    """A board of ``columns`` x ``rows`` fields of side ``square``."""
+
+    columns: int
+    rows: int
+    square: float
+
+    @property
+    def corners(self) -> tuple[int, int]:
+        """Inner corners across and down."""
+        return self.columns - 1, self.rows - 1
+
+
+@dataclass(frozen=True)
+class Chessboard(_Fields):
     """A board of ``columns`` x ``rows`` square fields of side ``square`` (any unit).
 
     Counted are fields, not inner corners: 9 x 8 fields have 8 x 7 inner corners. The field at the
@@ -34,21 +48,12 @@ class Chessboard:
     ((6, 5), True, (30, 3))
     """
 
-    columns: int
-    rows: int
-    square: float
-
     def __post_init__(self) -> None:
         for name, count in (("columns", self.columns), ("rows", self.rows)):
             if not (count == int(count) and 4 <= count <= 1000):
                 raise InputError(f"Chessboard {name}; got {count}; expected 4 to 1000 fields")
         if not (np.isfinite(self.square) and self.square > 0):
             raise InputError(f"Chessboard square; got {self.square}; expected a length above 0")
-
-    @property
-    def corners(self) -> tuple[int, int]:
-        """Inner corners across and down."""
-        return self.columns - 1, self.rows - 1
 
     @property
     def unique(self) -> bool:
@@ -73,7 +78,7 @@ class Chessboard:
 
 
 @dataclass(frozen=True)
-class CharucoBoard:
+class CharucoBoard(_Fields):
     """``columns`` x ``rows`` squares of side ``square``, markers of side ``marker`` (same unit).
 
     ``dictionary`` as OpenCV names it, without DICT_. The square at the upper left is dark.
@@ -84,9 +89,6 @@ class CharucoBoard:
     (3, 2)
     """
 
-    columns: int
-    rows: int
-    square: float
     marker: float
     dictionary: str = "4X4_50"
 
@@ -104,11 +106,6 @@ class CharucoBoard:
                 f"CharucoBoard dictionary: got {self.dictionary} of {markers} markers; expected at "
                 f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
             )
-
-    @property
-    def corners(self) -> tuple[int, int]:
-        """Inner corners across and down."""
-        return self.columns - 1, self.rows - 1
 
     def detector(self) -> Any:
         """OpenCV's detector of this board."""

@@ -19,8 +19,6 @@ one, since the grey values change in proportion to a variance even where it is s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy
 
@@ -44,39 +42,26 @@ ITERATIONS = 40
 POLISH = 5  # iterations without that
 
 
-@dataclass(frozen=True)
-class EdgeSamples:
-    """Profiles where they aren't flat: N of the pixels around B borders.
+def profile_and_slopes(distance: Float, normal: Float, variance: Float | float) -> Float:
+    """The profile -1..1 and its derivatives by the distance, the variance, |normal_x|, |normal_y|:
+    (5, B, P).
 
-    ``pixel`` (N,) places among all (B, P), one after the other; ``border`` (N,); ``value`` (N,)
-    -1..1 and its derivatives (N,) by the distance, the variance, |normal_x| and |normal_y|.
+    ``distance`` (B, P) in px from each of B borders to the pixel centres, ``normal`` (B, 2) its
+    unit normal, ``variance`` (B,) of the blur in px^2, above 0. The variance, not sigma: a profile
+    changes with it in proportion even where it is small.
     """
-
-    pixel: Long
-    border: Long
-    value: Float
-    by_distance: Float
-    by_variance: Float
-    by_wide: Float
-    by_narrow: Float
-
-
-def near_border(distance: Float, normal: Float, variance: Float) -> EdgeSamples:
-    """`profile_and_slopes` at those of the pixels (B, P) that are near their border."""
     sides = np.maximum(np.abs(normal), MIN_BOX)
-    sigma = np.sqrt(variance)
-    # further away the profile is flat to the last digits
-    reach = 0.5 * (sides[:, 0] + sides[:, 1]) + FLAT_SIGMAS * sigma
-    near = np.flatnonzero(np.abs(distance) < reach[:, None])
-    border = near // distance.shape[1]
+    sigma = np.broadcast_to(np.sqrt(variance), len(normal))
     half = 0.5 * (sides[:, 0] + sides[:, 1]), 0.5 * (sides[:, 0] - sides[:, 1])
+    # further away the profile is flat to the last digits
+    near = np.flatnonzero(np.abs(distance) < (half[0] + FLAT_SIGMAS * sigma)[:, None])
+    border = near // distance.shape[1]
     offset = np.stack([half[0], half[1], -half[1], -half[0]])
     z = distance.ravel()[near] + offset[:, border]
     blur = sigma[border]
     q = z / blur
     step = scipy.special.ndtr(q)
-    density = np.exp(-0.5 * q * q)
-    density *= blur / np.sqrt(2 * np.pi)
+    density = np.exp(-0.5 * q * q) * (blur / np.sqrt(2 * np.pi))
     # antiderivatives of the step; the second one is z^2/2 for z >> sigma, 0 for z << -sigma
     once = z * step + density
     twice = z * once + blur * blur * step
@@ -86,59 +71,34 @@ def near_border(distance: Float, normal: Float, variance: Float) -> EdgeSamples:
     inner, outer = once[1] + once[2], once[0] + once[3]
     across, along = once[0] - once[3], once[1] - once[2]
     total = 0.5 * (twice[0] - twice[1] - twice[2] + twice[3])
-    return EdgeSamples(
-        pixel=near,
-        border=border,
-        value=2.0 * total / area - 1.0,
-        by_distance=2.0 * (outer - inner) / area,
-        by_variance=(step[0] - step[1] - step[2] + step[3]) / area,
-        by_wide=(across - along - 2.0 * total / wide) / area,
-        by_narrow=(across + along - 2.0 * total / narrow) / area,
+    profile = np.zeros((5, *distance.shape))
+    np.sign(distance, out=profile[0])
+    profile.reshape(5, -1)[:, near] = (
+        2.0 * total / area - 1.0,
+        2.0 * (outer - inner) / area,
+        (step[0] - step[1] - step[2] + step[3]) / area,
+        (across - along - 2.0 * total / wide) / area,
+        (across + along - 2.0 * total / narrow) / area,
     )
-
-
-def profile_and_slopes(
-    distance: Float, normal: Float, variance: Float | float
-) -> tuple[Float, Float, Float, Float, Float]:
-    """The profile -1..1 and its derivatives by the distance, the variance, |normal_x|, |normal_y|.
-
-    ``distance`` (…, P) in px from the border to the pixel centres, ``normal`` (…, 2) its unit
-    normal, ``variance`` (…) of the blur in px^2, above 0: the leading axes are borders of their
-    own. The variance, not sigma: a profile changes with it in proportion even where it is small.
-    """
-    shape = distance.shape
-    flat = np.ascontiguousarray(distance, np.float64).reshape(-1, shape[-1])
-    blur = np.broadcast_to(np.asarray(variance, np.float64), shape[:-1]).ravel()
-    near = near_border(flat, normal.reshape(-1, 2), blur)
-    value, slopes = np.sign(flat), np.zeros((4, *shape))
-    value.ravel()[near.pixel] = near.value
-    every = near.by_distance, near.by_variance, near.by_wide, near.by_narrow
-    for all_pixels, own in zip(slopes.reshape(4, -1), every, strict=True):
-        all_pixels[near.pixel] = own
-    return value.reshape(shape), slopes[0], slopes[1], slopes[2], slopes[3]
+    return profile
 
 
 def slope_by_turn(
-    profile: tuple[Float, ...],
+    profile: Float,
     normal: Float,
     change: Float,
     dx: Float,
     dy: Float,
 ) -> Float:
-    """Derivative of a border profile by its angle; ``change`` (…,2) is that of the ``normal``."""
+    """Derivative of a border profile by its angle; ``change`` (B, 2) is that of the ``normal``."""
     _, by_distance, _, by_wide, by_narrow = profile
-    box = box_by_turn(normal, change)
+    # of the pixel box's sides, where they aren't held at their least width
+    box = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
     result: Float = (
-        by_distance * (dx * change[..., :1] + dy * change[..., 1:])
-        + by_wide * box[..., :1]
-        + by_narrow * box[..., 1:]
+        by_distance * (dx * change[:, :1] + dy * change[:, 1:])
+        + by_wide * box[:, :1]
+        + by_narrow * box[:, 1:]
     )
-    return result
-
-
-def box_by_turn(normal: Float, change: Float) -> Float:
-    """Derivatives (…, 2) of the pixel box's sides, where they aren't held at their least width."""
-    result: Float = np.sign(normal) * change * (np.abs(normal) > MIN_BOX)
     return result
 
 
@@ -159,51 +119,28 @@ def residual_and_slopes(p: Float, x: Float, y: Float, grey: Float) -> tuple[Floa
     along_1, along_2, normal_1, normal_2 = frames(p)
     dx, dy = x - p[:, :1], y - p[:, 1:2]
     variance = np.clip(p[:, 8], MIN_VARIANCE, MAX_VARIANCE)
-    profiles, borders = [], []
-    for normal in (normal_1, normal_2):
-        distance = dx * normal[:, :1]
-        distance += dy * normal[:, 1:]
-        near = near_border(distance, normal, variance)
-        profile = np.sign(distance, out=distance)
-        profile.ravel()[near.pixel] = near.value
-        profiles.append(profile)
-        borders.append(near)
-    light = p[:, 6:7] * dx
-    light += p[:, 7:8] * dy
-    light += 1.0
-    both = profiles[0] * profiles[1]
-    pattern = p[:, 5:6] * both
-    pattern += p[:, 4:5]
-    count, samples = dx.shape
-    slopes = np.empty((count, PARAMETERS, samples))
-    np.multiply(-p[:, 6:7], pattern, out=slopes[:, 0])
-    np.multiply(-p[:, 7:8], pattern, out=slopes[:, 1])
-    slopes[:, 2:4] = 0.0
-    slopes[:, 4] = light
-    np.multiply(light, both, out=slopes[:, 5])
-    np.multiply(dx, pattern, out=slopes[:, 6])
-    np.multiply(dy, pattern, out=slopes[:, 7])
-    slopes[:, 8] = 0.0
+    first, second = (
+        profile_and_slopes(dx * normal[:, :1] + dy * normal[:, 1:], normal, variance)
+        for normal in (normal_1, normal_2)
+    )
+    light = p[:, 6:7] * dx + p[:, 7:8] * dy + 1.0
+    both = first[0] * second[0]
+    pattern = p[:, 4:5] + p[:, 5:6] * both
+    by_first, by_second = (p[:, 5:6] * light * other[0] for other in (second, first))
+    moved_1, moved_2 = by_first * first[1], by_second * second[1]
     # turning a border takes normal_1 to -along_1, and normal_2 to along_2
-    turns = (normal_1, -along_1, 2), (normal_2, along_2, 3)
-    for near, other, (normal, change, turn) in zip(borders, profiles[::-1], turns, strict=True):
-        pixel, own = near.pixel, near.border
-        scale = p[own, 5] * light.ravel()[pixel] * other.ravel()[pixel]
-        moved = scale * near.by_distance
-        lever = dx.ravel()[pixel] * change[own, 0] + dy.ravel()[pixel] * change[own, 1]
-        wide, narrow = box_by_turn(normal, change)[own].T
-        # the place of a pixel's first slope
-        place = pixel + own * ((PARAMETERS - 1) * samples)
-        flat = slopes.ravel()
-        flat[place] -= moved * normal[own, 0]
-        flat[place + samples] -= moved * normal[own, 1]
-        flat[place + turn * samples] = moved * lever + scale * (
-            near.by_wide * wide + near.by_narrow * narrow
-        )
-        flat[place + 8 * samples] += scale * near.by_variance
-    residual = light * pattern
-    residual -= grey
-    return residual, slopes
+    slopes = [
+        -p[:, 6:7] * pattern - moved_1 * normal_1[:, :1] - moved_2 * normal_2[:, :1],
+        -p[:, 7:8] * pattern - moved_1 * normal_1[:, 1:] - moved_2 * normal_2[:, 1:],
+        by_first * slope_by_turn(first, normal_1, -along_1, dx, dy),
+        by_second * slope_by_turn(second, normal_2, along_2, dx, dy),
+        light,
+        light * both,
+        dx * pattern,
+        dy * pattern,
+        by_first * first[2] + by_second * second[2],
+    ]
+    return light * pattern - grey, np.stack(slopes, axis=1)
 
 
 def fit_junctions(
@@ -222,13 +159,9 @@ def fit_junctions(
     """
 
     def fit(rows: Long, first: Float, least: float, tolerance: float, most: int) -> ManyFits:
-        samples = (x, y, grey)
-        if len(rows) < len(start):
-            samples = x[rows], y[rows], grey[rows]
-
         def model(p: Float, which: Long) -> tuple[Float, Float]:
-            every = len(which) == len(rows)
-            return residual_and_slopes(p, *(samples if every else (v[which] for v in samples)))
+            own = rows[which]
+            return residual_and_slopes(p, x[own], y[own], grey[own])
 
         lower = np.array([-np.inf] * 8 + [least])
         return fit_many(

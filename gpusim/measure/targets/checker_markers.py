@@ -124,54 +124,54 @@ def find_markers(
         raise InputError(
             f"min_response, max_residual: got {min_response!r}, {max_residual!r}; expected 0..1"
         )
-    crosses = _crosses([array], low, high, min_response, max_residual, [None])[0]
+    (crosses,) = _crosses(array, [_Window(array)], low, high, min_response, max_residual)
     return _markers(crosses, np.zeros(len(crosses), dtype=np.int8))
 
 
+@dataclass(frozen=True)
+class _Window:
+    """A part of an image where markers are looked for: its first pixel x, y, and its size; with
+    ``near`` = (x, y, distance) in the image only what may end within that distance."""
+
+    pixels: Image
+    corner: tuple[int, int] = (0, 0)
+    near: tuple[float, float, float] | None = None
+
+
 def _crosses(
-    images: Sequence[Image],
+    image: Image,
+    windows: Sequence[_Window],
     low: float,
     high: float,
     min_response: float,
     max_residual: float,
-    near: Sequence[tuple[float, float, float] | None],
 ) -> list[Float]:
-    """The markers of each image as `fit_crosses` gives them, contrast in grey levels; with ``near``
-    = (x, y, distance) none is fitted that can't end within that distance."""
-    places: list[tuple[Single, float, float]] = []
-    spans, whose, greys = [], [], {}
-    for k, (array, around) in enumerate(zip(images, near, strict=True)):
-        grey, span = _grey(array)
-        spans.append(span)
-        if span > 0:
-            crosses = _candidates(grey, low, min_response, around)
-            places += [(grey, *place) for place in crosses]
-            whose += [k] * len(crosses)
-            greys[k] = grey
-    every, owner = fit_crosses(places, low, high), np.array(whose, dtype=np.int64)
+    """The markers of each window as `fit_crosses` gives them."""
+    greys = [_grey(window.pixels) for window in windows]
+    places = [
+        _candidates(grey, window, low, min_response) if span > 0 else np.zeros((0, 2))
+        for window, (grey, span) in zip(windows, greys, strict=True)
+    ]
+    fits = fit_crosses(image, np.concatenate([np.zeros((0, 2)), *places]), low, high)
+    owner = np.repeat(np.arange(len(windows)), [len(one) for one in places])
     markers = []
-    for k, span in enumerate(spans):
-        crosses = every[(owner == k) & np.isfinite(every[:, 0])]
+    for k, (grey, span) in enumerate(greys):
+        crosses = fits[(owner == k) & np.isfinite(fits[:, 0])]
         most: float | Float = max_residual
         if not (crosses[:, 4] <= max_residual).all():
-            most = allowed_residual(max_residual, noise_level(greys[k]), crosses[:, 3])
-        crosses = crosses[crosses[:, 4] <= most]
-        crosses[:, 3] *= span
-        markers.append(_distinct(crosses, low))
+            most = allowed_residual(max_residual, span * noise_level(grey), crosses[:, 3])
+        markers.append(_distinct(crosses[crosses[:, 4] <= most], low))
     return markers
 
 
-def _candidates(
-    grey: Single,
-    size: float,
-    min_response: float,
-    near: tuple[float, float, float] | None,
-) -> list[tuple[float, float]]:
-    """Places (x, y) that look like the centre of a marker, ``size`` px wide at least."""
+def _candidates(grey: Single, window: _Window, size: float, min_response: float) -> Float:
+    """Places (K, 2) in the image that look like the centre of a marker, ``size`` px wide at least;
+    ``grey`` is the window's."""
     smooth = np.asarray(cv2.GaussianBlur(grey, (0, 0), size / 8.0), dtype=np.float32)
     # as far as a fit may move, and as two that are one may lie apart
-    limit = np.inf if near is None else near[2] + max(2.0, 0.2 * size) + 0.25 * size
-    centre = (0.0, 0.0) if near is None else near[:2]
+    x0, y0 = window.corner
+    x, y, distance = window.near or (0.0, 0.0, np.inf)
+    limit, centre = distance + max(2.0, 0.2 * size) + 0.25 * size, (x - x0, y - y0)
     kept: list[tuple[float, float]] = []
     for corner in _corner_pixels(grey, size, min_response):
         if np.hypot(corner[0] - centre[0], corner[1] - centre[1]) > limit + max(2.0, size / 3):
@@ -184,7 +184,7 @@ def _candidates(
             continue
         if _checkered(grey, place, size):
             kept.append(place)
-    return kept
+    return np.array(kept).reshape(-1, 2) + window.corner
 
 
 @unmasked("image")
@@ -218,8 +218,7 @@ def locate_markers(
     height, width = array.shape
     reach = search_px + high
     rows: list[int] = []
-    windows: list[Image] = []
-    corners: list[tuple[int, int]] = []
+    windows: list[_Window] = []
     for i, (x, y) in enumerate(places):
         if not (0 <= x <= width - 1 and 0 <= y <= height - 1):
             status[i] = MarkerStatus.OUTSIDE
@@ -229,12 +228,9 @@ def locate_markers(
         if min(window.shape) < 7:
             continue
         rows.append(i)
-        windows.append(window)
-        corners.append((x0, y0))
-    around = [(*(places[i] - c), search_px) for i, c in zip(rows, corners, strict=True)]
-    near = _crosses(windows, low, high, MIN_RESPONSE, MAX_RESIDUAL, around)
-    for i, (x0, y0), nearby in zip(rows, corners, near, strict=True):
-        nearby[:, :2] += x0, y0
+        windows.append(_Window(window, (x0, y0), (x, y, search_px)))
+    near = _crosses(array, windows, low, high, MIN_RESPONSE, MAX_RESIDUAL)
+    for i, nearby in zip(rows, near, strict=True):
         close = nearby[np.hypot(*(nearby[:, :2] - places[i]).T) <= search_px]
         if len(close) > 1:
             status[i] = MarkerStatus.AMBIGUOUS

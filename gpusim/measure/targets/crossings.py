@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.images import check_image, check_points
@@ -197,9 +197,60 @@ def _fit(
 
     ``before`` are those of an earlier fit, around ``start``.
     """
-    x, y, grey, weight, middle = _windows(
-        array, start, steps, inside, ROUGH_REACH if rough else MAX_REACH
+    reach = ROUGH_REACH if rough else MAX_REACH
+    fit = fit_windows(
+        array, start, steps, inside, span, reach, before=before, straighten=straighten, rough=rough
     )
+    place, contrast, blur = fit.parameters[:, :2], fit.parameters[:, 5], fit.blur
+    with np.errstate(invalid="ignore"):
+        residual = fit.rms / np.abs(contrast)
+        most = np.full(len(start), MAX_RESIDUAL)
+        if (residual > MAX_RESIDUAL).any():
+            noise = noise_level(np.asarray(array, dtype=np.float32)) / span
+            most = allowed_residual(MAX_RESIDUAL, noise, contrast)
+        drift = np.linalg.norm(place - start, axis=1)
+        ok = fit.settled & (np.abs(contrast) >= 0.5 * MIN_CONTRAST) & (residual <= most)
+        ok &= (blur <= MAX_SIGMA) & (drift <= MAX_DRIFT)
+    found = Crossings(place, fit.sigma, contrast * span, blur, residual, ok)
+    return _kept(found, ok), np.where(ok[:, None], fit.parameters, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class WindowFits:
+    """C fits: ``parameters`` (C, 9) as of `border_junction`, the place in the image; ``rms`` (C,)
+    of the residuals; ``sigma`` (C,) px; ``settled`` (C,) bool. NaN where there are too few pixels.
+    """
+
+    parameters: Float
+    rms: Float
+    sigma: Float
+    settled: Bool
+
+    @property
+    def blur(self) -> Float:
+        """(C,) px."""
+        return np.asarray(np.sqrt(self.parameters[:, 8]))
+
+
+def fit_windows(
+    array: npt.NDArray[Any],
+    start: Float,
+    steps: Float,
+    share: Float,
+    span: float,
+    most: float,
+    *,
+    before: Float | None = None,
+    straighten: Straighten | None = None,
+    rough: bool = False,
+) -> WindowFits:
+    """Fit the corners near ``start`` (C, 2) of an image whose grey range is ``span``.
+
+    Looked at are pixels within ``share`` (C,) of the ``steps`` (C, 2, 2), and ``most`` px.
+    ``before`` (C, 9), NaN where unknown, are parameters to start from; ``rough`` fits are a start
+    for others, without a ``sigma``.
+    """
+    x, y, grey, weight, middle = _windows(array, start, steps, share, most)
     if straighten is not None:
         corner = start - middle
         offset = np.stack([x - corner[:, :1], y - corner[:, 1:]], axis=2)
@@ -208,17 +259,17 @@ def _fit(
     usable = (weight.sum(axis=1) >= MIN_PIXELS) & (np.abs(np.linalg.det(steps)) > 4.0)
     rows = np.flatnonzero(usable)
     p = np.full((len(start), PARAMETERS), np.nan)
+    rms, sigma = np.full((2, len(start)), np.nan)
+    settled = np.zeros(len(start), dtype=bool)
     if not rows.size:
-        return _failed(len(start)), p
+        return WindowFits(p, rms, sigma, settled)
     grey /= span
     p0 = _first(x, y, grey, weight, start - middle, steps)
     if before is not None:
         known = np.isfinite(before).all(axis=1)
         p0[known, 2:] = before[known, 2:]
-    fit = fit_junctions(*_used(rows, weight, x, y, grey), p0[rows], rough=rough)
-    p[rows] = fit.parameters
-    rms, sigma = np.full(len(start), np.nan), np.full(len(start), np.nan)
-    rms[rows] = fit.rms
+    fit = fit_junctions(x[rows], y[rows], grey[rows], weight[rows], p0[rows], rough=rough)
+    p[rows], rms[rows], settled[rows] = fit.parameters, fit.rms, fit.converged
     variance = 0.5 * (fit.covariance[:, 0, 0] + fit.covariance[:, 1, 1])
     sigma[rows] = np.sqrt(np.maximum(variance, 0.0))
     sure = np.flatnonzero(fit.converged)
@@ -228,21 +279,8 @@ def _fit(
         sigma[own] *= _widening(
             fit.parameters[sure], fit.covariance[sure, :2], weight[own], *window
         )
-    settled = np.zeros(len(start), dtype=bool)
-    settled[rows] = fit.converged
-    contrast, blur = p[:, 5], np.sqrt(p[:, 8])
-    place = p[:, :2] + middle
-    with np.errstate(invalid="ignore"):
-        residual = rms / np.abs(contrast)
-        most = np.full(len(start), MAX_RESIDUAL)
-        if (residual > MAX_RESIDUAL).any():
-            noise = noise_level(np.asarray(array, dtype=np.float32)) / span
-            most = allowed_residual(MAX_RESIDUAL, noise, contrast)
-        drift = np.linalg.norm(place - start, axis=1)
-        ok = settled & (np.abs(contrast) >= 0.5 * MIN_CONTRAST) & (residual <= most)
-        ok &= (blur <= MAX_SIGMA) & (drift <= MAX_DRIFT)
-    found = Crossings(place, sigma, contrast * span, blur, residual, ok)
-    return _kept(found, ok), np.where(ok[:, None], p, np.nan)
+    p[:, :2] += middle
+    return WindowFits(p, rms, sigma, settled)
 
 
 def _widening(p: Float, covariance: Float, weight: Float, *window: Float) -> Float:
@@ -288,16 +326,6 @@ def _windows(
     use &= ~((off_1 < CENTRE) & (off_2 < CENTRE))
     across = np.broadcast_to(x, use.shape), np.broadcast_to(y, use.shape)
     return across[0], across[1], grey, use.astype(np.float64), middle
-
-
-def _used(rows: Long, weight: Float, *values: Float) -> tuple[Float, Float, Float, Float]:
-    """``values`` (C, P) and ``weight`` of the corners ``rows``: pixels that are used come first,
-    and the rest is left out as far as it goes for all of them."""
-    own = weight[rows]
-    most = int(np.count_nonzero(own, axis=1).max())
-    order = np.argsort(own == 0, axis=1, kind="stable")[:, :most]
-    x, y, grey = (np.take_along_axis(v[rows], order, axis=1) for v in values)
-    return x, y, grey, np.take_along_axis(own, order, axis=1)
 
 
 def _first(

@@ -6,8 +6,7 @@ in which data passes:
 - `marker_detection`: Markers of a scene, found in a picture near where they are expected, and
   fits of their crosses.
 - `marker_tracking`: Markers found in a first image of a camera and followed into another one.
-- `sources`: What measurements are given: pictures, the board's corners found in them, markers
-  tracked.
+- `sources`: What measurements are given: pictures, and the board's corners found in them.
 - `results`: Results of measurements: a table over frames and points, kept in the output folder and
   told in the report.
 - `kinds`: What a kind of measurement has to provide, and the kinds that there are.

@@ -48,17 +48,15 @@ class Kind:
     ``measure(spec, scene, objects, sources)``: does it; it sees the pictures and corners of
     ``sources``, and takes from ``objects`` the truth alone. ``result``: the class of what that
     returns, which reads it again. ``checks(spec, scene, unloaded)``: warnings before any picture;
-    raises InputError for what can't be measured. ``prepare``, with the arguments of ``measure``:
-    what can be done while the calibration's pictures are taken. ``compare(spec, scene, read)``: of
-    a kind that compares variants, instead of ``measure``; ``read(variant, measure)`` gives the
-    result of another measure in one of them.
+    raises InputError for what can't be measured. ``compare(spec, scene, read)``: of a kind that
+    compares variants, instead of ``measure``; ``read(variant, measure)`` gives the result of
+    another measure in one of them.
     """
 
     table: type[MeasureTable]
     result: type[Result]
     measure: Callable[[Any, Scene, SceneObjects, Sources], Result] | None = None
     checks: Callable[[Any, Scene, Unloaded], list[str]] = lambda *_: []
-    prepare: Callable[[Any, Scene, SceneObjects, Sources], object] | None = None
     compare: Callable[[Any, Scene, Callable[[str, str], Result]], Result] | None = None
 
 

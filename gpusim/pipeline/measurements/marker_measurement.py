@@ -15,7 +15,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.marker_detection import MarkerSet, collect_markers
-from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
+from gpusim.pipeline.measurements.marker_tracking import FirstPicture, MarkerTracks
 from gpusim.pipeline.measurements.results import Columns, Crop, Result, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.pictures.file_names import image_path
@@ -72,13 +72,15 @@ def track_markers(
     by_name = {one.name: one for one in scene.cameras}
     cameras = tuple(build_camera(by_name[name], scene.input) for name in spec.views)
     frames = range(len(scene.analysis.load_factors))
-    tracks = [
-        sources.markers.track(
-            spec.name, marks, camera, (sources.image(name, frame) for frame in frames),
-            subset=spec.subset, sensor=build_sensor(scene.sensor_of(name), by_name[name], 1.0),
+    tracks = []
+    for name, camera in zip(spec.views, cameras, strict=True):
+        sensor = build_sensor(scene.sensor_of(name), by_name[name], 1.0)
+        first = FirstPicture.of(
+            f"measure {spec.name!r}", marks, camera, sources.image(name, 0), sensor
         )
-        for name, camera in zip(spec.views, cameras, strict=True)
-    ]  # fmt: skip
+        tracks.append(
+            [first.follow(sources.image(name, frame), spec.subset) for frame in frames[1:]]
+        )
     return TrackedMarkers(
         marks, cameras, dict(zip(frames[1:], zip(*tracks, strict=True), strict=True))
     )

@@ -2,31 +2,21 @@
 
 What this sees is what a tester has: two images, where the markers were put on the unloaded
 structure, and the camera's rough place (to know which marker is which).
-
-A rig's result depends on all of its cameras; where its markers went in one picture doesn't. So what
-was found is kept for each, and a new lens on one camera leaves the others' alone.
 """
 
 from __future__ import annotations
 
-import hashlib
-import zipfile
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim import measure
-from gpusim._version import __version__
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import GpusimError
-from gpusim.files.atomic_files import atomic_stream, safe_name
-from gpusim.files.input_file import read_input
-from gpusim.files.output_folder import inside
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.sensor.sensor import Sensor
 from gpusim.pipeline.measurements.marker_detection import (
@@ -244,111 +234,3 @@ def _search(points: Float, chains: list[list[int]], subset: int) -> int:
 
 def _odd(width: float) -> int:
     return max(9, 2 * int(np.floor(0.5 * (width - 1.0))) + 1)
-
-
-_KEYS = "keys"
-
-
-class MarkerCache:
-    """Markers followed once in the same pictures.
-
-    ``folder``: where what was found is kept, in one file for each measure and camera; ``reuse``:
-    whether what lies there is taken.
-    """
-
-    def __init__(self, folder: Path, reuse: bool = True) -> None:
-        self.folder, self.reuse = folder, reuse
-        self._found: dict[Path, dict[str, MarkerTracks]] = {}
-
-    @property
-    def files(self) -> list[Path]:
-        """Those of this run."""
-        return list(self._found)
-
-    def track(
-        self,
-        name: str,
-        marks: MarkerSet,
-        camera: Camera,
-        pictures: Iterable[npt.NDArray[Any]],
-        *,
-        subset: int | None,
-        sensor: Sensor,
-    ) -> list[MarkerTracks]:
-        """The markers of the measure ``name``, from the first of the ``pictures`` into each of the
-        others. Raises as `FirstPicture.of`."""
-        path = inside(self.folder, f"{safe_name(name)}-{safe_name(camera.name)}.markers.npz")
-        kept = _stored(path) if self.reuse and path not in self._found else {}
-        known = self._found.get(path, kept)
-        rest = iter(pictures)
-        reference, first = next(rest), None
-        start = _digest(marks, camera, reference, subset, sensor)
-        tracks: dict[str, MarkerTracks] = {}
-        keys = []
-        for deformed in rest:
-            key = _key(start, deformed)
-            keys.append(key)
-            if key in known:
-                tracks[key] = known[key]
-            elif key not in tracks:
-                first = first or FirstPicture.of(
-                    f"measure {name!r}", marks, camera, reference, sensor
-                )
-                tracks[key] = first.follow(deformed, subset)
-        if list(known) != list(tracks):
-            _store(path, tracks)
-        self._found[path] = tracks
-        return [tracks[key] for key in keys]
-
-
-def _digest(
-    marks: MarkerSet,
-    camera: Camera,
-    reference: npt.NDArray[Any],
-    subset: int | None,
-    sensor: Sensor,
-) -> hashlib._Hash:
-    """Of all that a result depends on but the last picture."""
-    digest = hashlib.sha256()
-    bent = np.zeros(0) if camera.distortion is None else np.asarray(camera.distortion)
-    for values in (reference, camera.K, camera.camera_from_world, bent,
-                   marks.position, marks.size):  # fmt: skip
-        _add(digest, values)
-    places = [len(paint.markers) for _, paint in marks.groups]
-    rest = (__version__, marks.count, marks.names, marks.group_names, places, subset, sensor)
-    digest.update(repr(rest).encode())
-    return digest
-
-
-def _key(start: hashlib._Hash, deformed: npt.NDArray[Any]) -> str:
-    """The key of the result in a last picture; ``start``: of all else."""
-    digest = start.copy()
-    _add(digest, deformed)
-    return digest.hexdigest()
-
-
-def _add(digest: hashlib._Hash, values: npt.NDArray[Any]) -> None:
-    digest.update(f"{values.shape} {values.dtype}".encode())
-    digest.update(np.ascontiguousarray(values).data)
-
-
-def _store(path: Path, tracks: Mapping[str, MarkerTracks]) -> None:
-    """Keep the ``tracks`` by their keys: an array of each field, of all of them."""
-    arrays = {
-        item.name: np.array([getattr(one, item.name) for one in tracks.values()])
-        for item in fields(MarkerTracks)
-    }
-    with atomic_stream(path) as stream:
-        np.savez(stream, allow_pickle=False, **{_KEYS: np.array(list(tracks))}, **arrays)
-
-
-def _stored(path: Path) -> dict[str, MarkerTracks]:
-    """What lies there, by its keys; nothing if that is damaged."""
-    try:
-        with np.load(read_input(str(path)).stream(), allow_pickle=False) as file:
-            arrays = dict(file)
-        keys = arrays.pop(_KEYS).tolist()
-        rows = [MarkerTracks(**{n: one[k] for n, one in arrays.items()}) for k in range(len(keys))]
-        return dict(zip(keys, rows, strict=True))
-    except (OSError, EOFError, ValueError, KeyError, TypeError, IndexError, zipfile.BadZipFile):
-        return {}

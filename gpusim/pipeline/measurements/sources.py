@@ -1,4 +1,4 @@
-"""What measurements are given: pictures, the board's corners found in them, markers tracked."""
+"""What measurements are given: pictures, and the board's corners found in them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from gpusim import measure
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.measure.targets.boards import Sighting
-from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.pictures.image_window import Window
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -77,8 +76,7 @@ def read_corners(scene: Scene, file: InputFile) -> measure.Sighting:
 @dataclass(frozen=True)
 class Sources:
     """``image`` gives a camera's picture in a frame, ``corners`` what was found of the board in a
-    calibration pose, ``markers`` tracks those of a rig."""
+    calibration pose."""
 
     image: Callable[[str, int], npt.NDArray[Any]]
     corners: Callable[[str, int], Sighting]
-    markers: MarkerCache

@@ -11,9 +11,9 @@ from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
-from gpusim.pipeline.runner.execution import Execution, RunFailed
+from gpusim.pipeline.runner.execution import Execution
 from gpusim.pipeline.runner.stage_log import Progress, silent
-from gpusim.pipeline.runner.variants import tell_failure
+from gpusim.pipeline.runner.variants import work_off
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
@@ -66,10 +66,7 @@ def run_budget(
     with claim(out) as folder:
         check_folders(scene, folder)
         execution = Execution(scene, scenes, folder, options, progress or silent)
-        try:
-            execution.run()
-        except RunFailed as failed:
-            raise tell_failure(execution, failed) from failed.__cause__
+        work_off(execution)
     return _budget(scene, execution, states)
 
 

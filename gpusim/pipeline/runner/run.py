@@ -9,10 +9,10 @@ from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
-from gpusim.pipeline.runner.execution import Execution, RunFailed
+from gpusim.pipeline.runner.execution import Execution
 from gpusim.pipeline.runner.scene_report import learn
 from gpusim.pipeline.runner.stage_log import Progress, silent
-from gpusim.pipeline.runner.variants import compare_variants, tell_failure
+from gpusim.pipeline.runner.variants import compare_variants, work_off
 from gpusim.plan.decision import states_of
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
@@ -76,10 +76,7 @@ def run_claimed(
     """As `run`, into a folder that the caller has claimed."""
     check_folders(scene, out)
     execution = Execution(scene, states_of(scene), out, options, progress, store, verify)
-    try:
-        execution.run()
-    except RunFailed as failed:
-        raise tell_failure(execution, failed) from failed.__cause__
+    work_off(execution)
     if scene.variants:
         return compare_variants(execution)
     (report,) = execution.reports.values()

@@ -46,10 +46,17 @@ def compare_variants(execution: Execution) -> Report:
     return report
 
 
-def tell_failure(execution: Execution, failed: RunFailed) -> Exception:
+def work_off(execution: Execution) -> None:
+    """Do the work; if it fails, write a report of that and raise what it failed of."""
+    try:
+        execution.run()
+    except RunFailed as failed:
+        assert isinstance(failed.__cause__, Exception)
+        raise _told(execution, failed, failed.__cause__) from failed.__cause__
+
+
+def _told(execution: Execution, failed: RunFailed, cause: Exception) -> Exception:
     """Write the report of a run that failed; returns the error to be raised."""
-    cause = failed.__cause__
-    assert isinstance(cause, Exception)
     known = [
         text
         for key in execution.decision.graph.records[failed.place].get("geometry", ())

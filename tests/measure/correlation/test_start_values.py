@@ -138,7 +138,7 @@ def test_a_second_look_repairs_a_match_in_a_wrong_place() -> None:
 
     first, second = speckles(157, 121), speckles(157, 121, shift=(0.37, 0.81))
     points = np.array([[x, y] for y in range(20, 100, 8) for x in range(20, 136, 8)], float)
-    front = Front(first, second, points, Settings(np.ones((21, 21))), None, 0.0, 20.0, None)
+    front = Front((first, second), points, Settings(np.ones((21, 21))), None, 0.0, 20.0, None)
     front.attempt(np.arange(len(points)), np.full_like(points, 0.5))
     wrong = 37
     front.matches.coefficients[wrong, :, 0] += 6.0
@@ -189,7 +189,7 @@ def test_a_match_that_is_stopped_too_early_is_no_number() -> None:
     settings = make_settings(
         21, "square", shape="affine", tolerance=1e-4, max_iterations=40, min_zncc=0.8, max_move=21.0
     )
-    front = Front(image, image, points, settings, None, 0.0, 5.0, None)
+    front = Front((image, image), points, settings, None, 0.0, 5.0, None)
     front.attempt(np.arange(2), np.full((2, 2), 0.3), tolerance=1e-2)
     matches = front.matches
     assert (matches.status == Status.NOT_CONVERGED).all()  # a perfect match is known much better

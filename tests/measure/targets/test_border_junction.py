@@ -43,7 +43,8 @@ def test_profile_is_the_mean_over_the_pixel() -> None:
     across = offset[:, None] * normal[0] + offset[None, :] * normal[1]
     distance = np.array([-1.2, -0.61, -0.3, 0.0, 0.17, 0.55, 3.0])
     want = [np.sign(d + across).mean() for d in distance]
-    assert np.abs(profile_and_slopes(distance, normal, 0.004**2)[0] - want).max() <= 1e-3
+    (profile,), *_ = profile_and_slopes(distance[None], normal[None], 0.004**2)
+    assert np.abs(profile - want).max() <= 1e-3
 
 
 @pytest.mark.parametrize("size", [13.0, 19.4, 28.0])

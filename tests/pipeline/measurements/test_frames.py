@@ -15,7 +15,6 @@ from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.pipeline.measurements.deflection import DeflectionResult, measure_deflection
 from gpusim.pipeline.measurements.marker_measurement import MarkerResult
-from gpusim.pipeline.measurements.marker_tracking import MarkerCache
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.pipeline.scene_objects.surfaces import build_body
 from tests.support.documented_tables import documented_columns, head
@@ -93,7 +92,7 @@ def test_a_series_per_marker(done: tuple[gs.Report, Path], result: DeflectionRes
 
 
 def test_a_frame_in_which_all_markers_are_lost_has_no_numbers(
-    done: tuple[gs.Report, Path], result: DeflectionResult, tmp_path: Path
+    done: tuple[gs.Report, Path], result: DeflectionResult
 ) -> None:
     scene = small_scene(analysis={"load_factors": list(FACTORS)}, output={})
     body = build_body(scene.bodies[0], scene.input)
@@ -104,7 +103,7 @@ def test_a_frame_in_which_all_markers_are_lost_has_no_numbers(
         taken = read_image(done[1] / "images" / camera / f"{frame:04d}.png")
         return np.full_like(taken, 80) if frame == 2 else taken
 
-    sources: Any = SimpleNamespace(image=image, markers=MarkerCache(tmp_path))
+    sources: Any = SimpleNamespace(image=image)
     table = measure_deflection(scene.measures[0], scene, objects, sources).table  # type: ignore[arg-type]
     measured, before = table.vectors("measured"), result.table.vectors("measured")
     assert (table["status"] == "OK").any(axis=1).tolist() == [True, False, True]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from gpusim import measure
 from gpusim.optics import Camera, Sensor
 from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import MarkerResult
-from gpusim.pipeline.measurements.marker_tracking import FirstPicture, MarkerCache, MarkerTracks
+from gpusim.pipeline.measurements.marker_tracking import FirstPicture, MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable
 from tests.support.measure_images import Marker, board
 
@@ -50,9 +48,7 @@ def test_markers_are_followed() -> None:
     assert (seen.status == "OK").all() and not seen.unrefined.any()
 
 
-def test_the_first_picture_is_searched_once(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_the_first_picture_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[int] = []
     locate = measure.locate_markers
 
@@ -63,10 +59,9 @@ def test_the_first_picture_is_searched_once(
     monkeypatch.setattr(measure, "locate_markers", counted)
     motions = [np.array([0.7 * k, -0.4 * k]) for k in range(4)]
     pictures = [picture(motion) for motion in motions]
-    tracks = MarkerCache(tmp_path).track(
-        "line", marker_set(), camera(), iter(pictures), subset=None, sensor=Sensor(8)
-    )
-    assert looked == [6] and len(tracks) == 3
+    first = FirstPicture.of("measure 'line'", marker_set(), camera(), pictures[0], Sensor(8))
+    tracks = [first.follow(one) for one in pictures[1:]]
+    assert looked == [6]
     for seen, motion in zip(tracks, motions[1:], strict=True):
         assert np.abs(seen.displacement - motion).max() <= 0.004
 

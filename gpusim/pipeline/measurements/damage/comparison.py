@@ -24,6 +24,11 @@ from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
 LEAST_POINTS = 8
+_NONE = np.zeros(0)
+NO_CHANGES = measure.SlopeChanges(
+    _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE, residual=np.nan, offset=np.nan, slope=np.nan
+)
+"""Of the reference, and of too few points."""
 CURVE_POINTS = 400
 
 
@@ -48,8 +53,8 @@ class DamageLine:
     true_difference_mm: Float
     mm_per_px: float
     notches_mm: tuple[float, ...]
-    found: measure.SlopeChanges | None
-    true_found: measure.SlopeChanges | None
+    found: measure.SlopeChanges
+    true_found: measure.SlopeChanges
 
     @property
     def noise_px(self) -> float:
@@ -61,26 +66,26 @@ class DamageLine:
     @property
     def fitted_mm(self) -> Float:
         """The measured difference as the broken line that was fitted; NaN without one."""
-        x = self.position_mm
-        return x * np.nan if self.found is None else self.found.at(x)
+        return self.found.at(self.position_mm)
 
     def nearest(self, notch_mm: float) -> tuple[float, float]:
         """Where the difference and its truth change their slope by a notch; NaN where they don't.
 
         A change belongs to the notch that is nearest to it.
         """
-        return self._belonging(self.found, notch_mm), self._belonging(self.true_found, notch_mm)
+        found, true = (
+            [at for at in changes.position if self.owner(at) == notch_mm]
+            for changes in (self.found, self.true_found)
+        )
+        return _nearest(found, notch_mm), _nearest(true, notch_mm)
 
-    def _belonging(self, found: measure.SlopeChanges | None, notch_mm: float) -> float:
-        if found is None:
-            return float("nan")
-        notches = np.array(self.notches_mm)
-        own = [
-            float(at)
-            for at in found.position
-            if notches[np.argmin(np.abs(notches - at))] == notch_mm
-        ]
-        return min(own, key=lambda at: abs(at - notch_mm), default=float("nan"))
+    def owner(self, position_mm: float) -> float:
+        """The notch that a change of slope belongs to; NaN without any."""
+        return _nearest(self.notches_mm, position_mm)
+
+
+def _nearest(places: Sequence[float], to: float) -> float:
+    return float(min(places, key=lambda place: abs(place - to), default=np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +100,7 @@ class DamageResult(Result):
     @property
     def note(self) -> str:
         """What became of it, in a few words."""
-        count = sum(len(line.found.position) for line in self.lines if line.found)
+        count = sum(len(line.found.position) for line in self.lines)
         return f"{count} changes of slope"
 
     def tables(self) -> dict[str, str]:
@@ -150,7 +155,7 @@ class DamageResult(Result):
         """Lines in which not as many changes were found as there are notches."""
         texts = []
         for line in self.lines:
-            count = 0 if line.found is None else len(line.found.position)
+            count = len(line.found.position)
             if line.state != self.reference and count != len(line.notches_mm):
                 texts.append(
                     f"measure {self.name!r}: {line.state}, {line.group}: {count} changes of "
@@ -233,9 +238,9 @@ def _line(spec: m.DamageTable, group: str, variant: _State, base: DeflectionResu
     if clearance is None:
         clearance = max((depth for _, _, depth in own_notches), default=0.0)
 
-    def changes(curve: Float) -> measure.SlopeChanges | None:
+    def changes(curve: Float) -> measure.SlopeChanges:
         if state == spec.reference or np.count_nonzero(np.isfinite(curve)) < LEAST_POINTS:
-            return None
+            return NO_CHANGES
         return measure.slope_changes(
             x, curve, most=spec.most, significance=spec.significance, clearance=1e3 * clearance
         )
@@ -286,34 +291,29 @@ def _table(lines: Sequence[DamageLine], frame: int) -> PointTable:
 
 
 def _breaks(line: DamageLine) -> list[list[Any]]:
-    if line.found is None:
-        return []
     found = line.found
-    notches = np.array(line.notches_mm)
+    columns = (
+        found.position, found.sigma, 1e3 * found.change, 1e3 * found.change_sigma, found.p_value,
+    )  # fmt: skip
     rows = []
-    for k, place in enumerate(found.position):
-        near = float(notches[np.argmin(np.abs(notches - place))]) if notches.size else np.nan
-        rows.append(
-            [line.state, line.group, float(place), float(found.sigma[k]),
-             1e3 * float(found.change[k]), 1e3 * float(found.change_sigma[k]),
-             float(found.p_value[k]), near, line.nearest(near)[1]]
-        )  # fmt: skip
+    for values in np.column_stack(columns).tolist():
+        notch = line.owner(values[0])
+        rows.append([line.state, line.group, *values, notch, line.nearest(notch)[1]])
     return rows
 
 
 def _curve(line: DamageLine, measured: Float, true: Float) -> StateCurve:
-    none, found = np.zeros(0), line.found
     x = np.linspace(line.position_mm.min(), line.position_mm.max(), CURVE_POINTS)
     return StateCurve(
         name=line.state,
         x=line.position_mm,
         measured=measured,
         true=true,
-        breaks=none if found is None else found.position,
-        sigma=none if found is None else found.sigma,
+        breaks=line.found.position,
+        sigma=line.found.sigma,
         damage=np.array(line.notches_mm),
-        fitted_x=none if found is None else x,
-        fitted_y=none if found is None else found.at(x),
+        fitted_x=x,
+        fitted_y=line.found.at(x),
     )
 
 

@@ -194,4 +194,4 @@ def _boards(calibration: measure.Calibration, frame: measure.Alignment, board: B
 
 # three markers make a plane
 _checks = partial(marker_warnings, least=3)
-register(Kind(m.StereoTable, StereoResult, measure_stereo, _checks, prepare=track_markers))
+register(Kind(m.StereoTable, StereoResult, measure_stereo, _checks))
