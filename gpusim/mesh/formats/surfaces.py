@@ -306,19 +306,12 @@ def read_surface(
     >>> points.shape, faces.shape
     ((8, 3), (12, 4))
     """
-    return numbered_surface(path)[:2]
-
-
-def numbered_surface(
-    path: str | os.PathLike[str] | InputFile,
-) -> tuple[Float, Int, Long]:
-    """What `read_surface` returns, and which (F,) of the file's faces each is."""
     name = path.path if isinstance(path, InputFile) else Path(path)
     kind = _FORMATS.get(name.suffix.lower())
     if kind is None:
         raise InputError(f"{name}: got {name.suffix!r}; expected one of {', '.join(_FORMATS)}")
     file = read_input(path, "a file of faces")
-    return welded(str(name), *kind(file))
+    return welded(str(name), *kind(file))[:2]
 
 
 def welded(where: str, points: Float, faces: Long) -> tuple[Float, Int, Long]:

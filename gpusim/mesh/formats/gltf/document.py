@@ -31,10 +31,12 @@ _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 def gltf_document(file: InputFile) -> Iterator[GltfDocument]:
     """The document in a .gltf or .glb; whatever goes wrong meanwhile is the file's fault.
 
-    Raises InputError that names the file.
+    Numbers out of range become infinite, which is looked for in every file. Raises InputError that
+    names the file.
     """
     try:
-        yield GltfDocument(file)
+        with np.errstate(all="ignore"):
+            yield GltfDocument(file)
     except InputError:
         raise
     except (
