@@ -187,7 +187,7 @@ class Constraints:
         self.fixed[:] = False
         self.value[:] = 0.0
 
-    def boundary(self, card: Card, scale: Scale, in_step: bool) -> None:
+    def boundary(self, card: Card, scale: Scale) -> None:
         """*BOUNDARY: node or set, first and last degree of freedom, value."""
         for where, row in card.records(2, None, "node or set, degree of freedom, …"):
             nodes = self.content.node_rows(row[0], where)
@@ -197,7 +197,7 @@ class Constraints:
                 first = whole(row[1], where)
                 last = whole(row[2], where) if len(row) > 2 and row[2] else first
                 group = self._directions(first, last, value, where)
-            if value != 0.0 and not in_step:
+            if value != 0.0 and not scale.step:
                 raise InputError(
                     f"{where}: displacement before the first step; got {value:g}; expected zero "
                     "there, other values inside of a step"

@@ -12,6 +12,7 @@ from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
 from gpusim.fem.model.material import strain_rotation
 from gpusim.mesh import Mesh
+from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
@@ -197,8 +198,8 @@ class Sections:
                 "line with the points a and b, and the origin where it isn't 0"
             )
         origin = np.array(values[6:] or [0.0] * 3)
-        a, b = np.array(values[:3]) - origin, np.array(values[3:6]) - origin
-        self.orientations.define(name, _axes(a, b, card), card.where())
+        frame = Frame.from_x(origin, np.array(values[:3]), np.array(values[3:6]), card.where())
+        self.orientations.define(name, frame.axes, card.where())
 
 
 def _finished(material: _Material, name: str, axes: Float | None, where: str) -> Material:
@@ -256,18 +257,6 @@ def _from_engineering(values: Float, where: str) -> Float:
     matrix = np.diag(np.concatenate([np.zeros(3), G]))
     matrix[:3, :3] = np.linalg.inv(compliance)
     return matrix
-
-
-def _axes(a: Float, b: Float, card: Card) -> Float:
-    """Rows: unit vectors of the local axes; x' towards a, b in the x'y' plane."""
-    z = np.cross(a, b)
-    if not np.linalg.norm(z) > 1e-12 * np.linalg.norm(a) * np.linalg.norm(b):
-        raise InputError(
-            f"{card.where()}: points a and b lie on one line; got {a.tolist()}, {b.tolist()}; "
-            "expected two directions"
-        )
-    x, z = a / np.linalg.norm(a), z / np.linalg.norm(z)
-    return np.stack([x, np.cross(z, x), z])
 
 
 def _constant(card: Card, count: int, expected: str) -> Float:

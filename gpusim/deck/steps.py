@@ -61,19 +61,18 @@ class History:
             "STEP": self._step,
             "STATIC": self._static,
             "ENDSTEP": self._end,
-            "CLOAD": self._loads(self.forces.nodal, self.forces.clear_nodal),
-            "DLOAD": self._loads(self.forces.distributed, self.forces.clear_distributed),
-            "DSLOAD": self._loads(self.forces.surface, self.forces.clear_distributed),
+            "CLOAD": self._loads(self.forces.read_nodal, self.forces.nodal.clear),
+            "DLOAD": self._loads(self.forces.read_distributed, self.forces.clear_distributed),
+            "DSLOAD": self._loads(self.forces.read_surface, self.forces.clear_distributed),
             "TEMPERATURE": self._temperature,
         }
 
     def _loads(
-        self, read: Callable[[Card, Scale, int], None], clear: Callable[[], None]
+        self, read: Callable[[Card, Scale], None], clear: Callable[[], None]
     ) -> Callable[[Card], None]:
         def reader(card: Card) -> None:
-            self._inside(card)
             self._renew(card, clear)
-            read(card, self._scale(card), len(self.steps) + 1)
+            read(card, self._scale(card))
 
         return reader
 
@@ -84,17 +83,17 @@ class History:
 
     def _renew(self, card: Card, clear: Callable[[], None]) -> None:
         """OP=NEW counts at the first card of its keyword in a step."""
+        step = self._inside(card)
         operation = card.parameters.get("OP", "MOD").upper()
         if operation not in ("MOD", "NEW"):
             raise InputError(f"{card.where()}: OP={operation}; expected NEW or MOD")
-        step = self._inside(card)
         group = "DLOAD" if card.keyword == "DSLOAD" else card.keyword
         if group not in step.seen and operation == "NEW":
             clear()
         step.seen.add(group)
 
     def _scale(self, card: Card) -> Scale:
-        return self.amplitudes.scale(card, self._inside(card).period)
+        return self.amplitudes.scale(card, len(self.steps) + 1, self._inside(card).period)
 
     def _initial(self, card: Card) -> None:
         kind = card.parameters.get("TYPE", "").upper()
@@ -139,10 +138,10 @@ class History:
                 f"{card.where()}: TYPE={kind} isn't supported; expected TYPE=DISPLACEMENT"
             )
         if self.open is None:
-            self.constraints.boundary(card, Scale(1.0, 0), in_step=False)
+            self.constraints.boundary(card, Scale())
             return
         self._renew(card, self.constraints.clear)
-        self.constraints.boundary(card, self._scale(card), in_step=True)
+        self.constraints.boundary(card, self._scale(card))
 
     def _step(self, card: Card) -> None:
         if self.open is not None:
