@@ -115,15 +115,13 @@ class _Reader(MshSource):
         return "4.1" if version == "4.1" else "2.2"
 
     def _next_section(self) -> str | None:
-        while self.at < len(self.data):
-            line = self.line()
-            if not line:
-                continue
-            if not re.fullmatch(r"\$(?!End)\w{1,40}", line, re.ASCII):
-                self.fail(f"got {line[:40]!r} after it; expected a section")
-            self.section = line[1:]
-            return self.section
-        return None
+        line = self.text_line()
+        if not line:
+            return None
+        if not re.fullmatch(r"\$(?!End)\w{1,40}", line, re.ASCII):
+            self.fail(f"got {line[:40]!r} after it; expected a section")
+        self.section = line[1:]
+        return self.section
 
     def _skip(self, name: str) -> None:
         mark = self.data.find(b"$End" + name.encode(), self.at)
@@ -133,9 +131,7 @@ class _Reader(MshSource):
         self.line()
 
     def _end(self, name: str) -> None:
-        line = ""
-        while self.at < len(self.data) and not line:
-            line = self.line()
+        line = self.text_line()
         if line != f"$End{name}":
             self.fail(f"got {line[:40]!r}; expected $End{name}: cut off, or wrong counts?")
 

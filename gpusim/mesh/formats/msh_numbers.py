@@ -2,49 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.mesh.file_content.byte_source import ByteSource
 
 
-class MshSource:
+class MshSource(ByteSource):
     """A file and the place in it; ``section`` is the one that errors are about."""
 
     def __init__(self, file: InputFile) -> None:
-        self.source = str(file.path)
-        self.data = file.data
-        self.at = 0
+        super().__init__(file)
         self.section = "MeshFormat"
         self.binary = False
 
-    def fail(self, problem: str) -> NoReturn:
-        raise InputError(f"{self.source}: section ${self.section}: {problem}")
-
-    def line(self) -> str:
-        """The next line, stripped; "" at the end of the file."""
-        end = self.data.find(b"\n", self.at)
-        if end < 0:
-            end = len(self.data)
-        line = self.data[self.at : end]
-        self.at = min(end + 1, len(self.data))
-        try:
-            return line.decode("utf-8").strip()
-        except UnicodeDecodeError:
-            self.fail("bytes that are no text where a line of text is expected")
-
-    def take(self, layout: np.dtype[np.void] | str, count: int) -> npt.NDArray[np.void]:
-        """``count`` binary records, from here on."""
-        kind = np.dtype(layout)
-        if count < 0 or self.at + count * kind.itemsize > len(self.data):
-            self.fail(f"it ends before its {count} entries do: the file is cut off")
-        rows = np.frombuffer(self.data, dtype=kind, count=count, offset=self.at)
-        self.at += count * kind.itemsize
-        return rows
+    @property
+    def place(self) -> str:
+        return f"section ${self.section}"
 
     def equal_head_records(self, width: int, most: int) -> Long:
         """(M, width) binary records with the same head, from here on."""
