@@ -82,12 +82,12 @@ class Amplitudes:
         values = [number(text, card.where(line)) for line, row in card.rows() for text in row]
         times, factors = np.array(values[::2]), np.array(values[1::2])
         if not name or not values or len(values) % 2 or not (np.diff(times) > 0.0).all():
-            raise InputError(
-                f"{card.where()}: got {len(values)} numbers; expected NAME=name and pairs of "
+            card.fail(
+                f"got {len(values)} numbers; expected NAME=name and pairs of "
                 "growing time and factor"
             )
         if card.parameters.get("VALUE", "RELATIVE").upper() != "RELATIVE":
-            raise InputError(f"{card.where()}: VALUE isn't supported; expected RELATIVE")
+            card.fail("VALUE isn't supported; expected RELATIVE")
         total = "TOTAL" in card.parameters.get("TIME", "").upper()
         one = _Amplitude(times, factors, len(self.following) + 1 if total else 0)
         self.known.define(name, one, card.where())

@@ -150,8 +150,8 @@ class Axes:
         nodes = np.searchsorted(self.content.node_labels, labels)
         values = [number(text, card.where(line)) for line, row in card.rows() for text in row]
         if kind not in ("R", "C") or len(values) != 6:
-            raise InputError(
-                f"{card.where()}: got TYPE={kind} and {len(values)} numbers; expected TYPE=R or C "
+            card.fail(
+                f"got TYPE={kind} and {len(values)} numbers; expected TYPE=R or C "
                 "and the points a and b"
             )
         a, b = np.array(values[:3]), np.array(values[3:])
@@ -162,8 +162,8 @@ class Axes:
                 x = x - z * (x @ z) / max(float(z @ z), 1e-300)
             if not (np.linalg.norm(x) > 0.0 and np.linalg.norm(z) > 0.0):
                 label = self.content.nodes.shown(int(self.content.node_labels[node]))
-                raise InputError(
-                    f"{card.where()}: no direction at node {label}; got "
+                card.fail(
+                    f"no direction at node {label}; got "
                     f"a = {values[:3]}, b = {values[3:]}; expected points off the axis"
                 )
             x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)

@@ -172,10 +172,7 @@ def load_deck(source: Source) -> Deck:
     history = History(body, axes)
     _read_all(content.history, history.readers())
     if history.open is not None:
-        raise InputError(
-            f"{history.open.card.where()}: the step doesn't end; expected *END STEP "
-            "(is the file cut off?)"
-        )
+        history.open.card.fail("the step doesn't end; expected *END STEP (is the file cut off?)")
     if not history.steps:
         raise InputError(f"{path}: no step; got a deck without *STEP; expected at least one")
     return Deck(

@@ -131,18 +131,17 @@ class Sections:
     def _material(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
         if not name:
-            raise InputError(f"{card.where()}: no name; expected NAME=name")
+            card.fail("no name; expected NAME=name")
         self.current = _Material(card)
         self.materials.define(name, self.current, card.where())
 
     def _own(self, card: Card) -> _Material:
         if self.current is None:
-            raise InputError(f"{card.where()}: outside of a material; expected *MATERIAL before it")
+            card.fail("outside of a material; expected *MATERIAL before it")
         first = self.current.given.setdefault(card.keyword, card)
         if first is not card:
-            raise InputError(
-                f"{card.where()}: a second one for one material; got the first at "
-                f"{first.where()}; expected one"
+            card.fail(
+                f"a second one for one material; got the first at {first.where()}; expected one"
             )
         return self.current
 
@@ -152,8 +151,8 @@ class Sections:
         kind = next((name for name in _EXPECTED if written.startswith(name[:5])), "")
         kind = "ISO" if written.startswith("ISO") else kind
         if not kind:
-            raise InputError(
-                f"{card.where()}: TYPE={written} isn't supported; expected ISO, ORTHO, "
+            card.fail(
+                f"TYPE={written} isn't supported; expected ISO, ORTHO, "
                 "ENGINEERING CONSTANTS or ANISO"
             )
         count = {"ISO": 2, "ANISO": 21}.get(kind, 9)
@@ -177,7 +176,7 @@ class Sections:
         material = self._own(card)
         kind = card.parameters.get("TYPE", "ISO").upper()
         if not kind.startswith(("ISO", "ORTHO")):
-            raise InputError(f"{card.where()}: TYPE={kind} isn't supported; expected ISO or ORTHO")
+            card.fail(f"TYPE={kind} isn't supported; expected ISO or ORTHO")
         count = 1 if kind.startswith("ISO") else 3
         material.expansion = np.broadcast_to(_constant(card, count, "coefficients"), (3,))
 
@@ -193,8 +192,8 @@ class Sections:
         values = rows[0] if rows else []
         turned = len(rows) > 2 or (len(rows) == 2 and rows[1][-1] != 0.0)
         if len(values) not in (6, 9) or turned:
-            raise InputError(
-                f"{card.where()}: got {len(values)} numbers and {len(rows)} lines; expected one "
+            card.fail(
+                f"got {len(values)} numbers and {len(rows)} lines; expected one "
                 "line with the points a and b, and the origin where it isn't 0"
             )
         origin = np.array(values[6:] or [0.0] * 3)
@@ -214,7 +213,7 @@ def _finished(material: _Material, name: str, axes: Float | None, where: str) ->
                 raise InputError(f"{card.where()}: {name}: {error}") from None
         own = _swapped(Isotropic(E, nu).stiffness())
     elif material.matrix is None:
-        raise InputError(f"{card.where()}: {name} has no *ELASTIC; expected one after it")
+        card.fail(f"{name} has no *ELASTIC; expected one after it")
     else:
         own = material.matrix
     if axes is None:
@@ -224,8 +223,8 @@ def _finished(material: _Material, name: str, axes: Float | None, where: str) ->
         )
     size = np.sqrt(np.abs(np.diag(own)))
     if not (size.all() and np.linalg.eigvalsh(own / np.outer(size, size))[0] > 0.0):
-        raise InputError(
-            f"{card.where()}: {name}: the stiffness isn't positive definite; expected constants "
+        card.fail(
+            f"{name}: the stiffness isn't positive definite; expected constants "
             "that give energy to every strain"
         )
     turn = strain_rotation(axes)
@@ -269,14 +268,13 @@ def _constant(card: Card, count: int, expected: str) -> Float:
         values += [number(text or "0", where) for text in row]
         lines.append(line)
     if len(values) < count:
-        raise InputError(f"{card.where()}: got {len(values)} numbers; expected {expected}")
+        card.fail(f"got {len(values)} numbers; expected {expected}")
     width = count + 1
     rows = [values[k : k + width] for k in range(0, len(values), width)]
     for k, other in enumerate(rows[1:], start=1):
         if other[:count] != rows[0][:count]:
             line = lines[min(k * len(lines) // len(rows), len(lines) - 1)]
-            raise InputError(
-                f"{card.where(line)}: depends on temperature; got {len(rows)} rows; expected one "
-                "row of constants"
+            card.fail(
+                f"depends on temperature; got {len(rows)} rows; expected one row of constants", line
             )
     return np.array(rows[0][:count])

@@ -14,7 +14,6 @@ from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, number
 
 
@@ -78,7 +77,7 @@ class History:
 
     def _inside(self, card: Card) -> _Open:
         if self.open is None:
-            raise InputError(f"{card.where()}: outside of a step; expected *STEP before it")
+            card.fail("outside of a step; expected *STEP before it")
         return self.open
 
     def _renew(self, card: Card, clear: Callable[[], None]) -> None:
@@ -86,7 +85,7 @@ class History:
         step = self._inside(card)
         operation = card.parameters.get("OP", "MOD").upper()
         if operation not in ("MOD", "NEW"):
-            raise InputError(f"{card.where()}: OP={operation}; expected NEW or MOD")
+            card.fail(f"OP={operation}; expected NEW or MOD")
         group = "DLOAD" if card.keyword == "DSLOAD" else card.keyword
         if group not in step.seen and operation == "NEW":
             clear()
@@ -101,9 +100,7 @@ class History:
             self.stress.read(card)
             return
         if kind != "TEMPERATURE":
-            raise InputError(
-                f"{card.where()}: TYPE={kind} isn't supported; expected TEMPERATURE or STRESS"
-            )
+            card.fail(f"TYPE={kind} isn't supported; expected TEMPERATURE or STRESS")
         for nodes, value in self._node_values(card):
             self.initial[nodes] = value
 
@@ -134,9 +131,7 @@ class History:
     def _boundary(self, card: Card) -> None:
         kind = card.parameters.get("TYPE", "DISPLACEMENT").upper()
         if kind != "DISPLACEMENT":
-            raise InputError(
-                f"{card.where()}: TYPE={kind} isn't supported; expected TYPE=DISPLACEMENT"
-            )
+            card.fail(f"TYPE={kind} isn't supported; expected TYPE=DISPLACEMENT")
         if self.open is None:
             self.constraints.boundary(card, Scale())
             return
@@ -145,16 +140,13 @@ class History:
 
     def _step(self, card: Card) -> None:
         if self.open is not None:
-            raise InputError(
-                f"{card.where()}: inside of a step; expected *END STEP for the step of line "
-                f"{self.open.card.line}"
+            card.fail(
+                f"inside of a step; expected *END STEP for the step of line {self.open.card.line}"
             )
         if "PERTURBATION" in card.parameters and self.steps:
             # about a first step, a perturbation means that step's stress stiffness in CalculiX,
             # and its loads don't act: the first step of a linear analysis has neither
-            raise InputError(
-                f"{card.where()}: PERTURBATION about an earlier step; expected it in the first one"
-            )
+            card.fail("PERTURBATION about an earlier step; expected it in the first one")
         self.open = _Open(card)
 
     def _static(self, card: Card) -> None:
@@ -164,16 +156,14 @@ class History:
             if len(row) > 1 and row[1]:
                 step.period = number(row[1], card.where(line))
             if not step.period > 0.0:
-                raise InputError(
-                    f"{card.where(line)}: time of the step; got {step.period:g}; expected > 0"
-                )
+                card.fail(f"time of the step; got {step.period:g}; expected > 0", line)
             break
 
     def _end(self, card: Card) -> None:
         step = self._inside(card)
         self.open = None
         if not step.static:
-            raise InputError(f"{step.card.where()}: no procedure; expected *STATIC in the step")
+            step.card.fail("no procedure; expected *STATIC in the step")
         self.time += step.period
         factors = self.amplitudes.factors(self.time)
         fixed, prescribed, equations = self.constraints.assembled(factors)

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import pairwise
-from typing import Generic, TypeVar
+from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
 
@@ -166,6 +166,9 @@ class Card:
         """``file:line: *KEYWORD``, the line being the data line ``number`` (default: the card)."""
         file, line = (self.file, self.line) if number is None else self.text.place(number)
         return f"{file}:{line}: {self.shown}"
+
+    def fail(self, problem: str, number: int | None = None) -> NoReturn:
+        raise InputError(f"{self.where(number)}: {problem}")
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Line number and fields of each data line, without the blanks and quotes around them;

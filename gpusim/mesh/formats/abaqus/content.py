@@ -167,7 +167,7 @@ def add_members(sets: Names[Long], name: str, labels: Long) -> None:
 def _name(card: Card, key: str) -> str:
     name = card.parameters.get(key, "")
     if not name:
-        raise InputError(f"{card.where()}: no name; got {card.shown}; expected {key}=name")
+        card.fail(f"no name; got {card.shown}; expected {key}=name")
     return name
 
 
@@ -235,7 +235,7 @@ def _surface(card: Card, content: InpContent) -> None:
         add_members(content.node_sets, name, _node_members(card, content))
         return
     if kind != "ELEMENT":
-        raise InputError(f"{card.where()}: surface type; got TYPE={kind}; expected ELEMENT or NODE")
+        card.fail(f"surface type; got TYPE={kind}; expected ELEMENT or NODE")
     pairs: list[Long] = [np.zeros((0, 2), dtype=np.int64)]
     for where, row in card.records():
         face = row[1].upper() if len(row) == 2 else ""

@@ -100,8 +100,8 @@ def _elements(card: Card) -> ElementBlock:
     written = card.parameters.get("TYPE", "").upper()
     width = ABAQUS_NODES.get(written, 0)
     if not width:
-        raise InputError(
-            f"{card.where()}: element type; got TYPE={written or '(none)'}; expected one of "
+        card.fail(
+            f"element type; got TYPE={written or '(none)'}; expected one of "
             f"{', '.join(SOLID_TYPES)}{nearest(written, list(SOLID_TYPES))}"
         )
     tokens: list[str] = []

@@ -162,8 +162,8 @@ def _system(card: Card) -> Frame | None:
     first = values[0] + [0.0] * (3 - len(values[0]))
     second = values[1] if len(values) > 1 else []
     if len(values) > 2 or len(first) not in (3, 6) or len(second) not in (0, 3):
-        raise InputError(
-            f"{card.where()}: got {', '.join(str(len(one)) for one in values)} numbers in its "
+        card.fail(
+            f"got {', '.join(str(len(one)) for one in values)} numbers in its "
             "lines; expected the origin, a point on x, and in a second line a point beside it"
         )
     origin = np.array(first[:3])
@@ -179,8 +179,8 @@ def _system(card: Card) -> Frame | None:
 def _node_table(card: Card) -> Float:
     """(K,4) label and coordinates; missing coordinates are zero."""
     if card.parameters.get("SYSTEM", "R").upper() not in ("R", "C", ""):
-        raise InputError(
-            f"{card.where()}: coordinate system; got SYSTEM={card.parameters['SYSTEM']}; "
+        card.fail(
+            f"coordinate system; got SYSTEM={card.parameters['SYSTEM']}; "
             "expected R (rectangular) or C (cylindrical)"
         )
     text = ",".join(card.lines)
