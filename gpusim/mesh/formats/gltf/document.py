@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.mesh.file_content.faults import file_faults
 
 # extensions that a file may require: they are read, or say nothing of shape and base colour
 _READ = {
@@ -34,19 +35,8 @@ def gltf_document(file: InputFile) -> Iterator[GltfDocument]:
     Numbers out of range become infinite, which is looked for in every file. Raises InputError that
     names the file.
     """
-    try:
-        with np.errstate(all="ignore"):
-            yield GltfDocument(file)
-    except InputError:
-        raise
-    except (
-        ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
-        ValueError,
-    ) as error:  # fmt: skip
-        reason = " ".join(repr(str(error))[1:-1].split())[:200]
-        raise InputError(
-            f"{file.path}: damaged, or no glTF; got {type(error).__name__}: {reason}"
-        ) from None
+    with file_faults(file, "glTF"), np.errstate(all="ignore"):
+        yield GltfDocument(file)
 
 
 def whole(number: Any) -> int:
