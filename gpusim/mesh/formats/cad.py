@@ -18,7 +18,7 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble, index_of
 from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, set_sizes
 from gpusim.mesh.mesh import Mesh
@@ -304,8 +304,6 @@ def _collect(
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     tags = np.asarray(tags, dtype=np.int64)
     order = np.argsort(tags, kind="stable")
-    number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
-    number[tags[order]] = np.arange(len(tags))
     points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)[order] * scale
     blocks = []
     # a lone solid needs no set unless the file names it
@@ -318,8 +316,8 @@ def _collect(
                 kind = GMSH_KINDS.get(int(type_), f"Gmsh type {type_}")
                 if kind not in NODES:
                     raise InputError(f"mesh_cad: got elements of {kind}; expected order 1 or 2")
-                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, NODES[kind])
-                every = np.arange(len(rows))
-                groups = {name: every for name in names}
+                rows = index_of(tags[order], np.asarray(flat, dtype=np.int64))
+                rows = rows.reshape(-1, NODES[kind])
+                groups = dict.fromkeys(names, np.arange(len(rows)))
                 blocks.append(RawBlock(kind, from_gmsh_order(kind, rows), groups))
     return RawMesh(points, tuple(blocks))
