@@ -16,6 +16,7 @@ from gpusim.deck.amplitudes import Scale
 from gpusim.deck.constrained import Equations
 from gpusim.errors import InputError
 from gpusim.mesh import set_faces
+from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
@@ -115,18 +116,14 @@ class Axes:
             )
         a, b = np.array(values[:3]), np.array(values[3:])
         for node in nodes.tolist():
-            point = self.content.points[node]
-            x, z = (a, np.cross(a, b)) if kind == "R" else (point - a, b - a)
-            if kind == "C":
-                x = x - z * (x @ z) / max(float(z @ z), 1e-300)
-            if not (np.linalg.norm(x) > 0.0 and np.linalg.norm(z) > 0.0):
-                label = self.content.nodes.shown(int(self.content.node_labels[node]))
-                card.fail(
-                    f"no direction at node {label}; got "
-                    f"a = {values[:3]}, b = {values[3:]}; expected points off the axis"
-                )
-            x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-            self.rows[node] = np.stack([x, np.cross(z, x), z])
+            label = self.content.nodes.shown(int(self.content.node_labels[node]))
+            where = f"{card.where()}: no direction at node {label}"
+            frame = (
+                Frame.from_x(np.zeros(3), a, b, where)
+                if kind == "R"
+                else Frame.from_z(a, b, self.content.points[node], where)
+            )
+            self.rows[node] = frame.axes
 
 
 class Constraints:

@@ -78,29 +78,27 @@ def exodus_content(file: InputFile) -> ExodusContent:
     """The variables; of HDF5 files without the values over time."""
     if file.data[:4] in (b"CDF\x01", b"CDF\x02"):
         with netcdf_file(file.stream(), "r", mmap=False) as classic:
-            kinds = {
-                name: _text(one.elem_type)
+            variables = {
+                name: (np.asarray(one.data), getattr(one, "elem_type", ""))
                 for name, one in classic.variables.items()
-                if name.startswith("connect") and hasattr(one, "elem_type")
             }
-            arrays = {name: np.asarray(one.data) for name, one in classic.variables.items()}
     elif _is_hdf5(file):
-        found = read_hdf5(file, "(?!vals_)[^/]*")
-        kinds = {
-            name: _text(one.attributes["elem_type"])
-            for name, one in found.items()
-            if name.startswith("connect") and "elem_type" in one.attributes
+        variables = {
+            name: (one.data, one.attributes.get("elem_type", ""))
+            for name, one in read_hdf5(file, "(?!vals_)[^/]*").items()
+            if one.data is not None
         }
-        arrays = {name: one.data for name, one in found.items() if one.data is not None}
     else:
         raise InputError(
             f"{file.path}: not an Exodus file; got first bytes {file.data[:8]!r}; expected netCDF "
             "(classic, 64-bit offset, or netCDF-4)"
         )
-    light = {
-        name: array if name.startswith("vals_") else native(array) for name, array in arrays.items()
+    arrays = {
+        name: array if name.startswith("vals_") else native(array)
+        for name, (array, _) in variables.items()
     }
-    return ExodusContent(file, light, kinds)
+    kinds = {name: _text(kind) for name, (_, kind) in variables.items()}
+    return ExodusContent(file, arrays, kinds)
 
 
 def native(data: Any) -> npt.NDArray[Any]:
