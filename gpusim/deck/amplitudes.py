@@ -86,8 +86,6 @@ class Amplitudes:
                 f"got {len(values)} numbers; expected NAME=name and pairs of "
                 "growing time and factor"
             )
-        if card.parameters.get("VALUE", "RELATIVE").upper() != "RELATIVE":
-            card.fail("VALUE isn't supported; expected RELATIVE")
         total = "TOTAL" in card.parameters.get("TIME", "").upper()
         one = _Amplitude(times, factors, len(self.following) + 1 if total else 0)
         self.known.define(name, one, card.where())

@@ -43,8 +43,6 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
     if len(rows) != 1 or len(rows[0]) != 2:
         raise InputError(f"{where}: got {len(rows)} lines; expected one with two surfaces")
     adjust = card.parameters.get("ADJUST", "YES").upper()
-    if adjust not in ("YES", "NO"):
-        raise InputError(f"{where}: ADJUST={adjust}; expected YES or NO")
     mesh = labelled.mesh
     pairs = labelled.face_pairs(content.surfaces.get(rows[0][1], where))
     faces = set_faces(mesh, pairs)

@@ -234,8 +234,6 @@ def _surface(card: Card, content: InpContent) -> None:
     if kind == "NODE":
         add_members(content.node_sets, name, _node_members(card, content))
         return
-    if kind != "ELEMENT":
-        card.fail(f"surface type; got TYPE={kind}; expected ELEMENT or NODE")
     pairs: list[Long] = [np.zeros((0, 2), dtype=np.int64)]
     for where, row in card.records():
         face = row[1].upper() if len(row) == 2 else ""

@@ -178,11 +178,6 @@ def _system(card: Card) -> Frame | None:
 
 def _node_table(card: Card) -> Float:
     """(K,4) label and coordinates; missing coordinates are zero."""
-    if card.parameters.get("SYSTEM", "R").upper() not in ("R", "C", ""):
-        card.fail(
-            f"coordinate system; got SYSTEM={card.parameters['SYSTEM']}; "
-            "expected R (rectangular) or C (cylindrical)"
-        )
     text = ",".join(card.lines)
     if all(line.count(",") == 3 for line in card.lines) and card.lines and is_plain(text):
         try:
