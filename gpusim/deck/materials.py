@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
@@ -19,12 +20,13 @@ from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 
 # Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
 _FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
-_EXPECTED = {
-    "ISO": "E, nu",
-    "ORTHO": "D1111, D1122, D2222, D1133, D2233, D3333, D1212, D1313, D2323",
-    "ENGINEERINGCONSTANTS": "E1, E2, E3, nu12, nu13, nu23, G12, G13, G23",
-    "ANISO": "21 constants D1111 … D2323",
+_CONSTANTS = {
+    "ISO": (2, "E, nu"),
+    "ORTHO": (9, "D1111, D1122, D2222, D1133, D2233, D3333, D1212, D1313, D2323"),
+    "ENGINEERINGCONSTANTS": (9, "E1, E2, E3, nu12, nu13, nu23, G12, G13, G23"),
+    "ANISO": (21, "21 constants D1111 … D2323"),
 }
+"""Of *ELASTIC by its TYPE: how many, and which."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,24 +150,19 @@ class Sections:
     def _elastic(self, card: Card) -> None:
         material = self._own(card)
         written = "".join(card.parameters.get("TYPE", "ISO").upper().split())
-        kind = next((name for name in _EXPECTED if written.startswith(name[:5])), "")
-        kind = "ISO" if written.startswith("ISO") else kind
+        kind = next((name for name in _CONSTANTS if written.startswith(name[:5])), "")
         if not kind:
             card.fail(
                 f"TYPE={written} isn't supported; expected ISO, ORTHO, "
                 "ENGINEERING CONSTANTS or ANISO"
             )
-        count = {"ISO": 2, "ANISO": 21}.get(kind, 9)
-        values = _constant(card, count, _EXPECTED[kind])
+        values = _constant(card, *_CONSTANTS[kind])
         if kind == "ISO":
             material.isotropic = (float(values[0]), float(values[1]))
         elif kind == "ORTHO":
-            material.matrix = _symmetric(values[:6], values[6:])
+            material.matrix = block_diag(_symmetric(values[:6]), np.diag(values[6:]))
         elif kind == "ANISO":
-            material.matrix = np.zeros((6, 6))
-            rows, columns = np.tril_indices(6)
-            material.matrix[rows, columns] = values
-            material.matrix[columns, rows] = values
+            material.matrix = _symmetric(values)
         else:
             material.matrix = _from_engineering(values, card.where())
 
@@ -237,12 +234,12 @@ def _swapped(matrix: Float) -> Float:
     return np.asarray(matrix[np.ix_(_FROM_ABAQUS, _FROM_ABAQUS)])
 
 
-def _symmetric(normal: Float, shear: Float) -> Float:
-    """(6,6) from 11 12 22 13 23 33 and the three shear moduli."""
-    matrix = np.diag(np.concatenate([np.zeros(3), shear]))
-    rows, columns = np.tril_indices(3)
-    matrix[rows, columns] = normal
-    matrix[columns, rows] = normal
+def _symmetric(values: Float) -> Float:
+    """The matrix with these numbers 11 12 22 13 23 33 … in its upper half, column by column."""
+    size = int(np.sqrt(2 * len(values)))
+    matrix = np.zeros((size, size))
+    rows, columns = np.tril_indices(size)
+    matrix[rows, columns] = matrix[columns, rows] = values
     return matrix
 
 
@@ -253,9 +250,7 @@ def _from_engineering(values: Float, where: str) -> Float:
     compliance = np.diag(1.0 / E)
     for (i, j), one in zip(((0, 1), (0, 2), (1, 2)), nu, strict=True):
         compliance[i, j] = compliance[j, i] = -one / E[i]
-    matrix = np.diag(np.concatenate([np.zeros(3), G]))
-    matrix[:3, :3] = np.linalg.inv(compliance)
-    return matrix
+    return block_diag(np.linalg.inv(compliance), np.diag(G))
 
 
 def _constant(card: Card, count: int, expected: str) -> Float:
