@@ -20,6 +20,7 @@ from itertools import pairwise
 from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
@@ -243,6 +244,7 @@ def _refuse_early_data(text: Lines) -> None:
 
 
 T = TypeVar("T")
+Number = TypeVar("Number", bound=np.generic)
 
 LARGEST = 1e60
 """Beyond it products of numbers (volumes, stresses) would leave the range of float64."""
@@ -315,6 +317,16 @@ class Names(Generic[T]):
 def is_plain(text: str) -> bool:
     """Whether Python takes nothing in it for a digit that other programs don't: 1_000, \u0663."""
     return "_" not in text and text.isascii()
+
+
+def numbers_at_once(texts: Sequence[str], kind: type[Number]) -> npt.NDArray[Number] | None:
+    """All texts as numbers; None where one has to be looked at by itself."""
+    if not is_plain("".join(texts)):
+        return None
+    try:
+        return np.array(texts, dtype=kind)
+    except (ValueError, OverflowError):
+        return None
 
 
 def number(text: str, where: str) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
-from gpusim.mesh.formats.abaqus.cards import Card, Names, is_plain, whole
+from gpusim.mesh.formats.abaqus.cards import Card, Names, numbers_at_once, whole
 from gpusim.mesh.formats.abaqus.elements import ElementBlock
 
 
@@ -211,12 +211,8 @@ def _range(row: list[str], where: str) -> tuple[int, int, int]:
 
 def _plain_numbers(card: Card) -> Long | None:
     """All data as whole numbers at once, or None where something else stands there."""
-    try:
-        text = ",".join(card.lines)
-        fields = [one for one in text.split(",") if one.strip()]
-        return np.array(fields, dtype=np.int64) if is_plain(text) else None
-    except (ValueError, OverflowError):
-        return None
+    fields = [one for one in ",".join(card.lines).split(",") if one.strip()]
+    return numbers_at_once(fields, np.int64)
 
 
 def _node_members(card: Card, content: InpContent) -> Long:
