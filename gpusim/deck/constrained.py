@@ -74,27 +74,26 @@ def eliminate(held: csr_matrix, right: Float, where: str) -> Reduced:
     left = np.ones(held.shape[1], dtype=bool)
     left[column[alone]] = left[inner] = False
     stay = np.flatnonzero(left)
-    # first the coupled ones, in terms of what stays; then the others, in terms of both
-    kept = held[rest[keep]]
-    block = kept[:, inner].toarray()
-    used = np.unique(kept[:, stay].indices)
-    table = -solve(block, kept[:, stay[used]].toarray()) if len(inner) else np.zeros((0, 0))
-    shift = np.zeros(held.shape[1])
-    shift[inner] = solve(block, right[rest[keep]]) if len(inner) else 0.0
     size = (held.shape[1], len(stay))
-    matrix = csr_matrix(coo_matrix((np.ones(len(stay)), (stay, np.arange(len(stay)))), shape=size))
+    matrix = csr_matrix((np.ones(len(stay)), (stay, np.arange(len(stay)))), shape=size)
+    shift = np.zeros(held.shape[1])
+    # first the coupled ones, in terms of what stays; then the others, in terms of both
     if len(inner):
+        kept = held[rest[keep]]
+        block = kept[:, inner].toarray()
+        used = np.unique(kept[:, stay].indices)
+        table = -solve(block, kept[:, stay[used]].toarray())
         rows, columns = np.repeat(inner, len(used)), np.tile(used, len(inner))
-        matrix = matrix + csr_matrix(coo_matrix((table.ravel(), (rows, columns)), shape=size))
-    own = np.flatnonzero(alone)
-    if len(own):
-        factor = np.asarray(held[own, column[own]]).ravel()
-        others = held[own]
-        value = coo_matrix(others @ matrix)
-        row = value.row
-        placed = coo_matrix((-value.data / factor[row], (column[own][row], value.col)), shape=size)
-        shift[column[own]] = (right[own] - others @ shift) / factor
-        matrix = matrix + csr_matrix(placed)
+        matrix = matrix + csr_matrix((table.ravel(), (rows, columns)), shape=size)
+        shift[inner] = solve(block, right[rest[keep]])
+    if alone.any():
+        own, given_up = held[alone], column[alone]
+        number = np.arange(len(given_up))
+        factor = np.asarray(own[number, given_up]).ravel()
+        shape = (held.shape[1], len(given_up))
+        spread = csr_matrix((-1.0 / factor, (given_up, number)), shape=shape)
+        shift += np.asarray(spread @ (own @ shift - right[alone]))
+        matrix = matrix + spread @ (own @ matrix)
     return Reduced(csr_matrix(matrix), shift)
 
 

@@ -11,15 +11,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.deck.amplitudes import Scale
 from gpusim.deck.constrained import Equations
 from gpusim.errors import InputError
-from gpusim.mesh import Faces, set_faces
+from gpusim.mesh import set_faces
+from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
-from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.mesh.nearest_places import nearest_places
 
 # columns (3 node + axis), factors and right side of one equation
 TieRow = tuple[Sequence[int], Sequence[float], float]
@@ -42,8 +43,6 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
     if len(rows) != 1 or len(rows[0]) != 2:
         raise InputError(f"{where}: got {len(rows)} lines; expected one with two surfaces")
     adjust = card.parameters.get("ADJUST", "YES").upper()
-    if adjust not in ("YES", "NO"):
-        raise InputError(f"{where}: ADJUST={adjust}; expected YES or NO")
     mesh = labelled.mesh
     pairs = labelled.face_pairs(content.surfaces.get(rows[0][1], where))
     faces = set_faces(mesh, pairs)
@@ -58,12 +57,17 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
     reach = np.full(len(faces), number(given, where)) if given else 0.025 * size
     closed = np.minimum(reach, 1e-6 * size) if adjust == "YES" else reach
     found: list[TieRow] = []
-    near = cKDTree(faces.centroids)
-    for node in nodes.tolist():
-        _, order = near.query(mesh.points[node], k=min(_CANDIDATES, len(faces)))
-        face, weights, gap = _nearest(faces, np.atleast_1d(order), mesh.points[node])
+    count = min(_CANDIDATES, len(faces))
+    candidates = cKDTree(faces.centroids).query(mesh.points[nodes], k=count)[1].reshape(-1)
+    outside, distance, shares = nearest_places(
+        faces, candidates, np.repeat(mesh.points[nodes], count, axis=0)
+    )
+    gaps = np.where(outside <= _OUTSIDE, distance, np.inf).reshape(-1, count)
+    best = np.arange(len(nodes)) * count + gaps.argmin(axis=1)
+    for node, place, gap in zip(nodes.tolist(), best.tolist(), gaps.min(axis=1), strict=True):
+        face = candidates[place]
         label = content.nodes.shown(labelled.node_labels[node])
-        if face < 0 or not gap <= reach[face]:
+        if not gap <= reach[face]:
             raise InputError(
                 f"{where}: node {label} lies off the surface {rows[0][1]}; got a distance of "
                 f"{gap:.3g}; expected every node of {rows[0][0]} on it"
@@ -73,58 +77,12 @@ def read_tie(card: Card, content: InpContent, labelled: LabelledMesh) -> list[Ti
                 f"{where}: node {label} would have to be moved by {gap:.3g}; expected surfaces "
                 "that touch, or ADJUST=NO"
             )
-        own_nodes = _own(faces, face)
+        on_face = faces.nodes[face] >= 0
+        others, weights = faces.nodes[face][on_face].astype(np.int64), shares[place][on_face]
         for axis in range(3):
-            columns = [3 * node + axis, *(3 * own_nodes + axis).tolist()]
+            columns = [3 * node + axis, *(3 * others + axis).tolist()]
             found.append((columns, [1.0, *(-weights).tolist()], 0.0))
     return found
-
-
-def _kind(nodes: Int) -> str:
-    corners = "tri" if nodes[3] < 0 else "quad"
-    count = int((nodes >= 0).sum())
-    return f"{corners}{count}"
-
-
-def _own(faces: Faces, face: int) -> Long:
-    """The nodes of one face, in the order of its shape functions."""
-    nodes = faces.nodes[face]
-    return np.asarray(nodes[list(FACE_TYPES[_kind(nodes)])], dtype=np.int64)
-
-
-def _nearest(faces: Faces, candidates: Long, point: Float) -> tuple[int, Float, float]:
-    """Face (-1: none), weights of its nodes, and distance of the nearest point inside of it."""
-    best, best_weights, best_gap = -1, np.zeros(0), np.inf
-    for face in candidates.tolist():
-        kind = _kind(faces.nodes[face])
-        corners = faces.points[_own(faces, face)]
-        xi = _foot(kind, corners, point)
-        if not _inside(kind, xi):
-            continue
-        weights = shape_functions(kind, xi[None])[0]
-        gap = float(np.linalg.norm(weights @ corners - point))
-        if gap < best_gap:
-            best, best_weights, best_gap = face, weights, gap
-    return best, best_weights, best_gap
-
-
-def _foot(kind: str, nodes: Float, point: Float) -> Float:
-    """(2,) reference coordinates of the point of a face nearest to ``point``, by Gauss-Newton."""
-    xi = np.full(2, 1.0 / 3.0) if kind.startswith("tri") else np.zeros(2)
-    for _ in range(30):
-        offset = point - shape_functions(kind, xi[None])[0] @ nodes
-        slope = nodes.T @ shape_gradients(kind, xi[None])[0]
-        change = np.linalg.lstsq(slope, offset, rcond=None)[0]
-        xi = np.clip(xi + change, -3.0, 3.0)
-        if np.abs(change).max() <= 1e-13:
-            break
-    return xi
-
-
-def _inside(kind: str, xi: Float) -> bool:
-    if kind.startswith("tri"):
-        return bool(xi.min() >= -_OUTSIDE and xi.sum() <= 1.0 + _OUTSIDE)
-    return bool(np.abs(xi).max() <= 1.0 + _OUTSIDE)
 
 
 # Abaqus' names for groups of degrees of freedom; rotations don't exist in solids.
@@ -150,24 +108,20 @@ class Axes:
         nodes = np.searchsorted(self.content.node_labels, labels)
         values = [number(text, card.where(line)) for line, row in card.rows() for text in row]
         if kind not in ("R", "C") or len(values) != 6:
-            raise InputError(
-                f"{card.where()}: got TYPE={kind} and {len(values)} numbers; expected TYPE=R or C "
+            card.fail(
+                f"got TYPE={kind} and {len(values)} numbers; expected TYPE=R or C "
                 "and the points a and b"
             )
         a, b = np.array(values[:3]), np.array(values[3:])
         for node in nodes.tolist():
-            point = self.content.points[node]
-            x, z = (a, np.cross(a, b)) if kind == "R" else (point - a, b - a)
-            if kind == "C":
-                x = x - z * (x @ z) / max(float(z @ z), 1e-300)
-            if not (np.linalg.norm(x) > 0.0 and np.linalg.norm(z) > 0.0):
-                label = self.content.nodes.shown(int(self.content.node_labels[node]))
-                raise InputError(
-                    f"{card.where()}: no direction at node {label}; got "
-                    f"a = {values[:3]}, b = {values[3:]}; expected points off the axis"
-                )
-            x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-            self.rows[node] = np.stack([x, np.cross(z, x), z])
+            label = self.content.nodes.shown(int(self.content.node_labels[node]))
+            where = f"{card.where()}: no direction at node {label}"
+            frame = (
+                Frame.from_x(np.zeros(3), a, b, where)
+                if kind == "R"
+                else Frame.from_z(a, b, self.content.points[node], where)
+            )
+            self.rows[node] = frame.axes
 
 
 class Constraints:
@@ -187,7 +141,7 @@ class Constraints:
         self.fixed[:] = False
         self.value[:] = 0.0
 
-    def boundary(self, card: Card, scale: Scale, in_step: bool) -> None:
+    def boundary(self, card: Card, scale: Scale) -> None:
         """*BOUNDARY: node or set, first and last degree of freedom, value."""
         for where, row in card.records(2, None, "node or set, degree of freedom, …"):
             nodes = self.content.node_rows(row[0], where)
@@ -197,7 +151,7 @@ class Constraints:
                 first = whole(row[1], where)
                 last = whole(row[2], where) if len(row) > 2 and row[2] else first
                 group = self._directions(first, last, value, where)
-            if value != 0.0 and not in_step:
+            if value != 0.0 and not scale.step:
                 raise InputError(
                     f"{where}: displacement before the first step; got {value:g}; expected zero "
                     "there, other values inside of a step"

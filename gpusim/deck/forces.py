@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.deck.amplitudes import Scale
+from gpusim.deck.amplitudes import Scale, ScaledLoads
 from gpusim.deck.constraints import Axes
 from gpusim.deck.materials import Body
 from gpusim.errors import InputError
@@ -68,18 +68,27 @@ _UNIT = np.eye(3)
 
 @dataclass(eq=False)
 class _BodyLoad:
-    """``kind`` GRAV, CENTRIF or B; ``value`` its size, ``vectors`` direction or point and axis.
-
-    ``follows`` as in ``Scale``.
-    """
+    """``kind`` GRAV, CENTRIF or B; ``vector`` (3,) direction, or (6,) point and axis; ``value`` its
+    size, scaled."""
 
     kind: str
     cells: Long
+    vector: Float
     value: float
-    vectors: tuple[tuple[float, ...], ...]
-    step: int
-    follows: int
+    scale: Scale
     where: str
+
+    def adds(self, other: _BodyLoad) -> bool:
+        """Whether another load is more of this one, or takes its place; it does then."""
+        same = self.kind == other.kind and np.array_equal(self.vector, other.vector)
+        again = self.scale.step == other.scale.step
+        if not (same and np.array_equal(self.cells, other.cells)) or (
+            again and self.scale.follows != other.scale.follows
+        ):
+            return False
+        self.value = other.value + (self.value if again else 0.0)
+        self.scale = other.scale
+        return True
 
 
 class Forces:
@@ -90,23 +99,16 @@ class Forces:
         self.content, self.labelled = body.content, body.labelled
         self.axes = axes
         mesh = body.mesh
-        self.force = np.zeros((mesh.node_count, 3))
-        self.force_step = np.zeros((mesh.node_count, 3), dtype=np.int32)
-        self.force_follows = np.zeros((mesh.node_count, 3), dtype=np.int32)
-        self.face_value = np.zeros((mesh.cell_count, 6))
-        self.face_step = np.zeros((mesh.cell_count, 6), dtype=np.int32)
-        self.face_follows = np.zeros((mesh.cell_count, 6), dtype=np.int32)
+        self.nodal = ScaledLoads(mesh.node_count, 3)
+        self.pressures = ScaledLoads(mesh.cell_count, 6)
         self.bodies: list[_BodyLoad] = []
         self.loose = {int(node): "" for node in mesh.dangling_nodes}  # and where a force is given
 
-    def clear_nodal(self) -> None:
-        self.force[:] = 0.0
-
     def clear_distributed(self) -> None:
-        self.face_value[:] = 0.0
+        self.pressures.clear()
         self.bodies.clear()
 
-    def nodal(self, card: Card, scale: Scale, step: int) -> None:
+    def read_nodal(self, card: Card, scale: Scale) -> None:
         """*CLOAD: node or node set, degree of freedom, force (in the node's own axes)."""
         for where, row in card.records(3, 3, "node or set, degree of freedom, force"):
             nodes = self.content.node_rows(row[0], where)
@@ -116,59 +118,54 @@ class Forces:
                     f"{where}: degree of freedom; got {axis}; expected 1, 2 or 3 (solids take "
                     "no moments)"
                 )
-            value = scale.factor * number(row[2], where)
-            again = self.force_step[nodes, axis - 1] == step
-            _refuse_mixed(again & (self.force_follows[nodes, axis - 1] != scale.follows), where)
-            kept = np.where(again, self.force[nodes, axis - 1], 0.0)
-            self.force[nodes, axis - 1] = kept + value
-            self.force_step[nodes, axis - 1] = step
+            self.nodal.add((nodes, axis - 1), number(row[2], where), scale, where)
             if self.loose:
                 self.loose |= dict.fromkeys(self.loose.keys() & nodes.tolist(), where)
-            self.force_follows[nodes, axis - 1] = scale.follows
 
-    def distributed(self, card: Card, scale: Scale, step: int) -> None:
+    def read_distributed(self, card: Card, scale: Scale) -> None:
         """*DLOAD: element or element set, label, value, and what the label needs."""
         for where, row in card.records(3, None, "element or set, label, value"):
             cells = self._cells(row[0], where)
             label = row[1].upper()
-            value = scale.factor * number(row[2], where)
+            size = number(row[2], where)
+            value = scale.factor * size
             if len(label) == 2 and label[0] == "P" and label[1] in "123456":
                 side = np.full(len(cells), int(label[1]))
                 labels = self.labelled.cell_labels[cells]
-                faces = np.stack([labels, side], axis=1)
-                self._press(faces, value, scale, step, where)
-            elif label in ("BX", "BY", "BZ"):
-                direction = _UNIT["XYZ".index(label[1])]
-                self._add("B", cells, value, (tuple(direction.tolist()),), scale, step, where)
+                self._press(np.stack([labels, side], axis=1), size, scale, where)
+                continue
+            if label in ("BX", "BY", "BZ"):
+                vector = _UNIT["XYZ".index(label[1])]
+                label = "B"
             elif label == "GRAV":
                 direction = _vector(row[3:], 3, where, "a direction")
-                unit = direction / _length(direction, where)
-                self._add("GRAV", cells, value, (tuple(unit.tolist()),), scale, step, where)
+                vector = direction / _length(direction, where)
             elif label == "CENTRIF":
-                both = _vector(row[3:], 6, where, "a point on the axis and its direction")
-                _length(both[3:], where)
+                vector = _vector(row[3:], 6, where, "a point on the axis and its direction")
+                _length(vector[3:], where)
                 if value < 0.0:
                     raise InputError(
                         f"{where}: CENTRIF; got {value:g}; expected the square of the angular "
                         "velocity, >= 0"
                     )
-                vectors = (tuple(both[:3].tolist()), tuple(both[3:].tolist()))
-                self._add("CENTRIF", cells, value, vectors, scale, step, where)
             else:
                 raise InputError(f"{where}: load {row[1]} isn't supported; expected {_EXPECTED}")
+            load = _BodyLoad(label, cells, vector, value, scale, where)
+            if not any(known.adds(load) for known in self.bodies):
+                self.bodies.append(load)
 
-    def surface(self, card: Card, scale: Scale, step: int) -> None:
+    def read_surface(self, card: Card, scale: Scale) -> None:
         """*DSLOAD: surface, P, pressure."""
         for where, row in card.records():
             if len(row) != 3 or row[1].upper() != "P":
                 raise InputError(f"{where}: got {', '.join(row)!r}; expected surface, P, pressure")
             pairs = self.content.surfaces.get(row[0], where)
-            self._press(pairs, scale.factor * number(row[2], where), scale, step, where)
+            self._press(pairs, number(row[2], where), scale, where)
 
     def refuse_loose(self, fixed: Bool) -> None:
         """Forces on nodes that no element has must be held. Raises InputError."""
         for node, where in self.loose.items():
-            if (self.force[node] * ~fixed[node]).any():
+            if (self.nodal.values[node] * ~fixed[node]).any():
                 label = self.content.nodes.shown(int(self.content.node_labels[node]))
                 raise InputError(
                     f"{where}: node {label} belongs to no solid element; expected forces on nodes "
@@ -181,10 +178,10 @@ class Forces:
         ``factors`` : value of each amplitude that loads follow; the first is 1.
         """
         mesh, formulation = self.body.mesh, self.body.formulation
-        total = self.force * factors[self.force_follows]
+        total = self.nodal.at(factors)
         for node, rows in self.axes.rows.items():
             total[node] = rows.T @ total[node]
-        pressures = self.face_value * factors[self.face_follows]
+        pressures = self.pressures.at(factors)
         cell, side = np.nonzero(pressures)
         if cell.size:
             labelled = np.stack([self.labelled.cell_labels[cell], side + 1], axis=1)
@@ -192,7 +189,7 @@ class Forces:
             total += pressure_forces(mesh, faces, pressures[cell, side], formulation)
         rho = np.array([one.density for one in self.body.materials])[self.body.material_of_cell]
         for load in self.bodies:
-            value = load.value * float(factors[load.follows])
+            value = load.value * float(factors[load.scale.follows])
             share = np.zeros(mesh.cell_count)
             share[load.cells] = 1.0 if load.kind == "B" else rho[load.cells]
             light = load.cells[share[load.cells] == 0.0]
@@ -203,14 +200,13 @@ class Forces:
                     "density in its material"
                 )
             if load.kind == "CENTRIF":
-                point, axis = load.vectors
+                point, axis = load.vector[:3], load.vector[3:]
                 # the factor of an amplitude may be negative, an angular velocity's square not
                 size = float(np.sqrt(abs(value)))
                 outward = centrifugal(mesh, share, point, axis, size, formulation=formulation)
                 total += np.sign(value) * outward
             else:
-                acceleration = value * np.array(load.vectors[0])
-                total += body_force(mesh, share, acceleration, formulation=formulation)
+                total += body_force(mesh, share, value * load.vector, formulation=formulation)
         return total
 
     def _cells(self, text: str, where: str) -> Long:
@@ -218,46 +214,13 @@ class Forces:
             return np.arange(self.labelled.mesh.cell_count)
         return self.labelled.cell_index(self.content.cells_named(text, where))
 
-    def _press(self, labelled: Long, value: float, scale: Scale, step: int, where: str) -> None:
+    def _press(self, labelled: Long, value: float, scale: Scale, where: str) -> None:
         try:
             self.labelled.face_pairs(labelled)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         cell, side = self.labelled.cell_index(labelled[:, 0]), labelled[:, 1] - 1
-        again = self.face_step[cell, side] == step
-        _refuse_mixed(again & (self.face_follows[cell, side] != scale.follows), where)
-        kept = np.where(again, self.face_value[cell, side], 0.0)
-        self.face_value[cell, side] = kept + value
-        self.face_step[cell, side] = step
-        self.face_follows[cell, side] = scale.follows
-
-    def _add(
-        self,
-        kind: str,
-        cells: Long,
-        value: float,
-        vectors: tuple[tuple[float, ...], ...],
-        scale: Scale,
-        step: int,
-        where: str,
-    ) -> None:
-        for load in self.bodies:
-            same = load.kind == kind and load.vectors == vectors
-            if same and np.array_equal(load.cells, cells):
-                if load.step == step and load.follows == scale.follows:
-                    load.value += value
-                    return
-                if load.step != step:
-                    load.value, load.step, load.follows = value, step, scale.follows
-                    return
-        self.bodies.append(_BodyLoad(kind, cells, value, vectors, step, scale.follows, where))
-
-
-def _refuse_mixed(mixed: Bool, where: str) -> None:
-    if mixed.any():
-        raise InputError(
-            f"{where}: two amplitudes for one degree of freedom or face in one step; expected one"
-        )
+        self.pressures.add((cell, side), value, scale, where)
 
 
 def _vector(fields: Sequence[str], count: int, where: str, what: str) -> Float:

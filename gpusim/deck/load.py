@@ -13,7 +13,12 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Card, Source, nearest, read_cards
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
-from gpusim.mesh.formats.abaqus.keywords import MESH_KEYWORDS, fail_together, parameter_faults
+from gpusim.mesh.formats.abaqus.keywords import (
+    MESH_KEYWORDS,
+    fail_together,
+    parameter_faults,
+    read_parameters,
+)
 from gpusim.mesh.formats.abaqus.reader import label_mesh
 
 # Element type -> formulation of its integration rule, as CalculiX integrates it.
@@ -34,31 +39,30 @@ _REFUSED_ELEMENTS = {
     "C3D10T": "a C3D10 with linear temperature; expected C3D10",
 }
 
-# Keyword -> the parameters that are read or have no influence on a static solution.
-_READ: dict[str, frozenset[str]] = MESH_KEYWORDS | {
-    key: frozenset(names.split())
-    for key, names in {
+# Keyword -> the parameters, and values, that are read or have no influence on a static solution.
+_READ = MESH_KEYWORDS | read_parameters(
+    {
         "MATERIAL": "NAME",
         "ELASTIC": "TYPE",
         "DENSITY": "",
         "EXPANSION": "TYPE ZERO",
-        "ORIENTATION": "NAME SYSTEM DEFINITION",
+        "ORIENTATION": "NAME SYSTEM DEFINITION=COORDINATES/",
         "SOLIDSECTION": "ELSET MATERIAL ORIENTATION CONTROLS",
-        "AMPLITUDE": "NAME TIME DEFINITION VALUE",
+        "AMPLITUDE": "NAME TIME DEFINITION=TABULAR/ VALUE=RELATIVE",
         "TRANSFORM": "NSET TYPE",
         "EQUATION": "",
-        "TIE": "NAME POSITIONTOLERANCE ADJUST",
+        "TIE": "NAME POSITIONTOLERANCE ADJUST=YES/NO",
         "INITIALCONDITIONS": "TYPE",
         "STEP": "NAME INC AMPLITUDE NLGEOM UNSYMM PERTURBATION",
         "STATIC": "SOLVER DIRECT TIMERESET TOTALTIMEATSTART",
         "ENDSTEP": "",
-        "BOUNDARY": "OP AMPLITUDE TYPE",
-        "CLOAD": "OP AMPLITUDE",
-        "DLOAD": "OP AMPLITUDE",
-        "DSLOAD": "OP AMPLITUDE",
-        "TEMPERATURE": "OP AMPLITUDE",
-    }.items()
-}
+        "BOUNDARY": "OP=NEW/MOD AMPLITUDE TYPE=DISPLACEMENT",
+        "CLOAD": "OP=NEW/MOD AMPLITUDE",
+        "DLOAD": "OP=NEW/MOD AMPLITUDE",
+        "DSLOAD": "OP=NEW/MOD AMPLITUDE",
+        "TEMPERATURE": "OP=NEW/MOD AMPLITUDE",
+    }
+)
 
 # Output requests, and what can't change the displacements of a linear static step.
 _IGNORED = frozenset(
@@ -97,29 +101,16 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
                 f"elements{nearest(card.keyword, known)}"
             )
         else:
-            faults.extend(_parameter_faults(card))
+            faults.extend(parameter_faults(card, _READ))
+            if card.parameters.get("NLGEOM", "NO").upper() != "NO":
+                faults.append(
+                    f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; "
+                    "expected a linear step (NLGEOM=NO)"
+                )
             if card.keyword == "ELEMENT":
                 faults.extend(_element_faults(card, types))
     fail_together(faults, cards[0].file)
     return tuple(ignored)
-
-
-def _parameter_faults(card: Card) -> list[str]:
-    faults = parameter_faults(card, _READ)
-    value = card.parameters.get("NLGEOM", "NO")
-    if value.upper() != "NO":
-        faults.append(
-            f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; expected a "
-            "linear step (NLGEOM=NO)"
-        )
-    definition = card.parameters.get("DEFINITION", "")
-    allowed = {"AMPLITUDE": ("TABULAR",), "ORIENTATION": ("COORDINATES",)}.get(card.keyword, ())
-    if definition and definition.upper() not in allowed:
-        faults.append(
-            f"{card.where()}: DEFINITION isn't supported; got {definition}; "
-            f"expected {' or '.join(allowed)}"
-        )
-    return faults
 
 
 def _element_faults(card: Card, types: dict[str, str]) -> list[str]:
@@ -172,10 +163,7 @@ def load_deck(source: Source) -> Deck:
     history = History(body, axes)
     _read_all(content.history, history.readers())
     if history.open is not None:
-        raise InputError(
-            f"{history.open.card.where()}: the step doesn't end; expected *END STEP "
-            "(is the file cut off?)"
-        )
+        history.open.card.fail("the step doesn't end; expected *END STEP (is the file cut off?)")
     if not history.steps:
         raise InputError(f"{path}: no step; got a deck without *STEP; expected at least one")
     return Deck(

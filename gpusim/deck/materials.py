@@ -6,24 +6,27 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem import Isotropic, Material
 from gpusim.fem.model.material import strain_rotation
 from gpusim.mesh import Mesh
+from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 
 # Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
 _FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
-_EXPECTED = {
-    "ISO": "E, nu",
-    "ORTHO": "D1111, D1122, D2222, D1133, D2233, D3333, D1212, D1313, D2323",
-    "ENGINEERINGCONSTANTS": "E1, E2, E3, nu12, nu13, nu23, G12, G13, G23",
-    "ANISO": "21 constants D1111 … D2323",
+_CONSTANTS = {
+    "ISO": (2, "E, nu"),
+    "ORTHO": (9, "D1111, D1122, D2222, D1133, D2233, D3333, D1212, D1313, D2323"),
+    "ENGINEERINGCONSTANTS": (9, "E1, E2, E3, nu12, nu13, nu23, G12, G13, G23"),
+    "ANISO": (21, "21 constants D1111 … D2323"),
 }
+"""Of *ELASTIC by its TYPE: how many, and which."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,42 +133,36 @@ class Sections:
     def _material(self, card: Card) -> None:
         name = card.parameters.get("NAME", "")
         if not name:
-            raise InputError(f"{card.where()}: no name; expected NAME=name")
+            card.fail("no name; expected NAME=name")
         self.current = _Material(card)
         self.materials.define(name, self.current, card.where())
 
     def _own(self, card: Card) -> _Material:
         if self.current is None:
-            raise InputError(f"{card.where()}: outside of a material; expected *MATERIAL before it")
+            card.fail("outside of a material; expected *MATERIAL before it")
         first = self.current.given.setdefault(card.keyword, card)
         if first is not card:
-            raise InputError(
-                f"{card.where()}: a second one for one material; got the first at "
-                f"{first.where()}; expected one"
+            card.fail(
+                f"a second one for one material; got the first at {first.where()}; expected one"
             )
         return self.current
 
     def _elastic(self, card: Card) -> None:
         material = self._own(card)
         written = "".join(card.parameters.get("TYPE", "ISO").upper().split())
-        kind = next((name for name in _EXPECTED if written.startswith(name[:5])), "")
-        kind = "ISO" if written.startswith("ISO") else kind
+        kind = next((name for name in _CONSTANTS if written.startswith(name[:5])), "")
         if not kind:
-            raise InputError(
-                f"{card.where()}: TYPE={written} isn't supported; expected ISO, ORTHO, "
+            card.fail(
+                f"TYPE={written} isn't supported; expected ISO, ORTHO, "
                 "ENGINEERING CONSTANTS or ANISO"
             )
-        count = {"ISO": 2, "ANISO": 21}.get(kind, 9)
-        values = _constant(card, count, _EXPECTED[kind])
+        values = _constant(card, *_CONSTANTS[kind])
         if kind == "ISO":
             material.isotropic = (float(values[0]), float(values[1]))
         elif kind == "ORTHO":
-            material.matrix = _symmetric(values[:6], values[6:])
+            material.matrix = block_diag(_symmetric(values[:6]), np.diag(values[6:]))
         elif kind == "ANISO":
-            material.matrix = np.zeros((6, 6))
-            rows, columns = np.tril_indices(6)
-            material.matrix[rows, columns] = values
-            material.matrix[columns, rows] = values
+            material.matrix = _symmetric(values)
         else:
             material.matrix = _from_engineering(values, card.where())
 
@@ -176,7 +173,7 @@ class Sections:
         material = self._own(card)
         kind = card.parameters.get("TYPE", "ISO").upper()
         if not kind.startswith(("ISO", "ORTHO")):
-            raise InputError(f"{card.where()}: TYPE={kind} isn't supported; expected ISO or ORTHO")
+            card.fail(f"TYPE={kind} isn't supported; expected ISO or ORTHO")
         count = 1 if kind.startswith("ISO") else 3
         material.expansion = np.broadcast_to(_constant(card, count, "coefficients"), (3,))
 
@@ -192,13 +189,13 @@ class Sections:
         values = rows[0] if rows else []
         turned = len(rows) > 2 or (len(rows) == 2 and rows[1][-1] != 0.0)
         if len(values) not in (6, 9) or turned:
-            raise InputError(
-                f"{card.where()}: got {len(values)} numbers and {len(rows)} lines; expected one "
+            card.fail(
+                f"got {len(values)} numbers and {len(rows)} lines; expected one "
                 "line with the points a and b, and the origin where it isn't 0"
             )
         origin = np.array(values[6:] or [0.0] * 3)
-        a, b = np.array(values[:3]) - origin, np.array(values[3:6]) - origin
-        self.orientations.define(name, _axes(a, b, card), card.where())
+        frame = Frame.from_x(origin, np.array(values[:3]), np.array(values[3:6]), card.where())
+        self.orientations.define(name, frame.axes, card.where())
 
 
 def _finished(material: _Material, name: str, axes: Float | None, where: str) -> Material:
@@ -213,7 +210,7 @@ def _finished(material: _Material, name: str, axes: Float | None, where: str) ->
                 raise InputError(f"{card.where()}: {name}: {error}") from None
         own = _swapped(Isotropic(E, nu).stiffness())
     elif material.matrix is None:
-        raise InputError(f"{card.where()}: {name} has no *ELASTIC; expected one after it")
+        card.fail(f"{name} has no *ELASTIC; expected one after it")
     else:
         own = material.matrix
     if axes is None:
@@ -223,8 +220,8 @@ def _finished(material: _Material, name: str, axes: Float | None, where: str) ->
         )
     size = np.sqrt(np.abs(np.diag(own)))
     if not (size.all() and np.linalg.eigvalsh(own / np.outer(size, size))[0] > 0.0):
-        raise InputError(
-            f"{card.where()}: {name}: the stiffness isn't positive definite; expected constants "
+        card.fail(
+            f"{name}: the stiffness isn't positive definite; expected constants "
             "that give energy to every strain"
         )
     turn = strain_rotation(axes)
@@ -237,12 +234,12 @@ def _swapped(matrix: Float) -> Float:
     return np.asarray(matrix[np.ix_(_FROM_ABAQUS, _FROM_ABAQUS)])
 
 
-def _symmetric(normal: Float, shear: Float) -> Float:
-    """(6,6) from 11 12 22 13 23 33 and the three shear moduli."""
-    matrix = np.diag(np.concatenate([np.zeros(3), shear]))
-    rows, columns = np.tril_indices(3)
-    matrix[rows, columns] = normal
-    matrix[columns, rows] = normal
+def _symmetric(values: Float) -> Float:
+    """The matrix with these numbers 11 12 22 13 23 33 … in its upper half, column by column."""
+    size = int(np.sqrt(2 * len(values)))
+    matrix = np.zeros((size, size))
+    rows, columns = np.tril_indices(size)
+    matrix[rows, columns] = matrix[columns, rows] = values
     return matrix
 
 
@@ -253,21 +250,7 @@ def _from_engineering(values: Float, where: str) -> Float:
     compliance = np.diag(1.0 / E)
     for (i, j), one in zip(((0, 1), (0, 2), (1, 2)), nu, strict=True):
         compliance[i, j] = compliance[j, i] = -one / E[i]
-    matrix = np.diag(np.concatenate([np.zeros(3), G]))
-    matrix[:3, :3] = np.linalg.inv(compliance)
-    return matrix
-
-
-def _axes(a: Float, b: Float, card: Card) -> Float:
-    """Rows: unit vectors of the local axes; x' towards a, b in the x'y' plane."""
-    z = np.cross(a, b)
-    if not np.linalg.norm(z) > 1e-12 * np.linalg.norm(a) * np.linalg.norm(b):
-        raise InputError(
-            f"{card.where()}: points a and b lie on one line; got {a.tolist()}, {b.tolist()}; "
-            "expected two directions"
-        )
-    x, z = a / np.linalg.norm(a), z / np.linalg.norm(z)
-    return np.stack([x, np.cross(z, x), z])
+    return block_diag(np.linalg.inv(compliance), np.diag(G))
 
 
 def _constant(card: Card, count: int, expected: str) -> Float:
@@ -280,14 +263,13 @@ def _constant(card: Card, count: int, expected: str) -> Float:
         values += [number(text or "0", where) for text in row]
         lines.append(line)
     if len(values) < count:
-        raise InputError(f"{card.where()}: got {len(values)} numbers; expected {expected}")
+        card.fail(f"got {len(values)} numbers; expected {expected}")
     width = count + 1
     rows = [values[k : k + width] for k in range(0, len(values), width)]
     for k, other in enumerate(rows[1:], start=1):
         if other[:count] != rows[0][:count]:
             line = lines[min(k * len(lines) // len(rows), len(lines) - 1)]
-            raise InputError(
-                f"{card.where(line)}: depends on temperature; got {len(rows)} rows; expected one "
-                "row of constants"
+            card.fail(
+                f"depends on temperature; got {len(rows)} rows; expected one row of constants", line
             )
     return np.array(rows[0][:count])

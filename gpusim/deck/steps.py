@@ -14,7 +14,6 @@ from gpusim.deck.deck import Step
 from gpusim.deck.forces import Forces
 from gpusim.deck.initial_state import InitialStress, temperature_forces
 from gpusim.deck.materials import Body
-from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, number
 
 
@@ -61,40 +60,37 @@ class History:
             "STEP": self._step,
             "STATIC": self._static,
             "ENDSTEP": self._end,
-            "CLOAD": self._loads(self.forces.nodal, self.forces.clear_nodal),
-            "DLOAD": self._loads(self.forces.distributed, self.forces.clear_distributed),
-            "DSLOAD": self._loads(self.forces.surface, self.forces.clear_distributed),
+            "CLOAD": self._loads(self.forces.read_nodal, self.forces.nodal.clear),
+            "DLOAD": self._loads(self.forces.read_distributed, self.forces.clear_distributed),
+            "DSLOAD": self._loads(self.forces.read_surface, self.forces.clear_distributed),
             "TEMPERATURE": self._temperature,
         }
 
     def _loads(
-        self, read: Callable[[Card, Scale, int], None], clear: Callable[[], None]
+        self, read: Callable[[Card, Scale], None], clear: Callable[[], None]
     ) -> Callable[[Card], None]:
         def reader(card: Card) -> None:
-            self._inside(card)
             self._renew(card, clear)
-            read(card, self._scale(card), len(self.steps) + 1)
+            read(card, self._scale(card))
 
         return reader
 
     def _inside(self, card: Card) -> _Open:
         if self.open is None:
-            raise InputError(f"{card.where()}: outside of a step; expected *STEP before it")
+            card.fail("outside of a step; expected *STEP before it")
         return self.open
 
     def _renew(self, card: Card, clear: Callable[[], None]) -> None:
         """OP=NEW counts at the first card of its keyword in a step."""
-        operation = card.parameters.get("OP", "MOD").upper()
-        if operation not in ("MOD", "NEW"):
-            raise InputError(f"{card.where()}: OP={operation}; expected NEW or MOD")
         step = self._inside(card)
+        operation = card.parameters.get("OP", "MOD").upper()
         group = "DLOAD" if card.keyword == "DSLOAD" else card.keyword
         if group not in step.seen and operation == "NEW":
             clear()
         step.seen.add(group)
 
     def _scale(self, card: Card) -> Scale:
-        return self.amplitudes.scale(card, self._inside(card).period)
+        return self.amplitudes.scale(card, len(self.steps) + 1, self._inside(card).period)
 
     def _initial(self, card: Card) -> None:
         kind = card.parameters.get("TYPE", "").upper()
@@ -102,9 +98,7 @@ class History:
             self.stress.read(card)
             return
         if kind != "TEMPERATURE":
-            raise InputError(
-                f"{card.where()}: TYPE={kind} isn't supported; expected TEMPERATURE or STRESS"
-            )
+            card.fail(f"TYPE={kind} isn't supported; expected TEMPERATURE or STRESS")
         for nodes, value in self._node_values(card):
             self.initial[nodes] = value
 
@@ -133,29 +127,21 @@ class History:
         self.constraints.ties += read_tie(card, self.body.content, self.body.labelled)
 
     def _boundary(self, card: Card) -> None:
-        kind = card.parameters.get("TYPE", "DISPLACEMENT").upper()
-        if kind != "DISPLACEMENT":
-            raise InputError(
-                f"{card.where()}: TYPE={kind} isn't supported; expected TYPE=DISPLACEMENT"
-            )
         if self.open is None:
-            self.constraints.boundary(card, Scale(1.0, 0), in_step=False)
+            self.constraints.boundary(card, Scale())
             return
         self._renew(card, self.constraints.clear)
-        self.constraints.boundary(card, self._scale(card), in_step=True)
+        self.constraints.boundary(card, self._scale(card))
 
     def _step(self, card: Card) -> None:
         if self.open is not None:
-            raise InputError(
-                f"{card.where()}: inside of a step; expected *END STEP for the step of line "
-                f"{self.open.card.line}"
+            card.fail(
+                f"inside of a step; expected *END STEP for the step of line {self.open.card.line}"
             )
         if "PERTURBATION" in card.parameters and self.steps:
             # about a first step, a perturbation means that step's stress stiffness in CalculiX,
             # and its loads don't act: the first step of a linear analysis has neither
-            raise InputError(
-                f"{card.where()}: PERTURBATION about an earlier step; expected it in the first one"
-            )
+            card.fail("PERTURBATION about an earlier step; expected it in the first one")
         self.open = _Open(card)
 
     def _static(self, card: Card) -> None:
@@ -165,16 +151,14 @@ class History:
             if len(row) > 1 and row[1]:
                 step.period = number(row[1], card.where(line))
             if not step.period > 0.0:
-                raise InputError(
-                    f"{card.where(line)}: time of the step; got {step.period:g}; expected > 0"
-                )
+                card.fail(f"time of the step; got {step.period:g}; expected > 0", line)
             break
 
     def _end(self, card: Card) -> None:
         step = self._inside(card)
         self.open = None
         if not step.static:
-            raise InputError(f"{step.card.where()}: no procedure; expected *STATIC in the step")
+            step.card.fail("no procedure; expected *STATIC in the step")
         self.time += step.period
         factors = self.amplitudes.factors(self.time)
         fixed, prescribed, equations = self.constraints.assembled(factors)

@@ -9,6 +9,7 @@ In the order in which data passes:
 - `quadrature`: Quadrature on the reference cells and faces of ``gpusim.mesh.shape_functions``.
   Pure data.
 - `boundary`: Boundary faces of a mesh, outward oriented, with normals and areas.
+- `nearest_places`: Where on a face, flat or curved, the nearest place to a point is.
 - `quality`: Jacobians of the map from a reference cell, aspect ratio, distortion, bad cells.
 - `polygons`: Polygons as triangles and quadrilaterals that lie within them: cut at their dents.
 - `mesh`: The mesh: points, cells by type, and named sets.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -177,14 +177,14 @@ def _boundary(mesh: Cells) -> Faces:
     order, start, count = _matched(corners, mesh.node_count)
     crowded = np.flatnonzero(count > 2)
     if crowded.size:
-        bad = pairs(order[start[crowded[:5]]])[:, 0]
+        bad = pairs[order[start[crowded[:5]]], 0]
         raise InputError(
             f"mesh: {crowded.size} faces belong to more than two cells; got for example faces of "
             f"cells {', '.join(str(c) for c in bad)}; expected at most two cells per face"
         )
     if _width(mesh) > 4:
         inner = start[count == 2]
-        one, two = (set_faces(mesh, pairs(order[inner + side])) for side in (0, 1))
+        one, two = (set_faces(mesh, pairs[order[inner + side]]) for side in (0, 1))
         differ = np.sort(one.nodes[:, 4:], axis=1) != np.sort(two.nodes[:, 4:], axis=1)
         loose = np.flatnonzero(differ.any(axis=1))
         if loose.size:
@@ -194,7 +194,7 @@ def _boundary(mesh: Cells) -> Faces:
                 f"midside nodes; got for example cells {a} and {b}; expected the same nodes (no "
                 "linear cell beside a quadratic one)"
             )
-    return set_faces(mesh, pairs(np.sort(order[start[count == 1]])))
+    return set_faces(mesh, pairs[np.sort(order[start[count == 1]])])
 
 
 def _matched(corners: Int, node_count: int) -> tuple[Long, ...]:
@@ -263,28 +263,18 @@ def _width(mesh: Cells) -> int:
 _NO_NODE = np.int32(2**31 - 1)
 
 
-def _all_faces(
-    mesh: Cells,
-) -> tuple[Int, Callable[[Long], Long]]:
-    """Corners (A,4) of every face of every cell, and what gives (cell, local face) of some."""
+def _all_faces(mesh: Cells) -> tuple[Int, Int]:
+    """Corners (A,4) and pairs (A,2), cell and local face, of every face of every cell."""
     corners: list[Int] = []
-    border, first_cell, sides = [0], [0], [1]
+    pairs: list[Int] = []
     for kind, first, block in mesh.blocks():
         template = CELL_TYPES[kind].faces[:, :4]
         picked = np.take(block, np.maximum(template, 0).ravel(), axis=1).reshape(-1, 4)
         missing = np.flatnonzero(template[:, 3] < 0)
         picked.reshape(len(block), len(template), 4)[:, missing, 3] = _NO_NODE
         corners.append(picked)
-        border.append(border[-1] + len(picked))
-        first_cell.append(first)
-        sides.append(len(template))
-
-    def pairs(numbers: Long) -> Long:
-        part = np.searchsorted(border, numbers, side="right")
-        # an empty block ends where it starts: the search steps over it
-        inside = numbers - np.array(border)[part - 1]
-        per_cell = np.array(sides)[part]
-        cell = np.array(first_cell)[part] + inside // per_cell
-        return np.stack([cell, inside % per_cell], axis=1)
-
-    return np.concatenate(corners), pairs
+        sides = np.empty((len(block), len(template), 2), dtype=np.int32)
+        sides[..., 0] = np.arange(first, first + len(block))[:, None]
+        sides[..., 1] = np.arange(len(template))
+        pairs.append(sides.reshape(-1, 2))
+    return np.concatenate(corners), np.concatenate(pairs)

@@ -145,15 +145,13 @@ class Mesh:
     @classmethod
     def trusted(cls, points: Float, cells: Mapping[str, Int]) -> Mesh:
         """A mesh of what has been checked already, without named sets; arrays aren't copied."""
-        mesh = object.__new__(cls)
-        values: dict[str, Any] = {"points": points, "cells": MappingProxyType(dict(cells))}
-        for name in ("node_sets", "face_sets", "cell_sets"):
-            values[name] = MappingProxyType({})
         points.setflags(write=False)
         for block in cells.values():
             block.setflags(write=False)
-        for name, value in values.items():
-            object.__setattr__(mesh, name, value)
+        mesh = object.__new__(cls)
+        names = "node_sets", "face_sets", "cell_sets"
+        mesh.__dict__.update(dict.fromkeys(names, MappingProxyType({})))  # past the frozen class
+        mesh.__dict__.update(points=points, cells=MappingProxyType(dict(cells)))
         return mesh
 
     def moved(self, displacement: npt.ArrayLike) -> Mesh:

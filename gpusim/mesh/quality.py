@@ -21,19 +21,11 @@ from gpusim.mesh.shape_functions import reference_nodes, shape_gradients
 CELLS_IN_CACHE = 8192
 
 
-def corner_jacobians(kind: str, nodes: Float) -> Float:
-    """Triple product of the three edges at each corner of the straight cell, (M,C).
-
-    ``nodes`` is (M,k,3). All positive means that the cell isn't inverted at a corner. C = 8 for
-    hexahedra, 6 wedges, 4 pyramids (the base), 1 tetrahedra.
-    """
-    return np.stack([triple_product(*edges) for edges in corner_edges(kind, nodes)], axis=1)
-
-
 def least_jacobian(kind: str, points: Float, cells: Int) -> Float:
     """(M,) least Jacobian of each cell, <= 0 if it can't be used.
 
-    Of a linear cell the least one at its corners; of a quadratic one the least determinant at the
+    Of a linear cell the least one at its corners, of the three edges there (not at a pyramid's
+    apex; one of a tetrahedron stands for all); of a quadratic one the least determinant at the
     points of its full quadrature rule, where the stiffness is integrated.
     """
     least = np.empty(len(cells))
@@ -41,7 +33,8 @@ def least_jacobian(kind: str, points: Float, cells: Int) -> Float:
         part = slice(start, start + CELLS_IN_CACHE)
         nodes = points[cells[part]]
         if CELL_TYPES[kind].linear == kind:
-            least[part] = corner_jacobians(kind, nodes).min(axis=1)
+            corners = [triple_product(*edges) for edges in corner_edges(kind, nodes)]
+            least[part] = np.min(corners, axis=0)
         else:
             place, _ = cell_rule(kind, FULL_POINTS[kind])
             determinant, _ = map_jacobians(kind, nodes, place)

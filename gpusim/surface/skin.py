@@ -15,8 +15,9 @@ from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh import Faces, Mesh
+from gpusim.mesh.nearest_places import nearest_places
 from gpusim.mesh.polygons import cut_at_dents
-from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions
 from gpusim.surface.frames import Frame, face_normals
 from gpusim.surface.paint import Paint
 from gpusim.surface.surface import Surface
@@ -229,9 +230,6 @@ class Skin:
         bulge = np.where(real, np.abs(np.einsum("fki,fi->fk", own, normal)), 0.0).max(axis=1)
         low, high = self.mesh.bounds
         tolerance = 1e-6 * float(np.max(high - low))
-        names = np.empty(len(faces), dtype=object)
-        for name, rows in faces.kinds():
-            names[rows] = name
         reach = 1.5 * radius + tolerance
         of_point: list[Long] = []
         around = scipy.spatial.cKDTree(centre).query_ball_point(points, reach.max())
@@ -243,14 +241,8 @@ class Skin:
             of_point.append(np.sort(some[near & (off <= 2.0 * bulge[some] + tolerance)]))
         owner = np.repeat(np.arange(len(points)), [len(rows) for rows in of_point])
         face = np.concatenate([np.zeros(0, np.int64), *of_point])
-        outside, share = np.full(len(face), np.inf), np.zeros((len(face), faces.nodes.shape[1]))
-        for name in np.unique(names[face].astype(str)):
-            some = np.flatnonzero(names[face] == name)
-            columns = list(FACE_TYPES[name])
-            place = faces.points[faces.nodes[face[some]][:, columns]]
-            beyond, distance, part = _nearest(name, place, points[owner[some]])
-            outside[some] = np.where(distance <= tolerance, beyond, np.inf)
-            share[some[:, None], columns] = part
+        outside, distance, share = nearest_places(faces, face, points[owner])
+        outside[~(distance <= tolerance)] = np.inf
         order = np.lexsort((outside, owner))
         which, first = np.unique(owner[order], return_index=True)
         best = order[first]
@@ -263,31 +255,3 @@ class Skin:
             )
         nodes = np.maximum(faces.nodes[face[best]], 0).astype(np.int32)
         return nodes, share[best]
-
-
-def _nearest(name: str, nodes: Float, point: Float) -> tuple[Float, Float, Float]:
-    """How far outside their faces (reference coordinates) the nearest places of the extended faces
-    (n, k, 3) to points (n, 3) are, their distances, and the shape functions (n, k) there.
-    Gauss-Newton iteration, all at once."""
-    triangle = name.startswith("tri")
-    xi = np.full((len(point), 2), 1.0 / 3.0 if triangle else 0.0)
-    left = np.arange(len(point))
-    for _ in range(30):
-        own, at = nodes[left], xi[left]
-        slope = np.einsum("nka,nkd->nad", own, shape_gradients(name, at))
-        gap = point[left] - np.einsum("nk,nka->na", shape_functions(name, at), own)
-        step = np.einsum("nda,na->nd", np.linalg.pinv(slope), gap)
-        xi[left] = np.clip(at + step, -3.0, 3.0)
-        # a place beside its face stays at a limit: that is no reason to go on with all the others
-        left = left[np.abs(xi[left] - at).max(axis=1) >= 1e-13]
-        if not left.size:
-            break
-    share = shape_functions(name, xi)
-    a, b = xi.T
-    outside = (
-        np.maximum(np.maximum(-a, -b), a + b - 1.0)
-        if triangle
-        else np.maximum(np.abs(a), np.abs(b)) - 1.0
-    )
-    gap = point - np.einsum("nk,nka->na", share, nodes)
-    return outside, np.linalg.norm(gap, axis=1), share

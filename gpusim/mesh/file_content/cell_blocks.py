@@ -16,7 +16,13 @@ from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.file_content.numbering import FLAT_CORNERS, REFUSED_SOLIDS, dimension_of
+from gpusim.mesh.file_content.numbering import (
+    FLAT_CORNERS,
+    REFUSED_SOLIDS,
+    Sides,
+    dimension_of,
+    local_faces,
+)
 from gpusim.mesh.mesh import Mesh
 
 
@@ -212,6 +218,26 @@ def match_faces(mesh: Mesh, wanted: Long) -> tuple[Long, Bool]:
     return owner[np.where(hit, best[asked], 0)] if len(owner) else np.zeros(
         (len(wanted), 2), dtype=np.int64
     ), hit
+
+
+def side_pairs(mesh: Mesh, cell: Long, side: Long, order: Sides, labels: Long, where: str) -> Long:
+    """(K,2) pairs (cell, local face) of a program's sides (K,), from 0 and in its ``order``.
+
+    Raises InputError for a side that a cell hasn't got; ``labels`` (K,) are the file's numbers of
+    the cells.
+    """
+    local = np.full(len(cell), -1)
+    for kind, first, block in mesh.blocks():
+        table = local_faces(kind, order)
+        mine = (cell >= first) & (cell < first + len(block))
+        wrong = np.flatnonzero(mine & ((side < 0) | (side >= len(table))))
+        if wrong.size:
+            raise InputError(
+                f"{where}: element {labels[wrong[0]]} has no face {side[wrong[0]] + 1}; expected "
+                f"1 … {len(table)} for {kind}"
+            )
+        local[mine] = table[side[mine]]
+    return np.stack([cell, local], axis=1)
 
 
 _CELLS = re.compile(r"(?<=got )(?:for example )?(?:faces of )?cells? (\d+(?:(?:, | and )\d+)*)")

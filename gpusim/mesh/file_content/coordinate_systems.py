@@ -23,13 +23,13 @@ class Frame:
     @classmethod
     def from_x(cls, origin: Float, x: Float, xy: Float, where: str) -> Frame:
         """x through the point ``x``, y on the side of the point ``xy``. Raises InputError."""
-        first, normal = _directions(x - origin, xy - origin, where)
+        first, normal = _directions(origin, x, xy, where)
         return cls(origin, np.stack([first, np.cross(normal, first), normal]))
 
     @classmethod
     def from_z(cls, origin: Float, z: Float, xz: Float, where: str) -> Frame:
         """z through the point ``z``, x on the side of the point ``xz``. Raises InputError."""
-        third, normal = _directions(z - origin, xz - origin, where)
+        third, normal = _directions(origin, z, xz, where)
         return cls(origin, np.stack([np.cross(normal, third), normal, third]))
 
     def place(self, points: Float) -> Float:
@@ -37,12 +37,16 @@ class Frame:
         return np.asarray(self.origin + points @ self.axes)
 
 
-def _directions(first: Float, second: Float, where: str) -> tuple[Float, Float]:
-    """Unit vectors along ``first`` and normal to both."""
+def _directions(origin: Float, one: Float, other: Float, where: str) -> tuple[Float, Float]:
+    """Unit vectors from the origin to ``one`` point, and normal to those to both."""
+    first, second = one - origin, other - origin
     normal = np.cross(first, second)
     size = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
     if not float(np.linalg.norm(normal)) > _MIN_SINE * size > 0.0:
-        raise InputError(f"{where}: got three points on one line; expected three that span a plane")
+        raise InputError(
+            f"{where}: got three points on one line, {origin.tolist()}, {one.tolist()}, "
+            f"{other.tolist()}; expected three that span a plane"
+        )
     return first / np.linalg.norm(first), normal / np.linalg.norm(normal)
 
 

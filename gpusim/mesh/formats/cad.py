@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.util import find_spec
 from os import PathLike
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble
+from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble, index_of
 from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, from_gmsh_order
 from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, set_sizes
 from gpusim.mesh.mesh import Mesh
@@ -37,12 +36,8 @@ _BYTES_PER_ELEMENT = 300  # of what Gmsh takes
 _LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A volume or surface of the geometry, with the names of the sets that it belongs to."""
-
-    tag: int
-    names: tuple[str, ...]
+Parts = dict[int, list[str]]
+"""Volumes or surfaces of the geometry, by tag, with the names of the sets that they belong to."""
 
 
 def mesh_cad(
@@ -179,11 +174,11 @@ def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
                 f"{file.path}: no solid; got {len(surfaces)} faces; expected a closed body"
             )
         _refuse_too_many(gmsh, file, options.size, options.scale)
-        named = {
-            name: [(d, part.tag) for d, group in ((3, volumes), (2, surfaces))
-                   for part in group if name in part.names]
-            for name in {n for part in (*volumes, *surfaces) for n in part.names}
-        }  # fmt: skip
+        named: dict[str, list[tuple[int, int]]] = {}
+        for dimension, parts in ((3, volumes), (2, surfaces)):
+            for tag, names in parts.items():
+                for name in names:
+                    named.setdefault(name, []).append((dimension, tag))
         set_sizes(gmsh, options, named)
         _generate(gmsh, options)
         _refuse_errors(gmsh, file.path)
@@ -266,16 +261,14 @@ def _load(gmsh: Any, file: InputFile, copy: Path) -> None:
     gmsh.model.occ.synchronize()
 
 
-def _parts(gmsh: Any, dimension: int) -> list[_Part]:
-    """Volumes or surfaces with the names of their sets."""
+def _parts(gmsh: Any, dimension: int) -> Parts:
     word = "solid" if dimension == 3 else "face"
-    parts = []
+    parts: Parts = {}
     for number, (_, tag) in enumerate(gmsh.model.getEntities(dimension), start=1):
         label = str(gmsh.model.getEntityName(dimension, tag)).rsplit("/", maxsplit=1)[-1].strip()
-        names = [f"{word}_{number}"]
+        parts[tag] = [f"{word}_{number}"]
         if label and not label.startswith(_NAMELESS):
-            names.append(label)
-        parts.append(_Part(tag, tuple(names)))
+            parts[tag].append(label)
     return parts
 
 
@@ -297,29 +290,25 @@ def _generate(gmsh: Any, ask: CadOptions) -> None:
         mesh.setOrder(2)
 
 
-def _collect(
-    gmsh: Any, volumes: Sequence[_Part], surfaces: Sequence[_Part], scale: float
-) -> RawMesh:
+def _collect(gmsh: Any, volumes: Parts, surfaces: Parts, scale: float) -> RawMesh:
     """The elements of volumes and surfaces."""
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     tags = np.asarray(tags, dtype=np.int64)
     order = np.argsort(tags, kind="stable")
-    number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
-    number[tags[order]] = np.arange(len(tags))
     points = np.asarray(coordinates, dtype=np.float64).reshape(-1, 3)[order] * scale
     blocks = []
     # a lone solid needs no set unless the file names it
     plain = len(volumes) == 1
     for dimension, parts in ((3, volumes), (2, surfaces)):
-        for part in parts:
-            types, _, nodes = gmsh.model.mesh.getElements(dimension, part.tag)
-            names = part.names[1:] if dimension == 3 and plain else part.names
+        for tag, names in parts.items():
+            types, _, nodes = gmsh.model.mesh.getElements(dimension, tag)
+            sets = names[1:] if dimension == 3 and plain else names
             for type_, flat in zip(types, nodes, strict=True):
                 kind = GMSH_KINDS.get(int(type_), f"Gmsh type {type_}")
                 if kind not in NODES:
                     raise InputError(f"mesh_cad: got elements of {kind}; expected order 1 or 2")
-                rows = number[np.asarray(flat, dtype=np.int64)].reshape(-1, NODES[kind])
-                every = np.arange(len(rows))
-                groups = {name: every for name in names}
+                rows = index_of(tags[order], np.asarray(flat, dtype=np.int64))
+                rows = rows.reshape(-1, NODES[kind])
+                groups = dict.fromkeys(sets, np.arange(len(rows)))
                 blocks.append(RawBlock(kind, from_gmsh_order(kind, rows), groups))
     return RawMesh(points, tuple(blocks))

@@ -7,9 +7,9 @@ of the Exodus II manual (Schoof & Yarberry, SAND92-2137, section 4.8 and 4.9).
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,16 +19,10 @@ from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.files.hdf5_file import read_hdf5
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.mesh.file_content.numbering import EXODUS_SIDES, from_upright_first, local_faces
+from gpusim.mesh.file_content.cell_blocks import side_pairs
+from gpusim.mesh.file_content.faults import file_faults
+from gpusim.mesh.file_content.numbering import EXODUS_SIDES, from_upright_first
 from gpusim.mesh.mesh import Mesh
-
-T = TypeVar("T")
-
-# What the readers of the containers raise on damaged files, whatever place the damage is in.
-_DAMAGE = (
-    ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, RuntimeError,
-    SyntaxError, TypeError, ValueError,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +51,7 @@ class ExodusContent:
 
     def array(self, name: str) -> npt.NDArray[Any]:
         if name not in self.arrays:
-            raise InputError(f"{self.path}: not a complete Exodus file; got no variable {name!r}")
+            raise InputError(f"{self.path}: no variable {name!r}; expected a complete Exodus file")
         return self.arrays[name]
 
     def names(self, name: str, ids: str, default: str, count: int) -> list[str]:
@@ -76,22 +70,6 @@ class ExodusContent:
         return sorted(found, key=lambda name: int(name[len(prefix) :]))
 
 
-def guarded(file: InputFile, read: Callable[[], T]) -> T:
-    try:
-        return read()
-    except InputError as error:
-        text = str(error)
-        raise InputError(
-            text if text.startswith(str(file.path)) else f"{file.path}: {text}"
-        ) from None
-    except (OSError, *_DAMAGE) as error:
-        # SciPy meets damage in many ways
-        raise InputError(
-            f"{file.path}: damaged or cut off ({type(error).__name__}: {str(error)[:200]}); "
-            "expected a complete Exodus file"
-        ) from None
-
-
 def _is_hdf5(file: InputFile) -> bool:
     return file.data[:8] == b"\x89HDF\r\n\x1a\n"
 
@@ -100,29 +78,27 @@ def exodus_content(file: InputFile) -> ExodusContent:
     """The variables; of HDF5 files without the values over time."""
     if file.data[:4] in (b"CDF\x01", b"CDF\x02"):
         with netcdf_file(file.stream(), "r", mmap=False) as classic:
-            kinds = {
-                name: _text(one.elem_type)
+            variables = {
+                name: (np.asarray(one.data), getattr(one, "elem_type", ""))
                 for name, one in classic.variables.items()
-                if name.startswith("connect") and hasattr(one, "elem_type")
             }
-            arrays = {name: np.asarray(one.data) for name, one in classic.variables.items()}
     elif _is_hdf5(file):
-        found = read_hdf5(file, "(?!vals_)[^/]*")
-        kinds = {
-            name: _text(one.attributes["elem_type"])
-            for name, one in found.items()
-            if name.startswith("connect") and "elem_type" in one.attributes
+        variables = {
+            name: (one.data, one.attributes.get("elem_type", ""))
+            for name, one in read_hdf5(file, "(?!vals_)[^/]*").items()
+            if one.data is not None
         }
-        arrays = {name: one.data for name, one in found.items() if one.data is not None}
     else:
         raise InputError(
             f"{file.path}: not an Exodus file; got first bytes {file.data[:8]!r}; expected netCDF "
             "(classic, 64-bit offset, or netCDF-4)"
         )
-    light = {
-        name: array if name.startswith("vals_") else native(array) for name, array in arrays.items()
+    arrays = {
+        name: array if name.startswith("vals_") else native(array)
+        for name, (array, _) in variables.items()
     }
-    return ExodusContent(file, light, kinds)
+    kinds = {name: _text(kind) for name, (_, kind) in variables.items()}
+    return ExodusContent(file, arrays, kinds)
 
 
 def native(data: Any) -> npt.NDArray[Any]:
@@ -141,6 +117,7 @@ def strings(letters: npt.NDArray[Any]) -> list[str]:
     return ["".join(c if c.isprintable() else "?" for c in text) for text in texts]
 
 
+_KIND = "complete Exodus file"
 PathLike = str | os.PathLike[str] | InputFile
 
 # Family and nodes of an element -> our type; Exodus writes "HEX", "HEX8", "TETRA10", "TET4", ...
@@ -178,16 +155,13 @@ class ExodusSteps:
 
     def values(self, names: Sequence[str], step: int) -> Float:
         """(N, names) float64 of variables at a step. Raises InputError for damage."""
-
-        def read() -> Float:
+        with file_faults(self._content.file, _KIND):
             new = [name for name in names if name not in self._kept]
             if new:
                 found = self._content.nodal([self.names.index(name) for name in new])
                 self._kept.update(zip(new, found, strict=True))
             columns = [native(self._kept[name][step]) for name in names]
             return np.stack(columns, axis=1).astype(np.float64)
-
-        return guarded(self._content.file, read)
 
 
 def read_exodus(path: PathLike) -> Mesh:
@@ -197,19 +171,15 @@ def read_exodus(path: PathLike) -> Mesh:
     blocks that aren't solids are left out. Raises InputError: not an Exodus file, cut off, no
     solid elements, an element type that isn't known.
     """
-    file = read_input(path, "an Exodus file")
-    return guarded(file, lambda: _mesh(exodus_content(file)))
+    return read_exodus_steps(path)[0]
 
 
 def read_exodus_steps(path: PathLike) -> tuple[Mesh, ExodusSteps]:
     """The mesh, and its nodal variables over time. Raises InputError as ``read_exodus``."""
     file = read_input(path, "an Exodus file")
-
-    def both() -> tuple[Mesh, ExodusSteps]:
+    with file_faults(file, _KIND):
         content = exodus_content(file)
         return _mesh(content), ExodusSteps(content)
-
-    return guarded(file, both)
 
 
 def _points(content: ExodusContent) -> Float:
@@ -262,9 +232,8 @@ def _mesh(content: ExodusContent) -> Mesh:
         for name, kind, numbers in zip(names, kinds, of_block, strict=True)
         if kind
     }
-    return Mesh(
-        points, cells, _node_sets(content), _face_sets(content, kind_of, cell_of), cell_sets
-    )
+    mesh = Mesh(points, cells, _node_sets(content), cell_sets=cell_sets)
+    return mesh.with_sets(face_sets=_face_sets(content, mesh, cell_of))
 
 
 def _kind(content: ExodusContent, connect: str, width: int) -> str:
@@ -293,7 +262,8 @@ def _node_sets(content: ExodusContent) -> dict[str, Int]:
     }
 
 
-def _face_sets(content: ExodusContent, kinds: npt.NDArray[np.str_], cells: Long) -> dict[str, Int]:
+def _face_sets(content: ExodusContent, mesh: Mesh, cell_of: Long) -> dict[str, Int]:
+    """``cell_of``: the cell of each element of the file, -1 for what isn't a solid."""
     lists = content.numbered("elem_ss")
     ids = [int(name[len("elem_ss") :]) for name in lists]
     names = content.names("ss_names", "ss_prop1", "sideset", max(ids, default=0))
@@ -301,25 +271,15 @@ def _face_sets(content: ExodusContent, kinds: npt.NDArray[np.str_], cells: Long)
     for name, number in zip(lists, ids, strict=True):
         element = content.array(name).astype(np.int64) - 1
         side = content.array(f"side_ss{number}").astype(np.int64) - 1
-        if len(element) and not (0 <= element.min() and element.max() < len(kinds)):
+        if len(element) and not (0 <= element.min() and element.max() < len(cell_of)):
             raise InputError(
                 f"{content.path}: {name}: got elements {element.min() + 1} to {element.max() + 1}; "
-                f"expected 1 to {len(kinds)}"
+                f"expected 1 to {len(cell_of)}"
             )
-        local = np.full(len(side), -1)
-        for kind in np.unique(kinds[element]):
-            if not kind:
-                continue
-            mine = kinds[element] == kind
-            table = local_faces(str(kind), EXODUS_SIDES)
-            if side[mine].min() < 0 or side[mine].max() >= len(table):
-                raise InputError(
-                    f"{content.path}: side_ss{number}: got side {side[mine].max() + 1}; "
-                    f"expected 1 … {len(table)} for {kind}"
-                )
-            local[mine] = table[side[mine]]
-        solid = local >= 0
-        found[names[number - 1]] = np.stack([cells[element[solid]], local[solid]], axis=1).astype(
-            np.int32
-        )
+        solid = cell_of[element] >= 0
+        pairs = side_pairs(
+            mesh, cell_of[element[solid]], side[solid], EXODUS_SIDES, element[solid] + 1,
+            f"side_ss{number}",
+        )  # fmt: skip
+        found[names[number - 1]] = pairs.astype(np.int32)
     return found

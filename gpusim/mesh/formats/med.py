@@ -17,6 +17,7 @@ from gpusim.errors import InputError
 from gpusim.files.hdf5_file import Hdf5Object, read_hdf5
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
+from gpusim.mesh.file_content.faults import file_faults
 from gpusim.mesh.file_content.numbering import MED_KINDS, NODES, right_handed_cells
 
 # numbers and names of nodes and cells, which groups don't refer to
@@ -31,14 +32,8 @@ def read_med(file: InputFile) -> RawMesh:
     isn't unstructured or not of Cartesian coordinates in space, profiles, damage.
     """
     objects = read_hdf5(file, "ENS_MAA/.*|FAS/.*")
-    try:
+    with file_faults(file, "complete MED file"):
         return _Reader(str(file.path), objects).read()
-    except InputError:
-        raise
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{file.path}: not a complete MED file ({type(error).__name__}: {error})"
-        ) from None
 
 
 class _Reader:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.unique import unique_rows
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, index_of
@@ -59,7 +59,7 @@ class _Reader(MshSource):
             elif name == "Nodes":
                 points, tags = (self._nodes41 if version == "4.1" else self._nodes22)()
             elif name == "Elements":
-                blocks = self._elements41() if version == "4.1" else _merged(self._elements22())
+                blocks = (self._elements41 if version == "4.1" else self._elements22)()
             elif name in ("PartitionedEntities", "GhostElements"):
                 self.fail("a partitioned mesh; expected the whole mesh in one part")
             elif name in _HARMLESS:
@@ -115,15 +115,13 @@ class _Reader(MshSource):
         return "4.1" if version == "4.1" else "2.2"
 
     def _next_section(self) -> str | None:
-        while self.at < len(self.data):
-            line = self.line()
-            if not line:
-                continue
-            if not re.fullmatch(r"\$(?!End)\w{1,40}", line, re.ASCII):
-                self.fail(f"got {line[:40]!r} after it; expected a section")
-            self.section = line[1:]
-            return self.section
-        return None
+        line = self.text_line()
+        if not line:
+            return None
+        if not re.fullmatch(r"\$(?!End)\w{1,40}", line, re.ASCII):
+            self.fail(f"got {line[:40]!r} after it; expected a section")
+        self.section = line[1:]
+        return self.section
 
     def _skip(self, name: str) -> None:
         mark = self.data.find(b"$End" + name.encode(), self.at)
@@ -133,9 +131,7 @@ class _Reader(MshSource):
         self.line()
 
     def _end(self, name: str) -> None:
-        line = ""
-        while self.at < len(self.data) and not line:
-            line = self.line()
+        line = self.text_line()
         if line != f"$End{name}":
             self.fail(f"got {line[:40]!r}; expected $End{name}: cut off, or wrong counts?")
 
@@ -227,51 +223,75 @@ class _Reader(MshSource):
     def _elements22(self) -> list[Block]:
         count = self._count(self.line())
         numbers = MshNumbers(self)
-        found: list[Block] = []
-        labels: list[Long] = []
-        contents: list[npt.NDArray[np.uint64]] = []
+        flat = numbers.rest()
+        runs = [np.zeros((0, 3), dtype=np.int64)]
         done = 0
         while done < count:
-            if self.binary:
-                type_, rows, tags = (int(n) for n in numbers.ints(3))
-                kind = self._kind(type_, tags)
-                width = 1 + tags + NODES[kind]
-                if rows == 1:  # Gmsh gives each element a head of its own
-                    self.at -= 12
-                    table = self.equal_head_records(width + 3, count - done)[:, 3:]
-                else:
-                    table = numbers.ints(rows * width).reshape(-1, width)
-            else:
-                type_, tags = (int(n) for n in numbers.whole(numbers.peek(3)[1:]))
-                kind = self._kind(type_, tags)
-                table = numbers.alike(3 + tags + NODES[kind], count - done)
-                table = np.delete(table, (1, 2), axis=1)
-            labels.append(table[:, 0])
-            table = table[:, 1:]
-            contents.append(_content(table[:, tags:]))
-            physical = table[:, 0] if tags else np.zeros(len(table), dtype=np.int64)
-            groups = [
-                (int(tag), np.flatnonzero(physical == tag)) for tag in np.unique(physical) if tag
-            ]
-            found.append((kind, table[:, tags:], groups))
-            done += len(table)
-            if not len(table):
-                self.fail(f"an empty block after {done} elements; expected {count}")
+            runs.append(self._run22(flat, numbers.at, count - done))
+            done += len(runs[-1])
+            first, type_, tags = runs[-1][-1].tolist()
+            numbers.at = first + (1 if self.binary else 3) + tags + NODES[GMSH_KINDS[type_]]
+        self.at += 4 * numbers.at if self.binary else 0
         numbers.done()
         if done != count:
             self.fail(f"got {done} elements; expected {count}, as its first line says")
-        if found:
-            self._refuse_different(np.concatenate(labels), np.concatenate(contents))
-        return found
+        return self._blocks22(flat, np.concatenate(runs))
 
-    def _refuse_different(self, labels: Long, contents: npt.NDArray[np.uint64]) -> None:
-        """An element is repeated for each of its groups; it is the same then."""
-        order = np.argsort(labels, kind="stable")
-        labels, contents = labels[order], contents[order]
-        wrong = (labels[1:] == labels[:-1]) & (contents[1:] != contents[:-1])
+    def _run22(self, flat: Long, at: int, most: int) -> Long:
+        """(M,3) of elements with the same head: places of their numbers, types, numbers of tags.
+
+        Text has number, type and number of tags; binary data have type, number of rows and of tags
+        before so many rows. Gmsh gives each element a head of its own.
+        """
+        if at + 3 > len(flat):
+            self.fail("it ends before its elements do: the file is cut off, or its counts wrong")
+        type_, rows, tags = flat[at : at + 3].tolist()
+        if not self.binary:
+            type_, rows = rows, 1
+        width = (4 if self.binary else 3) + tags + NODES[self._kind(type_, tags)]
+        if rows != 1:
+            at, width = at + 3, width - 3
+        room = (len(flat) - at) // width
+        if rows < 1 or room < 1 or (rows > 1 and room < rows):
+            self.fail(
+                f"it ends before its elements do, {rows} of type {type_}: the file is cut off"
+            )
+        if rows == 1:
+            heads = flat[at : at + room * width].reshape(-1, width)[:most, :3]
+            rows = _alike(heads if self.binary else heads[:, 1:])
+            at += 3 if self.binary else 0
+        first = np.arange(at, at + rows * width, width)
+        return np.stack([first, np.full(rows, type_), np.full(rows, tags)], axis=1)
+
+    def _blocks22(self, flat: Long, records: Long) -> list[Block]:
+        """One block a kind, an element once: it is repeated for each of its groups."""
+        first, types, tags = records.T
+        start = first + (1 if self.binary else 3)
+        blocks: list[Block] = []
+        named: list[Long] = []  # number of each row, and which of the different elements it is
+        for type_ in dict.fromkeys(types.tolist()):
+            rows = np.flatnonzero(types == type_)
+            nodes = flat[(start + tags)[rows, None] + np.arange(NODES[GMSH_KINDS[type_]])]
+            once, element = unique_rows(nodes)
+            named.append(np.stack([flat[first[rows]], sum(map(len, named)) + element], axis=1))
+            physical = np.where(tags[rows] > 0, flat[start[rows]], 0)
+            groups = [int(tag) for tag in np.unique(physical) if tag]
+            if len(groups) > 1:
+                nodes = nodes[once]
+            else:
+                element = np.arange(len(rows))
+            members = [(tag, element[physical == tag]) for tag in groups]
+            blocks.append((GMSH_KINDS[type_], nodes, members))
+        if named:
+            self._refuse_different(np.concatenate(named))
+        return blocks
+
+    def _refuse_different(self, named: Long) -> None:
+        ordered = named[np.lexsort(named.T[::-1])]
+        wrong = (ordered[1:, 0] == ordered[:-1, 0]) & (ordered[1:, 1] != ordered[:-1, 1])
         if wrong.any():
             self.fail(
-                f"element number {labels[1:][wrong][0]} names different nodes; expected each "
+                f"element number {ordered[1:][wrong][0, 0]} names different nodes; expected each "
                 "number once"
             )
 
@@ -305,29 +325,14 @@ class _Reader(MshSource):
 _NONE = np.zeros(0, dtype=np.int64)
 
 
-def _content(nodes: Long) -> npt.NDArray[np.uint64]:
-    """(M,) a number for each row of nodes that only equal rows have."""
-    random = np.random.default_rng(0).integers(2**63, size=nodes.shape[1], dtype=np.uint64)
-    return np.asarray((nodes.astype(np.uint64) * random).sum(axis=1, dtype=np.uint64))
-
-
-def _merged(blocks: list[Block]) -> list[Block]:
-    """One block per kind, an element once. Version 2.2 repeats it for each of its groups."""
-    merged: list[Block] = []
-    for kind in dict.fromkeys(kind for kind, _, _ in blocks):
-        same = [block for block in blocks if block[0] == kind]
-        nodes = np.ascontiguousarray(np.concatenate([rows for _, rows, _ in same]))
-        start = np.cumsum([0, *(len(rows) for _, rows, _ in same)])
-        groups = [
-            (tag, rows + first)
-            for (_, _, tagged), first in zip(same, start, strict=False)
-            for tag, rows in tagged
-        ]
-        if len({tag for tag, _ in groups}) > 1:
-            whole = nodes.view(np.dtype((np.void, nodes.dtype.itemsize * nodes.shape[1])))
-            _, first_of, name = np.unique(whole.ravel(), return_index=True, return_inverse=True)
-            kept = np.sort(first_of)
-            place = np.searchsorted(kept, first_of)[name]
-            nodes, groups = nodes[kept], [(tag, place[rows]) for tag, rows in groups]
-        merged.append((kind, nodes, groups))
-    return merged
+def _alike(heads: Long) -> int:
+    """How many of the first rows equal the first one. Looks at twice as many rows each time, so
+    that short runs in a long list stay cheap."""
+    looked = 1
+    while True:
+        looked = min(2 * looked, len(heads))
+        same = (heads[:looked] == heads[0]).all(axis=1)
+        if not same.all():
+            return int(np.argmin(same))
+        if looked == len(heads):
+            return looked

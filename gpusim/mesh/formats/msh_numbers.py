@@ -2,59 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
-
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.mesh.file_content.byte_source import ByteSource
 
 
-class MshSource:
+class MshSource(ByteSource):
     """A file and the place in it; ``section`` is the one that errors are about."""
 
     def __init__(self, file: InputFile) -> None:
-        self.source = str(file.path)
-        self.data = file.data
-        self.at = 0
+        super().__init__(file)
         self.section = "MeshFormat"
         self.binary = False
 
-    def fail(self, problem: str) -> NoReturn:
-        raise InputError(f"{self.source}: section ${self.section}: {problem}")
-
-    def line(self) -> str:
-        """The next line, stripped; "" at the end of the file."""
-        end = self.data.find(b"\n", self.at)
-        if end < 0:
-            end = len(self.data)
-        line = self.data[self.at : end]
-        self.at = min(end + 1, len(self.data))
-        try:
-            return line.decode("utf-8").strip()
-        except UnicodeDecodeError:
-            self.fail("bytes that are no text where a line of text is expected")
-
-    def take(self, layout: np.dtype[np.void] | str, count: int) -> npt.NDArray[np.void]:
-        """``count`` binary records, from here on."""
-        kind = np.dtype(layout)
-        if count < 0 or self.at + count * kind.itemsize > len(self.data):
-            self.fail(f"it ends before its {count} entries do: the file is cut off")
-        rows = np.frombuffer(self.data, dtype=kind, count=count, offset=self.at)
-        self.at += count * kind.itemsize
-        return rows
-
-    def equal_head_records(self, width: int, most: int) -> Long:
-        """(M, width) binary records with the same head, from here on."""
-        room = (len(self.data) - self.at) // (4 * width)
-        if room < 1:
-            self.fail("it ends before its elements do: the file is cut off")
-        ahead = np.frombuffer(self.data, "<i4", room * width, self.at).reshape(-1, width)
-        rows = _alike(ahead[:, :3], most)
-        self.at += 4 * rows * width
-        return ahead[:rows].astype(np.int64)
+    @property
+    def place(self) -> str:
+        return f"section ${self.section}"
 
 
 class MshNumbers:
@@ -76,19 +41,13 @@ class MshNumbers:
             source.fail(f"{error}; expected numbers")
         source.at = mark
 
-    def peek(self, count: int) -> Float:
-        """The next numbers, which stay where they are."""
-        assert self.text is not None
-        if self.at + count > len(self.text):
-            self.source.fail("its numbers end too soon: the file is cut off, or its counts wrong")
-        return self.text[self.at : self.at + count]
-
     def floats(self, count: int) -> Float:
         if self.text is None:
             return self.source.take("<f8", count).astype(np.float64)
-        part = self.peek(count)
+        if self.at + count > len(self.text):
+            self.source.fail("its numbers end too soon: the file is cut off, or its counts wrong")
         self.at += count
-        return part
+        return self.text[self.at - count : self.at]
 
     def ints(self, count: int) -> Long:
         return self._whole("<i4", count)
@@ -110,33 +69,15 @@ class MshNumbers:
             self.source.fail(f"got {part[wrong][0]}; expected a whole number")
         return part.astype(np.int64)
 
-    def alike(self, width: int, most: int) -> Long:
-        """(M, width) rows of an element list, as long as type and number of tags stay the same."""
-        assert self.text is not None
-        room = (len(self.text) - self.at) // width
-        if room < 1:
-            self.peek(width)
-        ahead = self.text[self.at : self.at + room * width].reshape(-1, width)
-        rows = _alike(ahead[:, 1:3], most)
-        return self._whole("", rows * width).reshape(rows, width)
+    def rest(self) -> Long:
+        """All whole numbers of a section of text; of binary data those up to the file's end."""
+        if self.text is not None:
+            return self.whole(self.text)
+        data, at = self.source.data, self.source.at
+        return np.frombuffer(data, "<i4", (len(data) - at) // 4, at).astype(np.int64)
 
     def done(self) -> None:
         """Refuse numbers that the section's counts don't speak of."""
         if self.text is not None and self.at != len(self.text):
             extra = len(self.text) - self.at
             self.source.fail(f"{extra} numbers more than its counts say; expected none")
-
-
-def _alike(heads: npt.NDArray[Any], most: int) -> int:
-    """How many of the first rows (at most ``most``) equal the first one. Looks at twice as many
-    rows each time, so that short runs in a long list stay cheap."""
-    most = min(most, len(heads))
-    looked = 1
-    while True:
-        wanted = min(2 * looked, most)
-        same = (heads[:wanted] == heads[0]).all(axis=1)
-        if not same.all():
-            return int(np.argmin(same))
-        if wanted == most:
-            return wanted
-        looked = wanted

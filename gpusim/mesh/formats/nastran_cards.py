@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import numpy as np
@@ -20,7 +20,8 @@ from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.text import Includes, text_lines
-from gpusim.mesh.formats.abaqus.cards import LARGEST
+from gpusim.mesh.formats.abaqus.cards import LARGEST, is_plain
+from gpusim.validation import nearest_name
 
 _EXPECTED = "Nastran bulk data"
 # a line of text: file, number, text without its comment
@@ -246,8 +247,7 @@ def check_card(card: BdfCard) -> None:
     if reason:
         card.fail(f"not supported: it {reason}; expected all nodes and elements as they are")
     if name not in _HARMLESS and not name.startswith(_FAMILIES):
-        close = get_close_matches(name, [*_READ, *_HARMLESS], n=1)
-        hint = f" (did you mean {close[0]}?)" if close else ""
+        hint = nearest_name(name, [*_READ, *_HARMLESS])
         card.fail(f"unknown card; expected Nastran bulk data{hint}")
 
 
@@ -276,32 +276,23 @@ def real(word: str, card: BdfCard) -> float:
 
 def integers(rows: Sequence[Sequence[str]], cards: Sequence[BdfCard]) -> Long:
     """(N,k) whole numbers of rows of words, one row of each card. Raises InputError."""
-    quick = _at_once(rows, np.dtype(np.int64))
-    if quick is None:
-        each = zip(rows, cards, strict=True)
-        return np.array(
-            [[integer(word, card) for word in row] for row, card in each], dtype=np.int64
-        )
-    return quick
+    return _table(rows, cards, integer, np.dtype(np.int64))
 
 
 def reals(rows: Sequence[Sequence[str]], cards: Sequence[BdfCard]) -> Float:
     """(N,k) coordinates of rows of words, one row of each card. Raises InputError."""
-    quick = _at_once(rows, np.dtype(np.float64))
-    if quick is None or not (np.abs(quick) <= LARGEST).all():
-        each = zip(rows, cards, strict=True)
-        return np.array(
-            [[real(word, card) for word in row] for row, card in each], dtype=np.float64
-        )
-    return quick
+    return _table(rows, cards, real, np.dtype(np.float64))
 
 
-def _at_once(rows: Sequence[Sequence[str]], kind: np.dtype[Any]) -> npt.NDArray[Any] | None:
-    """All words as numbers; None where one needs to be looked at by itself."""
-    text = "".join(word for row in rows for word in row)
-    if "_" in text or not text.isascii():  # which Python takes for numbers, and nobody else
-        return None
-    try:
-        return np.array(rows, dtype=kind)
-    except (ValueError, OverflowError):
-        return None
+def _table(
+    rows: Sequence[Sequence[str]], cards: Sequence[BdfCard],
+    one: Callable[[str, BdfCard], float], kind: np.dtype[Any],
+) -> npt.NDArray[Any]:  # fmt: skip
+    """All words as numbers at once, or ``one`` by one where that fails."""
+    if is_plain("".join(word for row in rows for word in row)):
+        with suppress(ValueError, OverflowError):
+            quick = np.array(rows, dtype=kind)
+            if (np.abs(quick) <= LARGEST).all():
+                return quick
+    each = zip(rows, cards, strict=True)
+    return np.array([[one(word, card) for word in row] for row, card in each], dtype=kind)

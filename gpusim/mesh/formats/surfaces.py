@@ -21,6 +21,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
+from gpusim.mesh.file_content.byte_source import ByteSource
 from gpusim.mesh.file_content.text import fail, numbers, statements, whole_numbers
 from gpusim.mesh.formats.gltf.primitives import gltf_faces
 from gpusim.mesh.formats.obj import read_obj
@@ -228,9 +229,10 @@ class _Text:
         return values
 
 
-class _Binary:
+class _Binary(ByteSource):
     def __init__(self, file: InputFile, start: int, order: str) -> None:
-        self.file, self.at, self.order = file, start, order
+        super().__init__(file, start)
+        self.order = order
 
     def rows(self, element: _Element) -> dict[str, Any]:
         if not any(counted for _, _, counted in element.properties):
@@ -242,11 +244,11 @@ class _Binary:
             sizes, start = {}, self.at
             for name, kind, counted in element.properties:
                 if counted:
-                    sizes[name] = int(self.take(np.dtype(self.order + counted), 1)[0])
+                    sizes[name] = int(self.take(self.order + counted, 1)[0])
                     if sizes[name] < 0:
-                        fail(self.file, f"a list of {sizes[name]} entries in {element.name}")
-                self.take(np.dtype(self.order + kind), sizes.get(name, 1))
-            rows = (len(self.file.data) - start) // (self.at - start)
+                        self.fail(f"a list of {sizes[name]} entries in {element.name}")
+                self.take(self.order + kind, sizes.get(name, 1))
+            rows = (len(self.data) - start) // (self.at - start)
             self.at = start
             table = self.table(element, min(rows, element.count - done), sizes)
             alike = np.ones(len(table[element.properties[0][0]]), dtype=bool)
@@ -270,17 +272,10 @@ class _Binary:
         try:
             dtype = np.dtype(fields)
         except ValueError as error:
-            fail(self.file, f"properties of {element.name}: {error}")
+            self.fail(f"properties of {element.name}: {error}")
         self.width = dtype.itemsize
         rows = self.take(dtype, count)
         return {name: rows[name] for name in rows.dtype.names or ()}
-
-    def take(self, dtype: np.dtype[Any], count: int) -> npt.NDArray[Any]:
-        if self.at + count * dtype.itemsize > len(self.file.data):
-            fail(self.file, f"byte {self.at}: ends before its {count} entries do: cut off")
-        rows = np.frombuffer(self.file.data, dtype, count, self.at)
-        self.at += count * dtype.itemsize
-        return rows
 
 
 _FORMATS = {".stl": stl, ".ply": ply, ".obj": obj, ".off": off, ".glb": gltf_faces,
@@ -306,19 +301,12 @@ def read_surface(
     >>> points.shape, faces.shape
     ((8, 3), (12, 4))
     """
-    return numbered_surface(path)[:2]
-
-
-def numbered_surface(
-    path: str | os.PathLike[str] | InputFile,
-) -> tuple[Float, Int, Long]:
-    """What `read_surface` returns, and which (F,) of the file's faces each is."""
     name = path.path if isinstance(path, InputFile) else Path(path)
     kind = _FORMATS.get(name.suffix.lower())
     if kind is None:
         raise InputError(f"{name}: got {name.suffix!r}; expected one of {', '.join(_FORMATS)}")
     file = read_input(path, "a file of faces")
-    return welded(str(name), *kind(file))
+    return welded(str(name), *kind(file))[:2]
 
 
 def welded(where: str, points: Float, faces: Long) -> tuple[Float, Int, Long]:

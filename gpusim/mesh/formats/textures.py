@@ -14,9 +14,9 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import fail, numbers, statements
-from gpusim.mesh.formats.gltf.base_colors import gltf_looks
+from gpusim.mesh.formats.gltf.base_colors import textured_gltf
 from gpusim.mesh.formats.obj import ObjFile, read_obj
-from gpusim.mesh.formats.surfaces import numbered_surface, welded
+from gpusim.mesh.formats.surfaces import welded
 
 TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")
 
@@ -85,18 +85,18 @@ def read_textured(path: str | os.PathLike[str] | InputFile) -> TexturedSurface:
         content = read_obj(file)
         if content.fault:
             raise InputError(content.fault)
-        points, faces, number = welded(str(file.path), content.points, content.faces)
+        points, corners = content.points, content.faces
         uv, material, materials = _obj(file, content)
     else:
-        points, faces, number = numbered_surface(file)
-        uv, material, materials = _gltf(file)
+        points, corners, triangles, material, looks = textured_gltf(file)
+        materials = tuple(FileMaterial(**look) for look in looks)
+        uv = np.concatenate([triangles, np.full((len(triangles), 1, 2), np.nan)], axis=1)
+    points, faces, number = welded(str(file.path), points, corners)
     return TexturedSurface(points, faces, uv[number], material[number], materials)
 
 
-Looks = tuple[Float, Int, tuple[FileMaterial, ...]]
-
-
-def _obj(file: InputFile, content: ObjFile) -> Looks:
+def _obj(file: InputFile, content: ObjFile) -> tuple[Float, Int, tuple[FileMaterial, ...]]:
+    """Texture coordinates, material of each face, and materials, as of `TexturedSurface`."""
     library: dict[str, _Look] = {}
     absent = ""
     for names in content.libraries:
@@ -180,9 +180,3 @@ def _picture_name(mtl: InputFile, rest: str, look: _Look, line: int) -> str:
 
 # a number, or a word, with something behind it
 _ARGUMENT = (re.compile(r"(\S+)\s+"), re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s+"))
-
-
-def _gltf(file: InputFile) -> Looks:
-    triangles, material, looks = gltf_looks(file)
-    uv = np.concatenate([triangles, np.full((len(triangles), 1, 2), np.nan)], axis=1)
-    return uv, material, tuple(FileMaterial(**look) for look in looks)

@@ -6,7 +6,6 @@ Format: "VTK File Formats", docs.vtk.org, simple legacy formats.
 from __future__ import annotations
 
 import re
-from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.mesh.file_content.byte_source import ByteSource
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh
 from gpusim.mesh.file_content.numbering import NODES, VTK_KINDS, right_handed_wedges
 
@@ -72,41 +72,37 @@ def read_vtk(file: InputFile) -> RawMesh:
     return _Reader(file).read()
 
 
-class _Reader:
+class _Reader(ByteSource):
     def __init__(self, file: InputFile) -> None:
-        self.source = str(file.path)
-        self.data = file.data
-        self.at = 0
+        super().__init__(file)
         self.what = "header"
         self.binary = False
 
-    def fail(self, problem: str) -> NoReturn:
-        raise InputError(f"{self.source}: {self.what}, byte {self.at}: {problem}")
+    @property
+    def place(self) -> str:
+        return f"{self.what}, byte {self.at}"
 
     def read(self) -> RawMesh:
         self._header()
         points: Float | None = None
         lists: tuple[Long, Long] | None = None  # node numbers, and where those of a cell end
         types: Long | None = None
-        while self.at < len(self.data):
-            words = self._line().split()
-            if not words:
-                continue
+        while words := self.text_line().split():
             self.what = words[0].upper()
             if self.what == "DATASET":
                 if words[1:] != ["UNSTRUCTURED_GRID"]:
                     self.fail(f"got {' '.join(words[1:])[:40]}; expected UNSTRUCTURED_GRID")
             elif self.what == "POINTS":
-                flat = self._take(3 * self._count(words, 1), self._layout(words, 2))
+                flat = self._numbers(3 * self._count(words, 1), self._layout(words, 2))
                 points = flat.astype(np.float64).reshape(-1, 3)
             elif self.what == "CELLS":
                 lists = self._cells(self._count(words, 1), self._count(words, 2))
             elif self.what == "CELL_TYPES":
-                types = self._take(self._count(words, 1), ">i4").astype(np.int64)
+                types = self._numbers(self._count(words, 1), ">i4").astype(np.int64)
             elif self.what in ("POINT_DATA", "CELL_DATA"):
                 break  # what follows is no geometry
             elif self.what == "METADATA":
-                while self.at < len(self.data) and self._line():
+                while self.line():
                     pass
             elif self.what == "FIELD":
                 self._skip_fields(self._count(words, 2))
@@ -130,21 +126,10 @@ class _Reader:
         for _ in range(2):  # the second line is a title of any letters
             end = self.data.find(b"\n", self.at)
             self.at = len(self.data) if end < 0 else end + 1
-        mode = self._line().upper()
+        mode = self.line().upper()
         if mode not in ("ASCII", "BINARY"):
             self.fail(f"got {mode[:40]!r}; expected ASCII or BINARY")
         self.binary = mode == "BINARY"
-
-    def _line(self) -> str:
-        end = self.data.find(b"\n", self.at)
-        end = len(self.data) if end < 0 else end
-        line = self.data[self.at : end]
-        try:
-            text = line.decode("utf-8").strip()
-        except UnicodeDecodeError:
-            self.fail("bytes that are no text where a line of text is expected: damaged?")
-        self.at = end + 1
-        return text
 
     def _count(self, words: list[str], place: int) -> int:
         if len(words) <= place or not re.fullmatch(r"\d{1,15}", words[place]):
@@ -157,27 +142,13 @@ class _Reader:
             self.fail(f"got numbers of type {name[:40]!r}; expected one of {', '.join(_TYPES)}")
         return _TYPES[name.lower()]
 
-    def _take(self, count: int, layout: str) -> npt.NDArray[np.number]:
+    def _numbers(self, count: int, layout: str) -> npt.NDArray[np.number]:
         """``count`` numbers from here on."""
         if self.binary:
-            kind = np.dtype(layout)
-            if self.at + count * kind.itemsize > len(self.data):
-                self.fail(f"ends before its {count} numbers do: the file is cut off")
-            rows = np.frombuffer(self.data, kind, count, self.at)
-            self.at += count * kind.itemsize
-            return rows
-        words: list[bytes] = []
-        while len(words) < count and self.at < len(self.data):
-            # whole lines: a first guess at their length, then one by one
-            ahead = self.data.find(b"\n", self.at + 2 * (count - len(words)))
-            end = len(self.data) if ahead < 0 else ahead
-            part = self.data[self.at : end].split()
-            if len(words) + len(part) > count:
-                end = self.data.find(b"\n", self.at)
-                end = len(self.data) if end < 0 else end
-                part = self.data[self.at : end].split()
-            words += part
-            self.at = end + 1
+            return self.take(layout, count)
+        words = self.data[self.at :].split(None, count)
+        rest = words.pop() if len(words) > count else b""
+        self.at = len(self.data) - len(rest)
         if len(words) != count:
             self.fail(f"got {len(words)} numbers; expected {count}: cut off, or damaged?")
         try:
@@ -188,19 +159,17 @@ class _Reader:
     def _cells(self, count: int, size: int) -> tuple[Long, Long]:
         """Node numbers of all cells, and where those of each end."""
         if self.data[self.at : self.at + 7] == b"OFFSETS":  # version 5
-            offsets = self._take(count, self._layout(self._line().split(), 1)).astype(np.int64)
-            words: list[str] = []
-            while not words and self.at < len(self.data):
-                words = self._line().split()
+            offsets = self._numbers(count, self._layout(self.line().split(), 1)).astype(np.int64)
+            words = self.text_line().split()
             if words[:1] != ["CONNECTIVITY"]:
                 self.fail(f"got {' '.join(words)[:40]!r}; expected CONNECTIVITY")
-            nodes = self._take(size, self._layout(words, 1)).astype(np.int64)
+            nodes = self._numbers(size, self._layout(words, 1)).astype(np.int64)
             if count and offsets[0] != 0:
                 self.fail(f"OFFSETS begin with {offsets[0]}; expected 0")
             return nodes, offsets[1:]
         if count > size:
             self.fail(f"got {count} cells in {size} numbers; expected more numbers than cells")
-        flat = self._take(size, ">i4").astype(np.int64)
+        flat = self._numbers(size, ">i4").astype(np.int64)
         heads = np.empty(count, dtype=np.int64)  # where each cell's number of nodes is
         place = 0
         for cell in range(count):
@@ -218,23 +187,21 @@ class _Reader:
     def _skip_fields(self, count: int) -> None:
         """Arrays that belong to no point or cell: times, cycles, titles."""
         for _ in range(count):
-            words: list[str] = []
-            while not words and self.at < len(self.data):
-                words = self._line().split()
+            words = self.text_line().split()
             if words[:1] == ["METADATA"]:
                 self.fail("metadata within field data; expected arrays")
             size = self._count(words, 1) * self._count(words, 2)
             if words[3:4] == ["string"]:
                 self._skip_strings(size)
             else:
-                self._take(size, self._layout(words, 3))
+                self._numbers(size, self._layout(words, 3))
 
     def _skip_strings(self, count: int) -> None:
         for _ in range(count):
-            if self.at >= len(self.data):
+            if self.at_end:
                 self.fail(f"ends before its {count} strings do: the file is cut off")
             if not self.binary:
-                self._line()
+                self.line()
                 continue
             width = 8 >> (self.data[self.at] >> 6)  # of the length, by its first two bits
             length = int.from_bytes(self.data[self.at : self.at + width], "big")

@@ -71,8 +71,8 @@ _BOUND = frozenset(
 
 def _of_instance(card: Card, instance: Instance) -> list[Card]:
     if card.keyword in _BOUND:
-        raise InputError(
-            f"{card.where()}: inside of the part of instance {instance.name}; expected it in the "
+        card.fail(
+            f"inside of the part of instance {instance.name}; expected it in the "
             "assembly, or after it"
         )
     if card.keyword in _MATERIAL:
@@ -80,8 +80,8 @@ def _of_instance(card: Card, instance: Instance) -> list[Card]:
     if card.keyword not in _NAMES:
         return []
     if card.keyword == "ORIENTATION" and not np.array_equal(instance.turn, np.eye(3)):
-        raise InputError(
-            f"{card.where()}: inside of the turned instance {instance.name}; expected an "
+        card.fail(
+            f"inside of the turned instance {instance.name}; expected an "
             "orientation in a part that isn't turned"
         )
     own = {
@@ -110,12 +110,12 @@ def find_assembly(cards: Sequence[Card]) -> Assembly:
             if card.keyword == "PART":
                 key = card.parameters.get("NAME", "").upper()
                 if system is not None:
-                    raise InputError(
-                        f"{card.where()}: a part begins while {system.where()} is open; expected "
+                    card.fail(
+                        f"a part begins while {system.where()} is open; expected "
                         "an empty *SYSTEM before it, or the system inside of the part"
                     )
                 if key in parts:
-                    raise InputError(f"{card.where()}: a second part {key}; expected other names")
+                    card.fail(f"a second part {key}; expected other names")
                 parts[key] = inner
                 part_cards.append(card)
             elif card.keyword == "INSTANCE":
@@ -125,7 +125,7 @@ def find_assembly(cards: Sequence[Card]) -> Assembly:
             blocks.append((card, inner))
         elif card.keyword in _OPENING.values():
             if not blocks or _OPENING[blocks[-1][0].keyword] != card.keyword:
-                raise InputError(f"{card.where()}: ends nothing; expected *{card.shown[5:]} before")
+                card.fail(f"ends nothing; expected *{card.shown[5:]} before")
             blocks.pop()
         else:
             if card.keyword == "SYSTEM" and not blocks:
@@ -150,8 +150,8 @@ def _refuse_nesting(card: Card, inside: list[str]) -> None:
     wanted = ["ASSEMBLY"] if card.keyword == "INSTANCE" else []
     if inside != wanted:
         place = " of ".join(f"*{one}" for one in reversed(inside)) or "no assembly"
-        raise InputError(
-            f"{card.where()}: inside of {place}; expected it "
+        card.fail(
+            f"inside of {place}; expected it "
             f"{'inside of *ASSEMBLY' if wanted else 'by itself'} (an end is missing?)"
         )
 
@@ -161,25 +161,25 @@ def _instance(
 ) -> Instance:
     name, part = card.parameters.get("NAME", ""), card.parameters.get("PART", "")
     if not name or any(other.name.upper() == name.upper() for other in others):
-        raise InputError(f"{card.where()}: got NAME={name!r}; expected a name of its own")
+        card.fail(f"got NAME={name!r}; expected a name of its own")
     if part.upper() not in parts:
-        raise InputError(
-            f"{card.where()}: unknown part; got {part!r}; expected one of "
+        card.fail(
+            f"unknown part; got {part!r}; expected one of "
             f"{', '.join(parts) or 'none, none is defined'}"
         )
     rows = [[number(text or "0", where) for text in row] for where, row in card.records()]
     shift = np.array((rows[0] if rows else []) + [0.0] * (3 - len(rows[0] if rows else [])))
     turn = np.eye(3)
     if len(rows) > 2 or shift.shape != (3,) or (len(rows) == 2 and len(rows[1]) != 7):
-        raise InputError(
-            f"{card.where()}: got {len(rows)} lines; expected the shift in the first, and in a "
+        card.fail(
+            f"got {len(rows)} lines; expected the shift in the first, and in a "
             "second two points of the axis and the angle"
         )
     if len(rows) == 2:
         # the instance is shifted first, then turned about the axis
         a, b, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), rows[1][6]
         if not np.linalg.norm(b - a) > 0.0:
-            raise InputError(f"{card.where()}: no axis; got two equal points; expected two others")
+            card.fail("no axis; got two equal points; expected two others")
         turn = rotation(b - a, angle)
         shift = turn @ (shift - a) + a
     return Instance(name, [*parts[part.upper()], *inner], turn, shift)
@@ -217,8 +217,8 @@ def _scope(cards: Sequence[Card]) -> InpContent:
     twice = known[1:][known[1:] == known[:-1]]
     if twice.size:
         last = [block for block in blocks if twice[0] in block.labels][-1]
-        raise InputError(
-            f"{last.card.where()}: {twice.size} element numbers used twice; got element "
+        last.card.fail(
+            f"{twice.size} element numbers used twice; got element "
             f"{twice[0]}; expected each number once"
         )
     return content
@@ -289,7 +289,7 @@ def _part(cards: Sequence[Card]) -> InpContent:
     content = _scope(cards)
     for card in cards:
         if card.parameters.get("INSTANCE") and card.keyword in ("NSET", "ELSET"):
-            raise InputError(f"{card.where()}: INSTANCE inside of a part; expected it outside")
+            card.fail("INSTANCE inside of a part; expected it outside")
         read_set(card, content)
     return content
 

@@ -17,9 +17,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from itertools import pairwise
-from typing import Generic, TypeVar
+from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
@@ -167,6 +168,9 @@ class Card:
         file, line = (self.file, self.line) if number is None else self.text.place(number)
         return f"{file}:{line}: {self.shown}"
 
+    def fail(self, problem: str, number: int | None = None) -> NoReturn:
+        raise InputError(f"{self.where(number)}: {problem}")
+
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Line number and fields of each data line, without the blanks and quotes around them;
         empty ones at its end are left out."""
@@ -240,6 +244,7 @@ def _refuse_early_data(text: Lines) -> None:
 
 
 T = TypeVar("T")
+Number = TypeVar("Number", bound=np.generic)
 
 LARGEST = 1e60
 """Beyond it products of numbers (volumes, stresses) would leave the range of float64."""
@@ -312,6 +317,16 @@ class Names(Generic[T]):
 def is_plain(text: str) -> bool:
     """Whether Python takes nothing in it for a digit that other programs don't: 1_000, \u0663."""
     return "_" not in text and text.isascii()
+
+
+def numbers_at_once(texts: Sequence[str], kind: type[Number]) -> npt.NDArray[Number] | None:
+    """All texts as numbers; None where one has to be looked at by itself."""
+    if not is_plain("".join(texts)):
+        return None
+    try:
+        return np.array(texts, dtype=kind)
+    except (ValueError, OverflowError):
+        return None
 
 
 def number(text: str, where: str) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
-from gpusim.mesh.formats.abaqus.cards import Card, Names, is_plain, whole
+from gpusim.mesh.formats.abaqus.cards import Card, Names, numbers_at_once, whole
 from gpusim.mesh.formats.abaqus.elements import ElementBlock
 
 
@@ -167,7 +167,7 @@ def add_members(sets: Names[Long], name: str, labels: Long) -> None:
 def _name(card: Card, key: str) -> str:
     name = card.parameters.get(key, "")
     if not name:
-        raise InputError(f"{card.where()}: no name; got {card.shown}; expected {key}=name")
+        card.fail(f"no name; got {card.shown}; expected {key}=name")
     return name
 
 
@@ -211,12 +211,8 @@ def _range(row: list[str], where: str) -> tuple[int, int, int]:
 
 def _plain_numbers(card: Card) -> Long | None:
     """All data as whole numbers at once, or None where something else stands there."""
-    try:
-        text = ",".join(card.lines)
-        fields = [one for one in text.split(",") if one.strip()]
-        return np.array(fields, dtype=np.int64) if is_plain(text) else None
-    except (ValueError, OverflowError):
-        return None
+    fields = [one for one in ",".join(card.lines).split(",") if one.strip()]
+    return numbers_at_once(fields, np.int64)
 
 
 def _node_members(card: Card, content: InpContent) -> Long:
@@ -234,8 +230,6 @@ def _surface(card: Card, content: InpContent) -> None:
     if kind == "NODE":
         add_members(content.node_sets, name, _node_members(card, content))
         return
-    if kind != "ELEMENT":
-        raise InputError(f"{card.where()}: surface type; got TYPE={kind}; expected ELEMENT or NODE")
     pairs: list[Long] = [np.zeros((0, 2), dtype=np.int64)]
     for where, row in card.records():
         face = row[1].upper() if len(row) == 2 else ""

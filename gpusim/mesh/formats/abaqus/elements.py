@@ -10,7 +10,7 @@ import numpy as np
 from gpusim.arrays.array_types import Long
 from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
-from gpusim.mesh.formats.abaqus.cards import Card, is_plain, nearest, whole
+from gpusim.mesh.formats.abaqus.cards import Card, nearest, numbers_at_once, whole
 from gpusim.mesh.formats.abaqus.nodes import MAX_GENERATED
 
 # Solid element types that share nodes and node order with ours, but for the middles of C3D27, which
@@ -100,8 +100,8 @@ def _elements(card: Card) -> ElementBlock:
     written = card.parameters.get("TYPE", "").upper()
     width = ABAQUS_NODES.get(written, 0)
     if not width:
-        raise InputError(
-            f"{card.where()}: element type; got TYPE={written or '(none)'}; expected one of "
+        card.fail(
+            f"element type; got TYPE={written or '(none)'}; expected one of "
             f"{', '.join(SOLID_TYPES)}{nearest(written, list(SOLID_TYPES))}"
         )
     tokens: list[str] = []
@@ -110,13 +110,12 @@ def _elements(card: Card) -> ElementBlock:
         starts.append(len(tokens))
         stripped = text.rstrip().rstrip(",")
         tokens.extend(stripped.split(","))
-    try:
-        flat = np.array(tokens if is_plain("".join(card.lines)) else ["?"], dtype=np.int64)
-    except (ValueError, OverflowError):
+    flat = numbers_at_once(tokens, np.int64)
+    if flat is None:
         for k, row in card.rows():
             for field in row:
                 whole(field, card.where(k))
-        raise InputError(f"{card.where()}: element data; expected whole numbers") from None
+        card.fail("element data; expected whole numbers")
     first = np.arange(0, len(flat), width + 1)
     begun = np.isin(first, starts)
     if not begun.all() or len(flat) % (width + 1):

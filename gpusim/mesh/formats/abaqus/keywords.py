@@ -7,26 +7,40 @@ from collections.abc import Mapping, Sequence
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, nearest
 
-MESH_KEYWORDS: dict[str, frozenset[str]] = {
-    key: frozenset(names.split())
-    for key, names in {
+Parameters = dict[str, dict[str, tuple[str, ...]]]
+"""Keyword -> its parameters that are read -> the values that these may have, none: any."""
+
+
+def read_parameters(table: Mapping[str, str]) -> Parameters:
+    """Of a table in which ``NAME=A/B`` is a parameter that may be A or B."""
+    return {
+        keyword: {
+            name: tuple(values.split("/")) if values else ()
+            for name, _, values in (word.partition("=") for word in words.split())
+        }
+        for keyword, words in table.items()
+    }
+
+
+MESH_KEYWORDS = read_parameters(
+    {
         "SYSTEM": "",
-        "NODE": "NSET SYSTEM",
-        "NGEN": "NSET LINE",
+        "NODE": "NSET SYSTEM=R/C/",
+        "NGEN": "NSET LINE=C",
         "NFILL": "NSET",
         "ELEMENT": "TYPE ELSET",
         "ELGEN": "ELSET",
         "NSET": "NSET GENERATE ELSET INTERNAL INSTANCE UNSORTED",
         "ELSET": "ELSET GENERATE INTERNAL INSTANCE UNSORTED",
-        "SURFACE": "NAME TYPE INTERNAL",
+        "SURFACE": "NAME TYPE=ELEMENT/NODE INTERNAL",
         "PART": "NAME",
         "ENDPART": "",
         "ASSEMBLY": "NAME",
         "ENDASSEMBLY": "",
         "INSTANCE": "NAME PART",
         "ENDINSTANCE": "",
-    }.items()
-}
+    }
+)
 """Keywords that are read for the mesh, with their parameters."""
 
 _REFUSED = {
@@ -142,18 +156,23 @@ def check_mesh_cards(cards: Sequence[Card]) -> None:
     fail_together(faults, cards[0].file)
 
 
-def parameter_faults(card: Card, read: Mapping[str, frozenset[str]]) -> list[str]:
-    """Parameters of a card that aren't read."""
-    known = read[card.keyword]
-    faults = [
-        f"{card.where()}: parameter {name} isn't supported; got "
-        f"{name}{'=' + value if value else ''}; expected "
-        f"{'one of ' + ', '.join(sorted(known)) if known else 'none'}"
-        for name, value in card.parameters.items()
-        if name not in known
-    ]
-    if card.parameters.get("LINE", "C").upper() != "C":
-        faults.append(f"{card.where()}: got LINE={card.parameters['LINE']}; expected C or none")
+def parameter_faults(card: Card, read: Parameters) -> list[str]:
+    """Parameters of a card, and values of theirs, that aren't read."""
+    known, faults = read[card.keyword], []
+    for name, value in card.parameters.items():
+        given = f"{name}={value}" if value else name
+        values = known.get(name, ())
+        if name not in known:
+            expected = f"one of {', '.join(sorted(known))}" if known else "none"
+            faults.append(
+                f"{card.where()}: parameter {name} isn't supported; got {given}; expected "
+                f"{expected}"
+            )
+        elif values and value.upper() not in values:
+            faults.append(
+                f"{card.where()}: {given} isn't supported; expected {name}="
+                f"{' or '.join(filter(None, values))}"
+            )
     return faults
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
 from gpusim.mesh.file_content.coordinate_systems import Frame, from_cylindrical, rotation
-from gpusim.mesh.formats.abaqus.cards import LARGEST, Card, is_plain, number, whole
+from gpusim.mesh.formats.abaqus.cards import LARGEST, Card, number, numbers_at_once, whole
 
 MAX_GENERATED = 5_000_000
 """Nodes, and elements, that the generating cards of a file may make."""
@@ -162,8 +162,8 @@ def _system(card: Card) -> Frame | None:
     first = values[0] + [0.0] * (3 - len(values[0]))
     second = values[1] if len(values) > 1 else []
     if len(values) > 2 or len(first) not in (3, 6) or len(second) not in (0, 3):
-        raise InputError(
-            f"{card.where()}: got {', '.join(str(len(one)) for one in values)} numbers in its "
+        card.fail(
+            f"got {', '.join(str(len(one)) for one in values)} numbers in its "
             "lines; expected the origin, a point on x, and in a second line a point beside it"
         )
     origin = np.array(first[:3])
@@ -178,22 +178,12 @@ def _system(card: Card) -> Frame | None:
 
 def _node_table(card: Card) -> Float:
     """(K,4) label and coordinates; missing coordinates are zero."""
-    if card.parameters.get("SYSTEM", "R").upper() not in ("R", "C", ""):
-        raise InputError(
-            f"{card.where()}: coordinate system; got SYSTEM={card.parameters['SYSTEM']}; "
-            "expected R (rectangular) or C (cylindrical)"
-        )
-    text = ",".join(card.lines)
-    if all(line.count(",") == 3 for line in card.lines) and card.lines and is_plain(text):
-        try:
-            table = np.array(text.split(","), dtype=np.float64).reshape(-1, 4)
-        except ValueError:
-            pass
-        else:
-            labels = table[:, 0]
-            if (np.abs(table) <= LARGEST).all() and (np.abs(labels) < 2**53).all():
-                if (labels % 1.0 == 0.0).all():
-                    return table
+    if card.lines and all(line.count(",") == 3 for line in card.lines):
+        quick = numbers_at_once(",".join(card.lines).split(","), np.float64)
+        if quick is not None and (np.abs(quick) <= LARGEST).all():
+            labels = quick[::4]
+            if ((np.abs(labels) < 2**53) & (labels % 1.0 == 0.0)).all():
+                return quick.reshape(-1, 4)
     rows: Sequence[list[float]] = [_node_row(row, where) for where, row in card.records()]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
 

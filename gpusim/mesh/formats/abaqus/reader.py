@@ -8,8 +8,14 @@ import numpy as np
 
 from gpusim.arrays.array_types import Long
 from gpusim.errors import InputError
-from gpusim.mesh.file_content.cell_blocks import in_numbers_of_file, index_of, match_faces, padded
-from gpusim.mesh.file_content.numbering import ABAQUS_SIDES, local_faces, middles_in_order
+from gpusim.mesh.file_content.cell_blocks import (
+    in_numbers_of_file,
+    index_of,
+    match_faces,
+    padded,
+    side_pairs,
+)
+from gpusim.mesh.file_content.numbering import ABAQUS_SIDES, middles_in_order
 from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Source, read_cards
 from gpusim.mesh.formats.abaqus.content import InpContent
@@ -37,19 +43,9 @@ class LabelledMesh:
     def face_pairs(self, labelled: Long) -> Long:
         """(K,2) pairs (cell, local face) of (element label, Abaqus face 1…6) pairs."""
         cells = index_of(self.cell_labels, labelled[:, 0])
-        cell, side = cells[cells >= 0], labelled[cells >= 0, 1] - 1
-        local = np.full(len(cell), -1)
-        for kind, first, block in self.mesh.blocks():
-            table = local_faces(kind, ABAQUS_SIDES)
-            mine = (cell >= first) & (cell < first + len(block))
-            wrong = side[mine] >= len(table)
-            if wrong.any():
-                raise InputError(
-                    f"face: element {self.cell_labels[cell[mine][wrong][0]]} has no face "
-                    f"{side[mine][wrong][0] + 1}; expected 1 … {len(table)} for {kind}"
-                )
-            local[mine] = table[side[mine]]
-        return np.stack([cell, local], axis=1)
+        solid = cells >= 0
+        labels, side = labelled[solid, 0], labelled[solid, 1] - 1
+        return side_pairs(self.mesh, cells[solid], side, ABAQUS_SIDES, labels, "face")
 
 
 def read_inp(source: Source) -> Mesh:

@@ -13,7 +13,11 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.formats.gltf.document import GltfDocument, gltf_document, whole
-from gpusim.mesh.formats.gltf.primitives import PlacedPrimitive, placed_primitives
+from gpusim.mesh.formats.gltf.primitives import (
+    PlacedPrimitive,
+    joined_faces,
+    placed_primitives,
+)
 
 Look = dict[str, Any]
 """Fields of a `gpusim.mesh.formats.textures.FileMaterial`."""
@@ -25,18 +29,20 @@ _WRAPS = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _GLOSS, _TRANSFORM = "KHR_materials_pbrSpecularGlossiness", "KHR_texture_transform"
 
 
-def gltf_looks(file: InputFile) -> tuple[Float, Int, list[Look]]:
-    """Texture coordinates (F, 3, 2) from the picture's lower left corner, NaN where there are none,
-    which look (F,) each of `gltf_faces` has, -1 none, and the looks.
+def textured_gltf(file: InputFile) -> tuple[Float, Long, Float, Int, list[Look]]:
+    """Points and faces of `gltf_faces`, with how they look.
 
-    Raises InputError as `gltf_faces`.
+    Behind them texture coordinates (F, 3, 2) from the picture's lower left corner, NaN where there
+    are none, which look (F,) each face has, -1 none, and the looks. Raises InputError as
+    `gltf_faces`.
     """
     places, numbers = [np.zeros((0, 3, 2))], [np.zeros(0, np.int32)]
     looks: list[Look] = []
     known: dict[tuple[float | None, ...], int] = {}
     pictures: dict[int | None, Look] = {}
-    with gltf_document(file) as document, np.errstate(all="ignore"):
-        for one in placed_primitives(document):
+    with gltf_document(file) as document:
+        primitives = list(placed_primitives(document))
+        for one in primitives:
             number = one.primitive.get("material")
             material = {} if number is None else document.item("materials", number)
             factor, texture = _base_color(document, material, number)
@@ -59,7 +65,8 @@ def gltf_looks(file: InputFile) -> tuple[Float, Int, list[Look]]:
                     f"got more than {MOST_LOOKS} materials and colours of vertices; expected fewer"
                 )
             numbers.append(np.tile(chosen[which], len(one.places)))
-    return np.concatenate(places), np.concatenate(numbers), looks
+        points, faces = joined_faces(primitives)
+    return points, faces, np.concatenate(places), np.concatenate(numbers), looks
 
 
 def _base_color(

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.mesh.file_content.faults import file_faults
 
 # extensions that a file may require: they are read, or say nothing of shape and base colour
 _READ = {
@@ -31,20 +32,11 @@ _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 def gltf_document(file: InputFile) -> Iterator[GltfDocument]:
     """The document in a .gltf or .glb; whatever goes wrong meanwhile is the file's fault.
 
-    Raises InputError that names the file.
+    Numbers out of range become infinite, which is looked for in every file. Raises InputError that
+    names the file.
     """
-    try:
+    with file_faults(file, "glTF"), np.errstate(all="ignore"):
         yield GltfDocument(file)
-    except InputError:
-        raise
-    except (
-        ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
-        ValueError,
-    ) as error:  # fmt: skip
-        reason = " ".join(repr(str(error))[1:-1].split())[:200]
-        raise InputError(
-            f"{file.path}: damaged, or no glTF; got {type(error).__name__}: {reason}"
-        ) from None
 
 
 def whole(number: Any) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,15 +43,19 @@ def gltf_faces(file: InputFile) -> tuple[Float, Long]:
 
     Raises InputError for a file that is damaged, asks for what isn't read, or has too many faces.
     """
+    with gltf_document(file) as document:
+        return joined_faces(placed_primitives(document))
+
+
+def joined_faces(primitives: Iterable[PlacedPrimitive]) -> tuple[Float, Long]:
+    """The points and faces of all primitives in all their places, as of `gltf_faces`."""
     points, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    # numbers out of range become infinite, which is looked for in every file
-    with gltf_document(file) as document, np.errstate(all="ignore"):
-        for one in placed_primitives(document):
-            turned = one.points @ one.places[:, :3, :3].transpose(0, 2, 1)
-            points.append((turned + one.places[:, None, :3, 3]).reshape(-1, 3))
-            first = count + len(one.points) * np.arange(len(one.places))
-            faces.append((one.corners + first[:, None, None]).reshape(-1, 3))
-            count += len(points[-1])
+    for one in primitives:
+        turned = one.points @ one.places[:, :3, :3].transpose(0, 2, 1)
+        points.append((turned + one.places[:, None, :3, 3]).reshape(-1, 3))
+        first = count + len(one.points) * np.arange(len(one.places))
+        faces.append((one.corners + first[:, None, None]).reshape(-1, 3))
+        count += len(points[-1])
     triangles = np.concatenate(faces)
     return np.concatenate(points), np.column_stack([triangles, np.full(len(triangles), -1)])
 

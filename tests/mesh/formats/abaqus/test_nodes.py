@@ -245,7 +245,7 @@ def test_faults_of_assemblies(text: str, message: str, tmp_path: Path) -> None:
         ("*NGEN\n11, 98, 1", "node 98 isn't there yet"),
         ("*NGEN\n11, 22, 4", "got nodes 11 to 22 by 4; expected whole steps"),
         ("*NODE\n900000000, 1., 1., 1.\n*NGEN\n11, 900000000", "would make 899999988 nodes"),
-        ("*NGEN, LINE=P\n11, 22, 1, 13", "got LINE=P; expected C"),
+        ("*NGEN, LINE=P\n11, 22, 1, 13", "LINE=P isn't supported; expected LINE=C"),
         ("*NFILL\nLEFT, LEFT, 0", "0 intervals"),
         ("*NFILL\nLEFT, ALL, 3", "got sets of 4 and 12 nodes"),
         ("*ELGEN\n8, 2", "element 8 isn't there yet"),
