@@ -20,8 +20,7 @@ In the order in which data passes:
   thread before.
 - `warmup`: The device opened, and programs compiled, before it is known whether they are needed.
 - `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096).
-- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``, buffers split by rows, a
-  pool.
+- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``, a pool.
 - `binding_cache`: Values that many programs bind: bindings are made once for each program, and
   used again.
 - `recording`: A recording: dispatches and draws collected in order, sent to the device in one
@@ -35,7 +34,7 @@ In the order in which data passes:
 from gpusim.gpu.adapter import software_adapter
 from gpusim.gpu.backend import BACKENDS, chosen_backend, working_device
 from gpusim.gpu.binding_cache import Bound
-from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
+from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.context import PORTABLE_LIMITS
 from gpusim.gpu.device import Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
@@ -57,7 +56,6 @@ __all__ = [
     "Raster",
     "RealBuffer",
     "Recording",
-    "SplitBuffer",
     "Texels",
     "Texture",
     "Tolerance",

@@ -1,4 +1,4 @@
-"""Device buffers: plain bytes, float64 values stored as ``real``, buffers split by rows, a pool."""
+"""Device buffers: plain bytes, float64 values stored as ``real``, a pool."""
 
 from __future__ import annotations
 
@@ -161,24 +161,6 @@ class RealBuffer(Buffer):
     def write(self, array: npt.NDArray[Any], offset: int = 0) -> None:
         """Copy float64 values in; ``offset`` counts values."""
         super().write(to_real(array, self.device.real, self.label), offset * 8)
-
-
-@dataclass(frozen=True, eq=False)
-class SplitBuffer:
-    """Rows that together exceed the binding limit, in parts that each fit.
-
-    ``starts`` has one entry more than ``parts``: part ``i`` holds rows
-    ``starts[i] … starts[i + 1] - 1``. A kernel that takes one imports ``lib/numeric/part``; the
-    layer then dispatches once per part.
-    """
-
-    parts: tuple[Buffer, ...]
-    starts: tuple[int, ...]
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all parts together."""
-        return sum(part.nbytes for part in self.parts)
 
 
 class BufferPool:

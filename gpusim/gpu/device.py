@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import Buffer, BufferPool, RealBuffer, SplitBuffer, to_real
+from gpusim.gpu.buffer import Buffer, BufferPool, RealBuffer, to_real
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.programs import Programs, program_key
@@ -90,42 +89,6 @@ class Device(DeviceContext):
         data = to_real(values, self.real, label)
         gpu = self.allocate(data.nbytes, label, data)
         return RealBuffer(self, gpu, data.nbytes, label, values.shape)
-
-    def split(
-        self,
-        array: npt.NDArray[Any],
-        label: str,
-        align: int = 1,
-        like: SplitBuffer | None = None,
-    ) -> SplitBuffer:
-        """Rows of ``array`` (float64 becomes ``real``) in parts below the binding limit.
-
-        Part borders fall on multiples of ``align`` rows, or where those of ``like`` are, which
-        buffers of one dispatch must have in common (split the widest rows first).
-        """
-        rows = len(array)
-        is_real = array.dtype == np.float64
-        row_bytes = max(1, array.nbytes // max(rows, 1))
-        limit = self.limits["max-storage-buffer-binding-size"]
-        if like is not None:
-            starts = like.starts
-            if starts[-1] != rows:
-                raise InputError(f"split {label}; got {rows} rows; expected {starts[-1]}")
-        else:
-            per_part = max(align, limit // row_bytes)
-            per_part -= per_part % align
-            starts = (*range(0, max(rows, 1), per_part), rows)
-        longest = max(end - start for start, end in pairwise(starts))
-        if longest * row_bytes > limit:
-            raise InputError(
-                f"split {label}; got {longest} rows of {row_bytes} bytes in one part; "
-                f"expected at most {limit} bytes"
-            )
-        parts: list[Buffer] = []
-        for start, end in pairwise(starts):
-            piece, name = array[start:end], f"{label}[{start}]"
-            parts.append(self.real_buffer(piece, name) if is_real else self.buffer(piece, name))
-        return SplitBuffer(tuple(parts), starts)
 
     # -- programs --------------------------------------------------------------------------
 

@@ -75,8 +75,7 @@ class Recording:
         """Run ``kernel`` over ``threads`` (rounded up to workgroups) or over ``groups``.
 
         One-dimensional ``threads`` beyond what one grid dimension takes are folded into two; the
-        kernel recovers the index with ``linear_id`` and guards it. With split buffers there is
-        one dispatch per part and ``threads`` must be ``(rows, …)`` of the whole.
+        kernel recovers the index with ``linear_id`` and guards it.
         """
         if bindings.layout is not kernel.layout:
             raise InputError(f"dispatch of {kernel.name}: the bindings were made for another one")
@@ -86,28 +85,15 @@ class Recording:
         if not 1 <= len(given) <= 3 or any(n < 0 for n in given):
             raise InputError(f"dispatch of {kernel.name}; got {given}; expected 1 to 3 sizes >= 0")
         self._begin_computing(kernel, bindings)
-        has_part = "part" in kernel.layout.bindings
-        for bind_groups, (first, count) in zip(bindings.groups, bindings.rows, strict=True):
-            for index, group in enumerate(bind_groups):
-                self._pass.set_bind_group(index, group)
-            size = threads
-            if threads is not None and count is not None:
-                size = (count, *threads[1:])
-            if has_part:
-                if size is None:
-                    raise InputError(f"dispatch of {kernel.name}: parts need threads, not groups")
-                self._pass.set_bind_group(2, bindings.part_group(first, size[0]))
-            grid = self._grid(kernel, size, groups)
-            if all(n > 0 for n in grid):
-                self._pass.dispatch_workgroups(*grid)
+        grid = self._grid(kernel, threads, groups)
+        if all(n > 0 for n in grid):
+            self._pass.dispatch_workgroups(*grid)
 
     def dispatch_counted(self, kernel: Kernel, bindings: Bindings, groups: Buffer) -> None:
         """Run ``kernel`` over as many groups (three uint32) as the device finds in a buffer."""
         if bindings.layout is not kernel.layout:
             raise InputError(f"dispatch of {kernel.name}: the bindings were made for another one")
         self._begin_computing(kernel, bindings)
-        for index, group in enumerate(bindings.groups[0]):
-            self._pass.set_bind_group(index, group)
         self._pass.dispatch_workgroups_indirect(groups.live(f"{self.stage}: counting"), 0)
         self._buffers.append(groups)
 
@@ -119,6 +105,11 @@ class Recording:
                 label=f"gpusim.{self.stage}", **self._timing()
             )
         self._pass.set_pipeline(kernel.pipeline)
+        self._set_groups(bindings)
+
+    def _set_groups(self, bindings: Bindings) -> None:
+        for index, group in enumerate(bindings.groups):
+            self._pass.set_bind_group(index, group)
 
     def _grid(
         self, kernel: Kernel, threads: tuple[int, ...] | None, groups: tuple[int, ...] | None
@@ -169,8 +160,7 @@ class Recording:
             self._drawn = drawn
         render = self._pass
         render.set_pipeline(raster.pipeline)
-        for index, group in enumerate(bindings.groups[0]):
-            render.set_bind_group(index, group)
+        self._set_groups(bindings)
         render.set_viewport(0, 0, size[0], size[1], 0, 1)
         render.set_scissor_rect(0, 0, size[0], size[1])
         if vertices:

@@ -36,8 +36,9 @@ class Uniform:
     def update(self, values: Any) -> None:
         """Other values from the next submit on."""
         self.values = values
-        for dtype, gpu in self._buffers.items():
-            self.device.transfer.write(gpu, pack(values, dtype, self.label), 0)
+        with self.device.guard(f"updating {self.label}"):
+            for dtype, gpu in self._buffers.items():
+                self.device.transfer.write(gpu, pack(values, dtype, self.label), 0)
 
 
 def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:

@@ -128,12 +128,12 @@ def test_memory_comes_back_when_a_buffer_is_dropped_or_released(device: Device) 
     gc.collect()
     before = device.allocated
     buffer = device.empty(1000, "a")
-    rows = device.split(np.zeros((100, 3)), "rows")
+    rows = device.real_buffer(np.zeros((100, 3)), "rows")
     texture = device.texture(57, 33, "rg32uint", "t")
     assert device.allocated - before == 1008 + 2400 + 57 * 33 * 8
     del buffer, texture
-    rows.parts[0].release()
-    rows.parts[0].release()
+    rows.release()
+    rows.release()
     gc.collect()
     assert device.allocated == before
 

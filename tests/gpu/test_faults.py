@@ -13,7 +13,7 @@ import pytest
 
 import gpusim
 from gpusim.errors import DeviceError, DeviceLost, InputError, NoAdapter, OutOfDeviceMemory
-from gpusim.gpu import Device, faults
+from gpusim.gpu import Device, Uniform, faults
 
 
 def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -122,7 +122,8 @@ def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
     kernel = lost.kernel("gpu/probes/real_arithmetic")
     a = lost.real_buffer(np.ones(2), "a")
     out = lost.real_buffer(label="out", shape=(6, 2))
-    bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})
+    params = Uniform(lost, {"count": 2}, "params")
+    bindings = kernel.bind(a=a, b=a, result=out, params=params)
     lost.gpu.destroy()
 
     def submit() -> None:
@@ -136,7 +137,7 @@ def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
         lambda: buffer.read(np.uint32),
         lambda: buffer.write(np.zeros(1, np.uint32)),
         lambda: kernel.bind(a=a, b=a, result=out, params={"count": 2}),
-        lambda: bindings.update(params={"count": 1}),
+        lambda: params.update({"count": 1}),
         submit,
         lost.sync,
     ):
