@@ -41,7 +41,7 @@ from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texture_array import Texels
-from gpusim.gpu.twin import TOLERANCES, Tolerance, compare, twin_check, twin_checks
+from gpusim.gpu.twin import TOLERANCES, Pair, Pairs, Tolerance, compare, twin_check, twin_checks
 from gpusim.gpu.uniform import Uniform
 
 __all__ = [
@@ -53,6 +53,8 @@ __all__ = [
     "Buffer",
     "Device",
     "Kernel",
+    "Pair",
+    "Pairs",
     "Raster",
     "RealBuffer",
     "Recording",
