@@ -7,7 +7,6 @@ In the order in which data passes:
 - `adapter`: Finding the adapter: Vulkan (or the system's native interface), the fastest first.
 - `faults`: What the driver reports, turned into gpusim errors.
 - `timing`: Device time per stage from timestamp queries, resolved only when somebody asks.
-- `transfer`: Bytes between the host and a device's buffers.
 - `context`: What buffers, textures and programs need of an open device: limits, memory,
   transfers, errors.
 - `wgsl`: WGSL as the single source: loading, ``#import``, and reflection of bindings and structs.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import DeviceError, InputError
-from gpusim.gpu.context import DeviceContext
+from gpusim.gpu.context import DeviceContext, DeviceMemory
 from gpusim.gpu.texture_array import TEXEL_WIDTH, Texels
 
 MOST_BYTES = 1 << 27
@@ -56,7 +54,7 @@ def from_real(data: npt.NDArray[Any], real: str) -> Float:
 
 
 @dataclass(eq=False)
-class Buffer:
+class Buffer(DeviceMemory):
     """A storage buffer on the device."""
 
     device: DeviceContext
@@ -64,78 +62,38 @@ class Buffer:
     nbytes: int
     label: str
 
-    def read(
-        self, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None, offset: int = 0
-    ) -> npt.NDArray[Any]:
-        """Copy back to the host (waits for the device); ``offset`` in bytes."""
-        with self.seen(dtype, shape, offset) as values:
-            return values.copy()
-
-    @contextmanager
-    def seen(
-        self, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None, offset: int = 0
-    ) -> Iterator[npt.NDArray[Any]]:
-        """The same without a copy, to be used only inside the ``with`` block."""
+    def read(self, dtype: npt.DTypeLike, shape: tuple[int, ...] | None = None) -> npt.NDArray[Any]:
+        """Copy back to the host (waits for the device), from the start; by default all."""
         kind = np.dtype(dtype)
-        size = self.nbytes - offset
+        size = self.nbytes
         if shape is not None:
             if any(n < 0 for n in shape):
                 raise InputError(f"reading {self.label}; got shape {shape}; expected sizes >= 0")
             size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
-        if offset < 0 or size < 0 or offset + size > self.nbytes or size % kind.itemsize:
+        if size > self.nbytes or size % kind.itemsize:
             raise InputError(
-                f"reading {self.label}; got {size} bytes at {offset}; "
+                f"reading {self.label}; got {size} bytes; "
                 f"expected at most {self.nbytes}, a multiple of {kind.itemsize}"
             )
         gpu = self.live("reading")
         if size == 0:
-            yield np.zeros(shape if shape is not None else 0, kind)
-            return
-        first, last = offset - offset % 4, -(-(offset + size) // 4) * 4
-        with self.device.seen_bytes(gpu, self.label, first, last - first) as raw:
-            data = np.frombuffer(raw, np.uint8)[offset - first : offset - first + size]
-            array = (data if offset == first else data.copy()).view(kind)
-            yield array if shape is None else array.reshape(shape)
+            return np.zeros(shape if shape is not None else 0, kind)
+        raw = self.device.read(gpu, self.label, -(-size // 4) * 4)
+        array = np.frombuffer(raw, np.uint8)[:size].view(kind)
+        return array if shape is None else array.reshape(shape)
 
-    def write(self, array: npt.NDArray[Any], offset: int = 0) -> None:
-        """Copy from the host; ``offset`` in bytes."""
+    def write(self, array: npt.NDArray[Any]) -> None:
+        """Copy whole words, or all that it holds, from the host to the start."""
         data = np.ascontiguousarray(array)
-        if offset < 0 or offset + data.nbytes > self.nbytes:
+        if data.nbytes > self.nbytes or (data.nbytes % 4 and data.nbytes != self.nbytes):
             raise InputError(
-                f"writing {self.label}; got {data.nbytes} bytes at {offset}; "
-                f"expected at most {self.nbytes}"
+                f"writing {self.label}; got {data.nbytes} bytes; "
+                f"expected at most {self.nbytes}, a multiple of 4 or all"
             )
         gpu = self.live("writing")
-        if not data.nbytes:
-            return
-        end = offset + data.nbytes
-        first, last = offset - offset % 4, -(-end // 4) * 4
-        if first != offset or last != end:  # the device takes whole words: partial ones are merged
-            words = np.zeros(last - first, np.uint8)
-            for start in {first, last - 4}:
-                # nothing worth keeping lies before the start or behind the end of the buffer
-                if start < offset or start + 4 > end < self.nbytes:
-                    with self.device.seen_bytes(gpu, self.label, start, 4) as word:
-                        words[start - first : start - first + 4] = word
-            words[offset - first : end - first] = data.reshape(-1).view(np.uint8)
-            data, offset = words, first
-        with self.device.guard(f"writing {self.label}"):
-            self.device.transfer.write(gpu, data, offset)
-
-    def live(self, what: str) -> Any:
-        """The wgpu buffer; raises `InputError` if the buffer was released."""
-        if self.gpu is None:
-            raise InputError(f"{what} {self.label}; got a released buffer; expected a live one")
-        return self.gpu
-
-    def release(self) -> None:
-        """Free the device memory as soon as submitted work is done; no use afterwards.
-
-        A buffer that Python drops is freed too, once no `Bindings` hold it any more.
-        """
-        if self.gpu is not None:
-            self.device.forget(self.gpu)
-            self.gpu = None
+        if data.nbytes:
+            with self.device.guard(f"writing {self.label}"):
+                self.device.write(gpu, data)
 
 
 @dataclass(eq=False)
@@ -148,19 +106,18 @@ class RealBuffer(Buffer):
         self,
         dtype: npt.DTypeLike = np.float64,
         shape: tuple[int, ...] | None = None,
-        offset: int = 0,
     ) -> Float:
-        """The values as float64, in the buffer's own shape; ``offset`` counts values."""
+        """The values as float64, in the buffer's own shape unless ``shape`` says how many."""
         if np.dtype(dtype) != np.float64:
             raise DeviceError(f"{self.label} holds real values; got {dtype}; expected float64")
         wanted = self.shape if shape is None else shape
         if self.device.real == "f64":
-            return super().read(np.float64, wanted, offset * 8)
-        return from_real(super().read(np.float32, (*wanted, 2), offset * 8), self.device.real)
+            return super().read(np.float64, wanted)
+        return from_real(super().read(np.float32, (*wanted, 2)), self.device.real)
 
-    def write(self, array: npt.NDArray[Any], offset: int = 0) -> None:
-        """Copy float64 values in; ``offset`` counts values."""
-        super().write(to_real(array, self.device.real, self.label), offset * 8)
+    def write(self, array: npt.NDArray[Any]) -> None:
+        """Copy float64 values in."""
+        super().write(to_real(array, self.device.real, self.label))
 
 
 class BufferPool:

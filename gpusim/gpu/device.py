@@ -74,17 +74,8 @@ class Device(DeviceContext):
             )
         return Buffer(self, self.allocate(data.nbytes, label, data), data.nbytes, label)
 
-    def real_buffer(
-        self,
-        array: npt.ArrayLike | None = None,
-        label: str = "real",
-        shape: tuple[int, ...] | None = None,
-    ) -> RealBuffer:
-        """float64 values stored as ``real``: those of ``array``, or zeros of ``shape``."""
-        if array is None:
-            wanted = shape or ()
-            nbytes = 8 * int(np.prod(wanted, dtype=np.int64))
-            return RealBuffer(self, self.allocate(nbytes, label), nbytes, label, wanted)
+    def real_buffer(self, array: npt.ArrayLike, label: str) -> RealBuffer:
+        """float64 values stored as ``real``."""
         values = np.asarray(array, np.float64)
         data = to_real(values, self.real, label)
         gpu = self.allocate(data.nbytes, label, data)
@@ -96,7 +87,8 @@ class Device(DeviceContext):
         self, name: str, entry: str = "main", constants: dict[str, float] | None = None
     ) -> Kernel:
         """The compute program ``entry`` of ``shaders/<name>.wgsl``, compiled once per device."""
-        return self.programs.kernel(name, entry, constants)
+        kernel: Kernel = self.programs.program(program_key(name, entry, constants))
+        return kernel
 
     def raster(
         self,
@@ -107,7 +99,9 @@ class Device(DeviceContext):
         depth: str = "greater",
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        return self.programs.raster(name, color_formats, constants, entries, depth)
+        key = program_key(name, entries, constants, color_formats, depth)
+        raster: Raster = self.programs.program(key)
+        return raster
 
     def rasters(
         self,

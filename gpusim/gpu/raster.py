@@ -35,16 +35,11 @@ class Texture:
         self.nbytes = width * height * _texel_bytes(fmt)
         # copies to buffers need rows of whole 256 bytes
         self.stride = -(-width * _texel_bytes(fmt) // 256) * 256
-        device.require_memory(self.nbytes, f"texture {label}")
-        with device.guard(f"texture {label} ({width}x{height} {fmt})"):
-            self.gpu = device.gpu.create_texture(
-                label=f"gpusim.{label}",
-                size=(width, height, 1),
-                format=fmt,
-                usage=usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING | usage.COPY_SRC,
-            )
-            self.view = self.gpu.create_view()
-        device.account(self.gpu, self.nbytes)
+        self.gpu = device.allocate_texture(
+            label, (width, height), fmt,
+            usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING | usage.COPY_SRC, self.nbytes,
+        )  # fmt: skip
+        self.view = self.gpu.create_view()
 
 
 def _texel_bytes(fmt: str) -> int:

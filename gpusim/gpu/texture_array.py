@@ -16,7 +16,7 @@ import numpy.typing as npt
 import wgpu
 
 from gpusim.errors import InputError, OutOfDeviceMemory
-from gpusim.gpu.context import DeviceContext
+from gpusim.gpu.context import DeviceContext, DeviceMemory
 
 TEXEL_WIDTH = 4096
 _BYTES = 16
@@ -30,7 +30,7 @@ def most_texels(device: Any) -> int:
     return TEXEL_WIDTH * (height - 1)
 
 
-class Texels:
+class Texels(DeviceMemory):
     """``count`` texels of four float32 or uint32, zero at first.
 
     The height is kept from being a power of two: Mesa compiles a kernel anew for textures whose
@@ -49,19 +49,12 @@ class Texels:
         self.nbytes = self.footprint(count)
         height = self.nbytes // (_BYTES * TEXEL_WIDTH)
         usage = wgpu.TextureUsage
-        device.require_memory(self.nbytes, f"texels {label}")
-        with device.guard(f"texels {label} ({TEXEL_WIDTH}x{height} {fmt})"):
-            self.gpu: Any = device.gpu.create_texture(
-                label=f"gpusim.{label}",
-                size=(TEXEL_WIDTH, height, 1),
-                format=fmt,
-                usage=usage.TEXTURE_BINDING
-                | usage.STORAGE_BINDING
-                | usage.COPY_SRC
-                | usage.COPY_DST,
-            )
-            self.view = self.gpu.create_view()
-        device.account(self.gpu, self.nbytes)
+        self.gpu = device.allocate_texture(
+            label, (TEXEL_WIDTH, height), fmt,
+            usage.TEXTURE_BINDING | usage.STORAGE_BINDING | usage.COPY_SRC | usage.COPY_DST,
+            self.nbytes,
+        )  # fmt: skip
+        self.view = self.gpu.create_view()
 
     @staticmethod
     def footprint(count: int) -> int:
@@ -113,15 +106,3 @@ class Texels:
                 (TEXEL_WIDTH, rows, 1),
             )
         return np.frombuffer(data, self.dtype).reshape(-1, 4)[: self.count]
-
-    def live(self, what: str) -> Any:
-        """The wgpu texture; raises `InputError` if it was released."""
-        if self.gpu is None:
-            raise InputError(f"{what} {self.label}; got released texels; expected live ones")
-        return self.gpu
-
-    def release(self) -> None:
-        """Free the device memory as soon as submitted work is done; no use afterwards."""
-        if self.gpu is not None:
-            self.device.forget(self.gpu)
-            self.gpu = None

@@ -89,7 +89,7 @@ def test_a_fault_found_while_recording_is_raised(device: Device) -> None:
         with device.recording("stage") as recording:
             recording.copy(buffer, buffer)
     kernel = device.kernel("gpu/probes/real_arithmetic")
-    a = device.real_buffer(label="a", shape=(12,))
+    a = device.real_buffer(np.zeros((12,)), "a")
     bindings = kernel.bind(a=a, b=a, result=a, params={"count": 2})
     with pytest.raises(DeviceError, match=r"(?s)^gpu\.real: .*gpusim\.a"):
         with device.recording("gpu.real") as recording:
@@ -121,7 +121,7 @@ def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
     buffer = lost.empty(64, "u")
     kernel = lost.kernel("gpu/probes/real_arithmetic")
     a = lost.real_buffer(np.ones(2), "a")
-    out = lost.real_buffer(label="out", shape=(6, 2))
+    out = lost.real_buffer(np.zeros((6, 2)), "out")
     params = Uniform(lost, {"count": 2}, "params")
     bindings = kernel.bind(a=a, b=a, result=out, params=params)
     lost.gpu.destroy()

@@ -104,5 +104,5 @@ def test_memory_is_counted_and_given_back(lab: Device) -> None:
     other.release()
     assert lab.allocated == before
     small = Device(memory_limit=100_000)
-    with pytest.raises(OutOfDeviceMemory, match="texels large"):
+    with pytest.raises(OutOfDeviceMemory, match="texture large"):
         small.texels(10_000, "rgba32float", "large")

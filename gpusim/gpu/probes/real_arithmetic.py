@@ -14,7 +14,7 @@ _OPERATIONS = 6
 def real_probe(device: Device, a: Float, b: Float) -> Float:
     """a+b, a-b, a*b, a/b, a*b+a, sqrt|a| on the device; (6, n) float64 from two (n,) arrays."""
     kernel = device.kernel("gpu/probes/real_arithmetic")
-    out = device.real_buffer(label="real.out", shape=(_OPERATIONS, len(a)))
+    out = device.real_buffer(np.zeros((_OPERATIONS, len(a))), "real.out")
     bindings = kernel.bind(
         a=device.real_buffer(a, "real.a"),
         b=device.real_buffer(b, "real.b"),
