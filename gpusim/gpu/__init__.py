@@ -18,8 +18,8 @@ In the order in which data passes:
 - `programs`: The programs of a device, each compiled once: by who asks for it first, or in a
   thread before.
 - `warmup`: The device opened, and programs compiled, before it is known whether they are needed.
-- `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096).
-- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``, a pool.
+- `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096); a pool of them.
+- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``.
 - `binding_cache`: Values that many programs bind: bindings are made once for each program, and
   used again.
 - `recording`: A recording: dispatches and draws collected in order, sent to the device in one

@@ -79,7 +79,6 @@ class DeviceContext:
         # bytes by wgpu object: an entry goes when Python drops the object, and only then does
         # wgpu free the memory, after the last submit that uses it
         self._live: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
-        self._opaque_zero: Any = None
         self._fence = self.gpu.create_buffer(
             label="gpusim.fence", size=4, usage=wgpu.BufferUsage.COPY_SRC
         )
@@ -207,15 +206,10 @@ class DeviceContext:
                 raise faults.translate(reason, f"reading {label}") from error
         return copied
 
+    @cached_property
     def opaque_zero(self) -> Any:
         """The uniform that keeps double-single arithmetic safe from the compiler."""
-        if self._opaque_zero is None:
-            self._opaque_zero = self.gpu.create_buffer_with_data(
-                label="gpusim.real.zero",
-                data=np.zeros(4, np.uint32),
-                usage=wgpu.BufferUsage.UNIFORM,
-            )
-        return self._opaque_zero
+        return self.create("real.zero", 16, np.zeros(4, np.uint32), wgpu.BufferUsage.UNIFORM)
 
     @cached_property
     def smooth_sampler(self) -> Any:

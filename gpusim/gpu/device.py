@@ -11,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import Buffer, BufferPool, RealBuffer, to_real
+from gpusim.gpu.buffer import Buffer, RealBuffer, to_real
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.programs import Programs, program_key
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
-from gpusim.gpu.texture_array import Texels
+from gpusim.gpu.texture_array import TexelPool, Texels
 
 
 class Device(DeviceContext):
@@ -50,7 +50,7 @@ class Device(DeviceContext):
         shaders: Path | None = None,
     ) -> None:
         super().__init__(real, adapter, memory_limit, shaders)
-        self.pool = BufferPool(self)
+        self.pool = TexelPool(self)
         self.reclaim.append(self.pool.free)
         self.programs = Programs(self)
         self._targets: dict[str, Texture] = {}

@@ -151,7 +151,7 @@ class Layout:
             entries = []
             for b in self.bindings.values():
                 if b.group == group == 1:
-                    resource = {"buffer": self.device.opaque_zero()}
+                    resource = {"buffer": self.device.opaque_zero}
                     entries.append({"binding": b.index, "resource": resource})
                 elif b.group == group:
                     entries.append({"binding": b.index, "resource": resources[b.name]})

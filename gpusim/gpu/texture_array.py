@@ -106,3 +106,31 @@ class Texels(DeviceMemory):
                 (TEXEL_WIDTH, rows, 1),
             )
         return np.frombuffer(data, self.dtype).reshape(-1, 4)[: self.count]
+
+
+class TexelPool:
+    """Texels of a device that one frame leaves for the next one."""
+
+    def __init__(self, device: DeviceContext) -> None:
+        self.device = device
+        self._texels: dict[str, Texels] = {}
+        self.notes: dict[str, object] = {}
+        """What others keep on the device from one frame to the next, as long as there is room."""
+
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """At least ``count`` texels for one frame after the other: the last of that label if it
+        suits.
+
+        What they hold is good until the next ones of that label are asked for.
+        """
+        kept = self._texels.pop(label, None)
+        if kept is None or kept.format != fmt or not count <= kept.count <= 4 * count + TEXEL_WIDTH:
+            del kept
+            kept = Texels(self.device, count, fmt, label)
+        self._texels[label] = kept
+        return kept
+
+    def free(self) -> None:
+        """Free all that waits."""
+        self._texels.clear()
+        self.notes.clear()

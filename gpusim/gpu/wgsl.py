@@ -115,16 +115,6 @@ def shader_folder() -> Path:
     raise InputError(f"shaders: not found; expected a folder 'shaders' in or beside {package}")
 
 
-def stages() -> list[str]:
-    """Stems (``fem/krylov/cg``) of gpusim's own shader files that have an entry point."""
-    folder = shader_folder()
-    return [
-        path.relative_to(folder).with_suffix("").as_posix()
-        for path in sorted(folder.rglob("*.wgsl"))
-        if _STAGE.search(_COMMENT.sub("", path.read_text(encoding="utf-8")))
-    ]
-
-
 @cache
 def load(name: str, real: str, extra: Path | None = None) -> Module:
     """Load ``shaders/<name>.wgsl``.

@@ -33,9 +33,9 @@ class Band:
 
     @staticmethod
     def of(device: Device, row0: int, rows: int, stride: int, planes: int = 1) -> Band:
-        """With buffers from the device's pool."""
+        """With new buffers."""
         size, label = 4 * rows * stride, f"radiance[{row0}]"
-        return Band(row0, rows, stride, tuple(device.pool.take(size, label) for _ in range(planes)))
+        return Band(row0, rows, stride, tuple(device.empty(size, label) for _ in range(planes)))
 
     @property
     def buffer(self) -> Buffer:
@@ -194,7 +194,7 @@ class Frame:
             plane.release()
         if self.device is not None:
             for band in self.bands:
-                self.device.pool.give(band.buffer)
+                band.buffer.release()
         self.bands = ()
 
 

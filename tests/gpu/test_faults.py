@@ -84,10 +84,10 @@ def test_an_instance_made_by_somebody_else_is_used() -> None:
 
 
 def test_a_fault_found_while_recording_is_raised(device: Device) -> None:
-    buffer = device.empty(64, "same")
-    with pytest.raises(DeviceError, match=r"(?s)^stage: .*same buffer"):
+    buffer, texture = device.empty(256, "same"), device.texture(4, 4, "depth32float", "depth")
+    with pytest.raises(DeviceError, match=r"(?s)^stage: .*Partial copy"):
         with device.recording("stage") as recording:
-            recording.copy(buffer, buffer)
+            recording.copy_texture(texture, buffer, 1)
     kernel = device.kernel("gpu/probes/real_arithmetic")
     a = device.real_buffer(np.zeros((12,)), "a")
     bindings = kernel.bind(a=a, b=a, result=a, params={"count": 2})

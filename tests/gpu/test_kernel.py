@@ -218,8 +218,8 @@ def test_dispatch_arguments_are_checked(lab: Device, kernel: Kernel) -> None:
     )
     wrong: list[tuple[Kernel, dict[str, tuple[int, ...]], str]] = [
         (other, {"groups": (1,)}, "bindings were made for another"),
-        (kernel, {}, "give either threads or groups"),
-        (kernel, {"threads": (1,), "groups": (1,)}, "give either threads or groups"),
+        (kernel, {}, "give one of threads, groups"),
+        (kernel, {"threads": (1,), "groups": (1,)}, "give one of threads, groups"),
         (kernel, {"threads": (-1,)}, "expected 1 to 3 sizes"),
         (kernel, {"groups": (1, 1, 1, 1)}, "expected 1 to 3 sizes"),
         (kernel, {"groups": (65536,)}, "limit 65535"),

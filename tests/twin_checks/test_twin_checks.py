@@ -9,7 +9,7 @@ import pytest
 
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
-from gpusim.gpu.wgsl import stages
+from tests.support.shader_stages import stages
 
 
 def test_every_stage_is_listed() -> None:

@@ -8,8 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
-from gpusim.gpu.buffer import BufferPool
-from gpusim.gpu.texture_array import Texels
+from gpusim.gpu.texture_array import TexelPool, Texels
 from gpusim.optics.edge_pixels.fragment_lists import Ranks
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
@@ -157,7 +156,7 @@ def test_ranks_are_those_of_a_search(size: int) -> None:
 
 
 def test_texels_serve_one_frame_after_the_other(device: Device) -> None:
-    kept = BufferPool(device)
+    kept = TexelPool(device)
     first = kept.texels(30_000, "rgba32uint", "some")
     assert kept.texels(20_000, "rgba32uint", "some") is first
     assert kept.texels(30_001, "rgba32uint", "some") is not first
