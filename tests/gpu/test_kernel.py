@@ -134,7 +134,7 @@ def test_a_buffer_above_the_binding_limit_is_refused(kernel: Kernel, lab: Device
 def test_a_uniform_takes_only_what_fits(
     change: dict[str, object], message: str, kernel: Kernel
 ) -> None:
-    dtype = kernel.layout.module.structs["Params"].dtype
+    dtype = kernel.layout.module.structs["Params"]
     pack(PARAMS, dtype, "params")
     with pytest.raises(InputError, match=message):
         pack({**PARAMS, **change}, dtype, "params")

@@ -33,7 +33,7 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Device]:
 
 
 def test_a_struct_in_a_struct_is_checked(lab: Device) -> None:
-    dtype = lab.kernel("lamps").layout.module.structs["Lamps"].dtype
+    dtype = lab.kernel("lamps").layout.module.structs["Lamps"]
     packed = pack({"count": 2, "first": LAMP}, dtype, "lamps")
     np.testing.assert_array_equal(packed["first"]["side"], LAMP["side"])
     short = {**LAMP, "mask": np.ones(3)}
@@ -51,7 +51,7 @@ def test_programs_share_a_uniform(lab: Device, device: Device) -> None:
         for kernel in (first, second):
             recording.dispatch(kernel, kernel.bind(lamps=shared, result=result), groups=(1,))
     assert result.read(np.float32).tolist() == [4.0, 11.0]
-    dtype = first.layout.module.structs["Lamps"].dtype
+    dtype = first.layout.module.structs["Lamps"]
     assert shared.live(dtype, "a") is shared.live(dtype, "b"), "written once"
     foreign = Uniform(device, {"count": 2, "first": LAMP}, "test.lamps")
     with pytest.raises(InputError, match=r"lamps\.lamps; got a uniform of another device"):

@@ -193,7 +193,7 @@ def test_every_field_of_a_struct_arrives(space: str, tmp_path: Path) -> None:
     )
     device = Device(shaders=tmp_path)
     kernel = device.kernel("lab")
-    dtype = kernel.layout.module.structs["Probe"].dtype
+    dtype = kernel.layout.module.structs["Probe"]
     assert {name: dtype.fields[name][1] for name in dtype.names or ()} == OFFSETS  # type: ignore[index]
     assert dtype.itemsize == 176
     out = device.empty(4 * len(words), "out")
