@@ -10,7 +10,6 @@ import numpy as np
 
 from benchmarks.solver.operator import host_probe, operator_probe
 from gpusim.bench.solver_cases import Case
-from gpusim.fem import Model
 from gpusim.gpu import Device, default_device
 from gpusim.parallel.blas_threads import one_blas_thread
 
@@ -53,9 +52,9 @@ def best_of(work: Callable[[], object], times: int) -> float:
     return float(best)
 
 
-def measure_operator(case: Case, model: Model) -> dict[str, Any]:
+def measure_operator(case: Case) -> dict[str, Any]:
     """Time and bytes of y = K u on the device and on the host, each beside a copy."""
-    device = default_device()
+    model, device = case.model(), default_device()
     copy = device_copy_bandwidth(device)
     probe = operator_probe(case, model, device)
     seconds = best_of(probe.apply, 9) / probe.repeat

@@ -10,17 +10,20 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.solver.bandwidth import measure_operator
 from benchmarks.solver.peers import EXACT, PEERS, Peer, run_peer
+from benchmarks.solver.problem import write_problem
 from gpusim.bench.solver import (
     LIMIT_S,
     CaseResult,
     Point,
     Tell,
+    in_fresh_process,
     is_current,
     machine,
     make_reference,
     measure_case,
-    run_worker,
+    solve_cold,
 )
 from gpusim.bench.solver_cases import Case
 from gpusim.errors import GpusimError
@@ -28,7 +31,6 @@ from gpusim.errors import GpusimError
 __all__ = ["PeerCaseResult", "SolverResult", "run_peer_bench"]
 
 ENOUGH = 1e-6
-WORKER = "benchmarks.solver.worker"
 WITHOUT_PEERS = {"cube-3M"}
 """Cases that are too large for any peer here."""
 
@@ -116,8 +118,9 @@ def _run_case(
     problem, reference = folder / "problem", folder / "reference"
     with_peers = bool(peers) and case.name not in WITHOUT_PEERS
     if not is_current(reference, case) or (with_peers and not (problem / "u.npy").exists()):
-        make_reference(case, reference, tell, WORKER, problem if with_peers else None)
-    measure_case(case, found, reference, tell, WORKER)
+        exported = (problem, write_problem) if with_peers else ()
+        make_reference(case, reference, tell, *exported)
+    measure_case(case, found, reference, tell)
     found.second_case = second_case(case, repeat)
     if with_peers:
         if case.family == "beam" and not (problem / "solved.npy").exists():
@@ -128,7 +131,7 @@ def _run_case(
                 for variant in run_peer(peer, problem, LIMIT_S):
                     _take_peer(found, variant, tell)
     try:
-        found.operator = run_worker(case, {"operator": True}, WORKER)
+        found.operator = in_fresh_process(case.name, measure_operator, case)
     except GpusimError as error:
         found.operator = {"failed": str(error)}
 
@@ -140,7 +143,7 @@ def second_case(case: Case, repeat: int) -> float:
     least = [np.inf, np.inf]
     for _ in range(repeat):
         for cases in (1, 2):
-            one = run_worker(case, {"tolerance": ENOUGH, "load_cases": cases}, WORKER)
+            one = in_fresh_process(case.name, solve_cold, case, ENOUGH, load_cases=cases)
             if not one.get("converged"):
                 return float("nan")
             least[cases - 1] = min(least[cases - 1], one["seconds"])

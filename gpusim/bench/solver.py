@@ -1,9 +1,8 @@
 """Run time of the solver against the error of its displacements, on this machine's adapter.
 
-Each solve is cold, in a process of its own: ``python -m gpusim.bench.solver CASE JSON``.
-The clock runs around `gpusim.fem.solve` alone and holds everything it does: checks, assembly,
-set-up, opening the device, compiling kernels, iterations, reactions. Python's imports and the
-making of the mesh come before.
+Each solve is cold, in a process of its own. The clock runs around `gpusim.fem.solve` alone and
+holds everything it does: checks, assembly, set-up, opening the device, compiling kernels,
+iterations, reactions. Python's imports and the making of the mesh come before.
 """
 
 from __future__ import annotations
@@ -13,48 +12,51 @@ import os
 import platform
 import resource
 import shutil
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import BrokenExecutor
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+from loky import ProcessPoolExecutor
 
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
-from gpusim.bench.solver_cases import CASES, Case
+from gpusim.bench.solver_cases import Case
 from gpusim.errors import GpusimError
 from gpusim.fem import Model, solve
 from gpusim.files.atomic_files import write_text
 from gpusim.gpu import default_device
 
+P = ParamSpec("P")
+R = TypeVar("R")
 Export = Callable[[Case, Model, Float, Path], None]
 
 
-def solve_cold(case: Case, options: dict[str, Any], export: Export | None = None) -> dict[str, Any]:
+def solve_cold(
+    case: Case,
+    tolerance: float,
+    *,
+    load_cases: int = 1,
+    reference: Path | None = None,
+    write: Path | None = None,
+    export: Export | None = None,
+) -> dict[str, Any]:
     """Solve one case; times, iterations, memory and the error as plain values.
 
-    ``options``: tolerance; load_cases (1 or 2); backend; ``reference`` a folder whose ``u.npy``
-    the result is compared with; ``write`` a folder for ``u.npy`` and what ``export`` writes.
+    ``reference``: a folder whose ``u.npy`` the result is compared with; ``write``: one for
+    ``u.npy`` and what ``export`` writes.
     """
-    model = case.model(options.get("load_cases", 1))
-    tolerance = options.get("tolerance", 1e-6)
-    before = _reset_peak()
+    model = case.model(load_cases)
+    before = _peak_kib()
     start = time.perf_counter()
     try:
-        solution = solve(
-            model,
-            tolerance=tolerance,
-            formulation={case.kind: case.rule},
-            backend=options.get("backend", "auto"),
-        )
+        solution = solve(model, tolerance=tolerance, formulation={case.kind: case.rule})
     except GpusimError as error:
         return {"failed": f"{type(error).__name__}: {error}"}
     seconds = time.perf_counter() - start
-    peak = _peak()
     first = solution.u if solution.u.ndim == 2 else solution.u[0]
     result: dict[str, Any] = {
         "tolerance": tolerance,
@@ -67,40 +69,23 @@ def solve_cold(case: Case, options: dict[str, Any], export: Export | None = None
         "path": f"{solution.method}, {solution.backend}, {solution.real}",
         "unknowns": solution.unknowns,
         "before_kib": before,
-        "peak_kib": peak,
+        "peak_kib": _peak_kib(),
     }
-    if "reference" in options:
-        wanted = np.load(Path(options["reference"]) / "u.npy")
+    if reference is not None:
+        wanted = np.load(reference / "u.npy")
         result["error"] = float(np.abs(first - wanted).max() / np.abs(wanted).max())
-    if "write" in options:
-        folder = Path(options["write"])
-        folder.mkdir(parents=True, exist_ok=True)
+    if write is not None:
+        write.mkdir(parents=True, exist_ok=True)
         if export is not None:
-            export(case, model, first, folder)
+            export(case, model, first, write)
         # last, so that a folder with u.npy is complete
-        np.save(folder / "u.npy", first)
+        np.save(write / "u.npy", first)
     return result
 
 
-def _reset_peak() -> int:
-    """Memory in use now, KiB; the kernel's high-water mark starts anew from here."""
-    try:
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    except OSError:
-        return 0  # the peak then counts from the start of the process
-    return _status("VmRSS:")
-
-
-def _peak() -> int:
-    return _status("VmHWM:") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def _status(key: str) -> int:
-    try:
-        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return 0
-    return next((int(line.split()[1]) for line in lines if line.startswith(key)), 0)
+def _peak_kib() -> int:
+    """The most memory that this process has had."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 Tell = Callable[[str], None]
@@ -180,13 +165,10 @@ def run_solver_bench(
     return results
 
 
-def measure_case(
-    case: Case, result: CaseResult, reference: Path, tell: Tell, worker: str = "gpusim.bench.solver"
-) -> None:
+def measure_case(case: Case, result: CaseResult, reference: Path, tell: Tell) -> None:
     """gpusim's runs of one case, each cold, in a fresh process; large ones at 1e-6 alone."""
     for tolerance in TOLERANCES if case.size != "full" else (1e-6,):
-        options = {"tolerance": tolerance, "reference": str(reference)}
-        run = run_worker(case, options, worker)
+        run = in_fresh_process(case.name, solve_cold, case, tolerance, reference=reference)
         if "failed" in run:
             result.fail(f"gpusim at {tolerance:g}: {run['failed']}", tell)
             continue
@@ -214,19 +196,20 @@ def make_reference(
     case: Case,
     reference: Path,
     tell: Tell,
-    worker: str = "gpusim.bench.solver",
-    export: Path | None = None,
+    problem: Path | None = None,
+    export: Export | None = None,
 ) -> None:
-    """Displacements at a tolerance of 1e-10; ``export``: folder for other programs' arrays."""
+    """Displacements at a tolerance of 1e-10; ``problem``: a folder for them and what ``export``
+    writes."""
     tell(f"{case.name}: reference, tolerance {REFERENCE_TOLERANCE:g}")
-    folder = export or reference
-    options = {"tolerance": REFERENCE_TOLERANCE, "write": str(folder), "export": export is not None}
-    made = run_worker(case, options, worker)
+    made = in_fresh_process(
+        case.name, solve_cold, case, REFERENCE_TOLERANCE, write=problem or reference, export=export
+    )
     if "failed" in made:
         raise GpusimError(f"bench {case.name}: no reference: {made['failed']}")
     reference.mkdir(parents=True, exist_ok=True)
-    if export is not None:
-        shutil.copy(export / "u.npy", reference / "u.npy")
+    if problem is not None:
+        shutil.copy(problem / "u.npy", reference / "u.npy")
     (reference / "case.json").write_text(stamp(case), encoding="utf-8")
 
 
@@ -246,18 +229,17 @@ def describe(point: Point) -> str:
     )
 
 
-def run_worker(case: Case, options: dict[str, Any], worker: str) -> dict[str, Any]:
-    """Run one cold solve in a fresh process; ``worker`` is its module."""
-    command = [sys.executable, "-m", worker, case.name, json.dumps(options)]
+def in_fresh_process(name: str, function: Callable[P, R], *args: P.args, **options: P.kwargs) -> R:
+    """What a function returns that is called in a process of its own; ``name``: of the case."""
+    pool = ProcessPoolExecutor(1)
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
-    except subprocess.TimeoutExpired:
-        raise GpusimError(f"bench {case.name}: stopped after {LIMIT_S:.0f} s") from None
-    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
-    if done.returncode != 0 or not lines:
-        why = (done.stderr.strip().splitlines() or [f"ended with {done.returncode}"])[-1]
-        raise GpusimError(f"bench {case.name}: the solve's process failed: {why}")
-    result: dict[str, Any] = json.loads(lines[-1])
+        result: R = pool.submit(function, *args, **options).result(LIMIT_S)
+    except TimeoutError:
+        raise GpusimError(f"bench {name}: stopped after {LIMIT_S:.0f} s") from None
+    except BrokenExecutor as error:
+        raise GpusimError(f"bench {name}: the solve's process failed: {error}") from error
+    finally:
+        pool.shutdown(kill_workers=True)
     return result
 
 
@@ -303,8 +285,3 @@ def solver_table(case: CaseResult) -> list[str]:
 
 def error_text(value: float) -> str:
     return f"{value:.1e}" if np.isfinite(value) else "-"
-
-
-if __name__ == "__main__":
-    chosen = next(case for case in CASES if case.name == sys.argv[1])
-    print(json.dumps(solve_cold(chosen, json.loads(sys.argv[2]))), flush=True)

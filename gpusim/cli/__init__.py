@@ -30,7 +30,6 @@ from gpusim._version import __version__
 from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
-    Backend,
     BackendOption,
     Json,
     Output,
@@ -144,7 +143,7 @@ def run(
     sets: Sets = None,
     only: Only = None,
     no: No = None,
-    backend: BackendOption = Backend.auto,
+    backend: BackendOption = "auto",
     fresh: Fresh = False,
     no_skip: NoSkip = False,
     store: StoreOption = None,
@@ -163,7 +162,7 @@ def run(
             report = run_scene(
                 loaded,
                 output,
-                backend=backend.value,
+                backend=backend,
                 fresh=fresh,
                 skip=not no_skip,
                 store=store,
@@ -181,7 +180,7 @@ def budget(
     scene: ScenePath,
     output: Output,
     sets: Sets = None,
-    backend: BackendOption = Backend.auto,
+    backend: BackendOption = "auto",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -193,7 +192,7 @@ def budget(
             from gpusim.pipeline.runner.error_budget import run_budget
 
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
-            report = run_budget(loaded, output, backend=backend.value, progress=progress)
+            report = run_budget(loaded, output, backend=backend, progress=progress)
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet and report.budget is not None:
@@ -204,7 +203,7 @@ def budget(
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
     output: Output,
-    backend: BackendOption = Backend.auto,
+    backend: BackendOption = "auto",
     tolerance: Annotated[
         float, typer.Option(help="Relative error of the displacement to reach.")
     ] = 1e-6,
@@ -217,7 +216,7 @@ def solve(
         with importing():
             from gpusim.applications.decks import solve_deck
 
-        options: dict[str, Any] = {"backend": backend.value, "tolerance": tolerance}
+        options: dict[str, Any] = {"backend": backend, "tolerance": tolerance}
         with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
             done = solve_deck(deck, output, stress=stress, progress=progress, **options)
         if as_json:
@@ -243,7 +242,7 @@ def plan(
         ),
     ] = None,
     sets: Sets = None,
-    backend: BackendOption = Backend.auto,
+    backend: BackendOption = "auto",
     fresh: Fresh = False,
     no_skip: NoSkip = False,
     store: StoreOption = None,
@@ -262,9 +261,9 @@ def plan(
             from gpusim.plan.plan import make_plan
 
         strange = check_files(loaded) if loaded.reads_files else []
-        speed = Speed.read(backend.value).measured()
+        speed = Speed.read(backend).measured()
         made = make_plan(
-            loaded, output, backend.value, fresh=fresh, skip=not no_skip, store=store,
+            loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
         beforehand: list[str] = []

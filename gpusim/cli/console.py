@@ -13,9 +13,8 @@ import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -53,14 +52,8 @@ def folder_name(text: str) -> Path:
     return Path(text)
 
 
-class Backend(StrEnum):
-    """Where the numbers are made."""
-
-    auto = "auto"
-    gpu = "gpu"
-    numpy = "numpy"
-
-
+Backend = Literal["auto", "gpu", "numpy"]
+"""Where the numbers are made."""
 BackendOption = Annotated[
     Backend,
     typer.Option(help="auto: a Vulkan device, else NumPy; gpu: a device or an error; numpy: none."),
@@ -80,7 +73,7 @@ def starting(output: Path, backend: Backend) -> Iterator[None]:
     from gpusim.report import prepare_figures
 
     prepare_figures()
-    if backend is Backend.numpy:
+    if backend == "numpy":
         yield
         return
     from gpusim.gpu.warmup import compile_ahead

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from gpusim.cli.console import (
-    Backend,
     BackendOption,
     Json,
     Output,
@@ -97,7 +96,7 @@ def dic(
     formats: Annotated[
         list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
     ] = None,
-    backend: BackendOption = Backend.auto,
+    backend: BackendOption = "auto",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -116,7 +115,7 @@ def dic(
             subset=subset, step=step, shape=shape, roi=_roi(roi), mask=mask,
             calibration=calibration, calibration_unit=calibration_unit, update=update, start=start,
             search_px=search_px, blur_px=blur_px, min_zncc=min_zncc, apart_px=apart_px,
-            tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend.value,
+            tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend,
             formats=tuple(one.value for one in formats or [Format.csv]),
         )  # fmt: skip
         lefts, rights = ([], []) if stereo is None else _pairs([reference, *deformed])

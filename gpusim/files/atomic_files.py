@@ -62,9 +62,9 @@ def atomic_path(path: PathLike) -> Iterator[Path]:
         yield part
         if not part.is_file():
             raise GpusimError(f"write: {final}: nothing was written")
-        _flush(part)
+        flush(part)
         os.replace(part, final)
-        _flush(final.parent)
+        flush(final.parent)
     except OSError as error:
         raise explained(error, part, final) from error
     finally:
@@ -135,7 +135,7 @@ def safe_name(name: str) -> str:
     return safe
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
     """Wait until a file's or folder's content is on the disk."""
     try:
         descriptor = os.open(path, os.O_RDONLY)

@@ -6,6 +6,7 @@ left to turn a picture or to invert it by rules of its own: see `plain_tiff`.
 
 from __future__ import annotations
 
+import io
 import math
 import re
 import struct
@@ -142,18 +143,13 @@ def exif_orientation(data: bytes) -> int:
     found = _EXIF.search(data)
     if found is None:
         return 1
-    tiff = data[found.end() :]
-    order = "<" if tiff[:2] == b"II" else ">"
-    try:
-        (at,) = struct.unpack_from(f"{order}I", tiff, 4)
-        (count,) = struct.unpack_from(f"{order}H", tiff, at)
-        for entry in range(at + 2, at + 2 + 12 * count, 12):
-            tag, kind, _, value = struct.unpack_from(f"{order}HHIH", tiff, entry)
-            if (tag, kind) == (_ORIENTATION, 3):
-                return int(value)
-    except struct.error:  # it is cut
+    import tifffile
+
+    try:  # the part is a TIFF without a picture
+        with tifffile.TiffFile(io.BytesIO(data[found.end() :])) as tiff:
+            return _number(tiff.pages[0].aspage(), _ORIENTATION, 1)
+    except Exception:  # it is cut or damaged
         return 1
-    return 1
 
 
 def _number(page: Any, code: int, usual: int) -> int:

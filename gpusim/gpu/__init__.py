@@ -7,7 +7,6 @@ In the order in which data passes:
 - `adapter`: Finding the adapter: Vulkan (or the system's native interface), the fastest first.
 - `faults`: What the driver reports, turned into gpusim errors.
 - `timing`: Device time per stage from timestamp queries, resolved only when somebody asks.
-- `transfer`: Bytes between the host and a device's buffers.
 - `context`: What buffers, textures and programs need of an open device: limits, memory,
   transfers, errors.
 - `wgsl`: WGSL as the single source: loading, ``#import``, and reflection of bindings and structs.
@@ -19,9 +18,8 @@ In the order in which data passes:
 - `programs`: The programs of a device, each compiled once: by who asks for it first, or in a
   thread before.
 - `warmup`: The device opened, and programs compiled, before it is known whether they are needed.
-- `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096).
-- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``, buffers split by rows, a
-  pool.
+- `texture_array`: Long arrays as textures: texel i lies at (i % 4096, i / 4096); a pool of them.
+- `buffer`: Device buffers: plain bytes, float64 values stored as ``real``.
 - `binding_cache`: Values that many programs bind: bindings are made once for each program, and
   used again.
 - `recording`: A recording: dispatches and draws collected in order, sent to the device in one
@@ -35,14 +33,14 @@ In the order in which data passes:
 from gpusim.gpu.adapter import software_adapter
 from gpusim.gpu.backend import BACKENDS, chosen_backend, working_device
 from gpusim.gpu.binding_cache import Bound
-from gpusim.gpu.buffer import Buffer, RealBuffer, SplitBuffer
+from gpusim.gpu.buffer import Buffer, RealBuffer
 from gpusim.gpu.context import PORTABLE_LIMITS
 from gpusim.gpu.device import Device, default_device
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
 from gpusim.gpu.texture_array import Texels
-from gpusim.gpu.twin import TOLERANCES, Tolerance, compare, twin_check, twin_checks
+from gpusim.gpu.twin import TOLERANCES, Pair, Pairs, Tolerance, compare, twin_check, twin_checks
 from gpusim.gpu.uniform import Uniform
 
 __all__ = [
@@ -54,10 +52,11 @@ __all__ = [
     "Buffer",
     "Device",
     "Kernel",
+    "Pair",
+    "Pairs",
     "Raster",
     "RealBuffer",
     "Recording",
-    "SplitBuffer",
     "Texels",
     "Texture",
     "Tolerance",

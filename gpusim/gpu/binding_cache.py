@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from gpusim.errors import InputError
-from gpusim.gpu.buffer import Buffer
 from gpusim.gpu.device import Device
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.recording import Recording
@@ -24,13 +22,9 @@ class Bound:
         name: str,
         entry: str = "main",
         constants: dict[str, float] | None = None,
-        *,
-        threads: tuple[int, ...] | None = None,
-        groups: tuple[int, ...] | None = None,
-        counted: Buffer | None = None,
+        **sizes: Any,
     ) -> None:
-        """Run a program over ``threads``, over ``groups``, or over as many groups as the device
-        finds in ``counted`` (`Recording.dispatch_counted`).
+        """Run a program over the ``sizes`` that `Recording.dispatch` takes.
 
         Raises
         ------
@@ -41,10 +35,4 @@ class Bound:
         if key not in self._made:
             kernel = self._device.kernel(name, entry, constants)
             self._made[key] = kernel, kernel.bind_used(**self._values)
-        kernel, bindings = self._made[key]
-        if counted is not None:
-            if threads is not None or groups is not None:
-                raise InputError(f"running {kernel.name}: give threads, groups or counted")
-            recording.dispatch_counted(kernel, bindings, counted)
-        else:
-            recording.dispatch(kernel, bindings, threads=threads, groups=groups)
+        recording.dispatch(*self._made[key], **sizes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -17,9 +17,8 @@ import wgpu
 
 from gpusim.errors import InputError, NoAdapter, OutOfDeviceMemory
 from gpusim.gpu import faults
-from gpusim.gpu.adapter import find_adapter, free_memory, is_processor
+from gpusim.gpu.adapter import find_adapter, free_memory
 from gpusim.gpu.timing import StageTimer
-from gpusim.gpu.transfer import MAPPABLE, Transfer
 
 PORTABLE_LIMITS = {
     "max-texture-dimension-2d": 8192,
@@ -63,8 +62,6 @@ class DeviceContext:
         self.real = real or ("f64" if has_f64 else "double_single")
         features = ["shader-f64"] if self.real == "f64" else []
         wanted = ["timestamp-query", "primitive-index"]
-        if is_processor(self.info):
-            wanted.append(MAPPABLE)
         features += [extra for extra in wanted if extra in self.adapter.features]
         self.features = frozenset(features)
         try:
@@ -76,14 +73,12 @@ class DeviceContext:
         self.limits: dict[str, int] = dict(self.gpu.limits)
         self.memory_limit = memory_limit if memory_limit is not None else free_memory(self.info)
         self.shaders = shaders
-        self.transfer = Transfer(self.gpu, MAPPABLE in self.features)
         self.timer = StageTimer(self.gpu, self.guard, "timestamp-query" in self.features)
         self.reclaim: list[Callable[[], None]] = []
         """What frees memory that nobody needs now, before more is refused."""
         # bytes by wgpu object: an entry goes when Python drops the object, and only then does
         # wgpu free the memory, after the last submit that uses it
         self._live: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
-        self._opaque_zero: Any = None
         self._fence = self.gpu.create_buffer(
             label="gpusim.fence", size=4, usage=wgpu.BufferUsage.COPY_SRC
         )
@@ -138,9 +133,39 @@ class DeviceContext:
             )
         self.require_memory(size, label)
         with self.guard(f"buffer {label} of {size} bytes"):
-            gpu = self.transfer.create(label, size, data if nbytes else None)
+            usage = wgpu.BufferUsage
+            gpu = self.create(
+                label, size, data if nbytes else None,
+                usage.STORAGE | usage.COPY_SRC | usage.COPY_DST | usage.INDIRECT,
+            )  # fmt: skip
         self.account(gpu, size)
         return gpu
+
+    def allocate_texture(
+        self, label: str, size: tuple[int, int], fmt: str, usage: int, nbytes: int
+    ) -> Any:
+        """The wgpu object of a texture of ``nbytes`` bytes."""
+        self.require_memory(nbytes, f"texture {label}")
+        with self.guard(f"texture {label} ({size[0]}x{size[1]} {fmt})"):
+            gpu = self.gpu.create_texture(
+                label=f"gpusim.{label}", size=(*size, 1), format=fmt, usage=usage
+            )
+        self.account(gpu, nbytes)
+        return gpu
+
+    def create(self, label: str, size: int, data: npt.NDArray[Any] | None, usage: int) -> Any:
+        """A wgpu buffer of ``size`` bytes, a multiple of 4: contiguous ``data``, then zeros."""
+        gpu = self.gpu.create_buffer(
+            label=f"gpusim.{label}", size=size, usage=usage, mapped_at_creation=data is not None
+        )
+        if data is not None:
+            gpu.write_mapped(_words(data))
+            gpu.unmap()
+        return gpu
+
+    def write(self, gpu: Any, data: npt.NDArray[Any]) -> None:
+        """Contiguous data to the start of a wgpu buffer, after all that was submitted before."""
+        self.gpu.queue.write_buffer(gpu, 0, _words(data))
 
     def account(self, gpu: Any, nbytes: int) -> None:
         """Count ``nbytes`` as in use for as long as the wgpu object ``gpu`` lives."""
@@ -169,31 +194,22 @@ class DeviceContext:
         self._live.pop(gpu, None)
         gpu.destroy()
 
-    @contextmanager
-    def seen_bytes(self, gpu: Any, label: str, offset: int, size: int) -> Iterator[memoryview]:
-        """Raw bytes (offset and size multiples of 4) for as long as the block runs.
+    def read(self, gpu: Any, label: str, size: int) -> memoryview:
+        """A copy of a wgpu buffer's first bytes (``size`` a multiple of 4), once the device has
+        finished."""
+        with self.guard(f"reading {label}"):
+            try:
+                copied: memoryview = self.gpu.queue.read_buffer(gpu, 0, size)
+            except (RuntimeError, AttributeError) as error:
+                # wgpu-py's words for a failed map, and for one on a device that is gone
+                reason = error if self._alive() else "device is lost"
+                raise faults.translate(reason, f"reading {label}") from error
+        return copied
 
-        Waits until the device has finished.
-        """
-        with ExitStack() as opened:
-            with self.guard(f"reading {label}"):
-                try:
-                    data = opened.enter_context(self.transfer.seen(gpu, offset, size))
-                except (RuntimeError, AttributeError) as error:
-                    # wgpu-py's words for a failed map, and for one on a device that is gone
-                    reason = error if self._alive() else "device is lost"
-                    raise faults.translate(reason, f"reading {label}") from error
-            yield data
-
+    @cached_property
     def opaque_zero(self) -> Any:
         """The uniform that keeps double-single arithmetic safe from the compiler."""
-        if self._opaque_zero is None:
-            self._opaque_zero = self.gpu.create_buffer_with_data(
-                label="gpusim.real.zero",
-                data=np.zeros(4, np.uint32),
-                usage=wgpu.BufferUsage.UNIFORM,
-            )
-        return self._opaque_zero
+        return self.create("real.zero", 16, np.zeros(4, np.uint32), wgpu.BufferUsage.UNIFORM)
 
     @cached_property
     def smooth_sampler(self) -> Any:
@@ -214,4 +230,33 @@ class DeviceContext:
     def submit(self, commands: Any, stage: str) -> None:
         """Send a finished command buffer; device errors come back as `DeviceError`."""
         with self.guard(stage):
-            self.transfer.submit([commands])
+            self.gpu.queue.submit([commands])
+
+
+class DeviceMemory:
+    """What takes a device's memory until it is released, or Python drops it and no `Bindings` hold
+    it any more."""
+
+    device: DeviceContext
+    gpu: Any
+    label: str
+
+    def live(self, what: str) -> Any:
+        """The wgpu object; raises `InputError` if it was released."""
+        if self.gpu is None:
+            raise InputError(
+                f"{what} {self.label}; got a released buffer or texture; expected a live one"
+            )
+        return self.gpu
+
+    def release(self) -> None:
+        """Free the memory as soon as submitted work is done; no use afterwards."""
+        if self.gpu is not None:
+            self.device.forget(self.gpu)
+            self.gpu = None
+
+
+def _words(data: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+    """The bytes of contiguous data, then zeros up to a multiple of 4."""
+    found = data.reshape(-1).view(np.uint8)
+    return found if len(found) % 4 == 0 else np.pad(found, (0, -len(found) % 4))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -12,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.gpu.buffer import Buffer, BufferPool, RealBuffer, SplitBuffer, to_real
+from gpusim.gpu.buffer import Buffer, RealBuffer, to_real
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.programs import Programs, program_key
 from gpusim.gpu.raster import Raster, Texture
 from gpusim.gpu.recording import Recording
-from gpusim.gpu.texture_array import Texels
+from gpusim.gpu.texture_array import TexelPool, Texels
 
 
 class Device(DeviceContext):
@@ -51,7 +50,7 @@ class Device(DeviceContext):
         shaders: Path | None = None,
     ) -> None:
         super().__init__(real, adapter, memory_limit, shaders)
-        self.pool = BufferPool(self)
+        self.pool = TexelPool(self)
         self.reclaim.append(self.pool.free)
         self.programs = Programs(self)
         self._targets: dict[str, Texture] = {}
@@ -75,57 +74,12 @@ class Device(DeviceContext):
             )
         return Buffer(self, self.allocate(data.nbytes, label, data), data.nbytes, label)
 
-    def real_buffer(
-        self,
-        array: npt.ArrayLike | None = None,
-        label: str = "real",
-        shape: tuple[int, ...] | None = None,
-    ) -> RealBuffer:
-        """float64 values stored as ``real``: those of ``array``, or zeros of ``shape``."""
-        if array is None:
-            wanted = shape or ()
-            nbytes = 8 * int(np.prod(wanted, dtype=np.int64))
-            return RealBuffer(self, self.allocate(nbytes, label), nbytes, label, wanted)
+    def real_buffer(self, array: npt.ArrayLike, label: str) -> RealBuffer:
+        """float64 values stored as ``real``."""
         values = np.asarray(array, np.float64)
         data = to_real(values, self.real, label)
         gpu = self.allocate(data.nbytes, label, data)
         return RealBuffer(self, gpu, data.nbytes, label, values.shape)
-
-    def split(
-        self,
-        array: npt.NDArray[Any],
-        label: str,
-        align: int = 1,
-        like: SplitBuffer | None = None,
-    ) -> SplitBuffer:
-        """Rows of ``array`` (float64 becomes ``real``) in parts below the binding limit.
-
-        Part borders fall on multiples of ``align`` rows, or where those of ``like`` are, which
-        buffers of one dispatch must have in common (split the widest rows first).
-        """
-        rows = len(array)
-        is_real = array.dtype == np.float64
-        row_bytes = max(1, array.nbytes // max(rows, 1))
-        limit = self.limits["max-storage-buffer-binding-size"]
-        if like is not None:
-            starts = like.starts
-            if starts[-1] != rows:
-                raise InputError(f"split {label}; got {rows} rows; expected {starts[-1]}")
-        else:
-            per_part = max(align, limit // row_bytes)
-            per_part -= per_part % align
-            starts = (*range(0, max(rows, 1), per_part), rows)
-        longest = max(end - start for start, end in pairwise(starts))
-        if longest * row_bytes > limit:
-            raise InputError(
-                f"split {label}; got {longest} rows of {row_bytes} bytes in one part; "
-                f"expected at most {limit} bytes"
-            )
-        parts: list[Buffer] = []
-        for start, end in pairwise(starts):
-            piece, name = array[start:end], f"{label}[{start}]"
-            parts.append(self.real_buffer(piece, name) if is_real else self.buffer(piece, name))
-        return SplitBuffer(tuple(parts), starts)
 
     # -- programs --------------------------------------------------------------------------
 
@@ -133,7 +87,8 @@ class Device(DeviceContext):
         self, name: str, entry: str = "main", constants: dict[str, float] | None = None
     ) -> Kernel:
         """The compute program ``entry`` of ``shaders/<name>.wgsl``, compiled once per device."""
-        return self.programs.kernel(name, entry, constants)
+        kernel: Kernel = self.programs.program(program_key(name, entry, constants))
+        return kernel
 
     def raster(
         self,
@@ -144,7 +99,9 @@ class Device(DeviceContext):
         depth: str = "greater",
     ) -> Raster:
         """The vertex + fragment program of ``shaders/<name>.wgsl`` (see `Raster`)."""
-        return self.programs.raster(name, color_formats, constants, entries, depth)
+        key = program_key(name, entries, constants, color_formats, depth)
+        raster: Raster = self.programs.program(key)
+        return raster
 
     def rasters(
         self,

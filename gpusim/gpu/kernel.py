@@ -7,14 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import wgpu
 
 from gpusim.errors import DeviceError, InputError
-from gpusim.gpu.buffer import Buffer, SplitBuffer
+from gpusim.gpu.buffer import Buffer
 from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.texture_array import Texels
-from gpusim.gpu.uniform import Uniform, pack
+from gpusim.gpu.uniform import Uniform
 from gpusim.gpu.wgsl import Binding, Module, type_layout
 
 _STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*(read|write)\s*>")
@@ -24,7 +23,7 @@ _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
 class Layout:
     """Bind group and pipeline layouts of an entry point, made from reflection.
 
-    Groups: 0 the stage's own resources, 1 the double-single guard, 2 the part of a split buffer.
+    Groups: 0 the stage's own resources, 1 the double-single guard.
     """
 
     def __init__(self, device: DeviceContext, module: Module, entries: tuple[str, ...]) -> None:
@@ -90,77 +89,30 @@ class Layout:
         if set(values) != own:
             missing, extra = sorted(own - set(values)), sorted(set(values) - own)
             raise InputError(f"{where}; missing {missing}; unknown {extra}; expected {sorted(own)}")
-        uniforms: dict[str, Any] = {}
-        splits = {n: v for n, v in values.items() if isinstance(v, SplitBuffer)}
-        if splits and "part" not in self.bindings:
-            raise InputError(
-                f"{where}: split buffers {sorted(splits)} need '#import lib/numeric/part'"
-            )
-        starts = {v.starts for v in splits.values()}
-        if len(starts) > 1:
-            raise InputError(f"{where}: split buffers are split at different rows: {starts}")
-        parts = len(next(iter(starts))) - 1 if starts else 1
-        resources: list[dict[str, Any]] = [{} for _ in range(parts)]
-        for name, value in values.items():
-            binding = self.bindings[name]
-            if binding.space == "uniform":
-                with self.device.guard(where):
-                    if isinstance(value, Uniform):
-                        value = self._shared_uniform(binding, value, where)
-                    else:
-                        value = uniforms[name] = self._uniform(binding, value, where)
-            if isinstance(value, SplitBuffer) and binding.space != "storage":
-                raise InputError(f"{where}.{name}; got a split buffer; expected {binding.type}")
-            for i in range(parts):
-                piece = value.parts[i] if isinstance(value, SplitBuffer) else value
-                resources[i][name] = self._resource(binding, piece, where)
-        groups, rows = [], []
-        for i in range(parts):
-            first = next(iter(starts))[i] if starts else 0
-            count = next(iter(starts))[i + 1] - first if starts else None
-            rows.append((first, count))
-            with self.device.guard(where):
-                groups.append(self._groups(resources[i]))
-        return Bindings(self, tuple(groups), tuple(rows), uniforms, values)
-
-    def bind_used(self, values: dict[str, Any]) -> Bindings:
-        """The same, without those of the ``values`` that aren't among the bindings."""
-        return self.bind({name: value for name, value in values.items() if name in self.bindings})
-
-    def _uniform(self, binding: Binding, value: Any, where: str) -> Any:
-        dtype, _ = type_layout(binding.type, self.module.structs, where)
-        return Uniform(self.device, value, f"{self.module.name}.{binding.name}").live(dtype, where)
-
-    def _shared_uniform(self, binding: Binding, value: Uniform, where: str) -> Any:
-        if value.device is not self.device:
-            raise InputError(
-                f"{where}.{binding.name}; got a uniform of another device ({value.label}); "
-                f"expected one of {self.device.name}"
-            )
-        dtype, _ = type_layout(binding.type, self.module.structs, where)
-        return value.live(dtype, where)
+        with self.device.guard(where):
+            resources = {
+                name: self._resource(self.bindings[name], value, where)
+                for name, value in values.items()
+            }
+            return Bindings(self, self._groups(resources), values)
 
     def _resource(self, binding: Binding, value: Any, where: str) -> Any:
         if binding.space == "uniform":
-            return {"buffer": value}
+            return {"buffer": self._uniform(binding, value, where)}
         if binding.space == "storage":
             if not isinstance(value, Buffer):
                 raise InputError(
                     f"{where}.{binding.name}; got {type(value).__name__}; expected a Buffer"
                 )
-            if value.device is not self.device:
-                raise InputError(
-                    f"{where}.{binding.name}; got a buffer of another device ({value.label}); "
-                    f"expected one of {self.device.name}"
-                )
-            value.live(f"{where}.{binding.name}:")
+            self._check_device(value, "a buffer", f"{where}.{binding.name}")
+            gpu = value.live(f"{where}.{binding.name}:")
             limit = self.device.limits["max-storage-buffer-binding-size"]
-            if value.gpu.size > limit:
+            if gpu.size > limit:
                 raise DeviceError(
-                    f"{where}.{binding.name}; got {value.gpu.size} bytes; expected at most {limit} "
-                    "in one binding (use Device.split)"
+                    f"{where}.{binding.name}; got {gpu.size} bytes; expected at most {limit} "
+                    "in one binding"
                 )
-            return {"buffer": value.gpu}
+            return {"buffer": gpu}
         if binding.type == "sampler":
             return value
         if not hasattr(value, "view"):
@@ -169,11 +121,7 @@ class Layout:
             )
         if isinstance(value, Texels):
             value.live(f"{where}.{binding.name}:")
-            if value.device is not self.device:
-                raise InputError(
-                    f"{where}.{binding.name}; got texels of another device ({value.label}); "
-                    f"expected some of {self.device.name}"
-                )
+            self._check_device(value, "texels", f"{where}.{binding.name}")
             words = {"rgba32float": "f32", "rgba32uint": "u32"}[value.format]
             if f"<{words}>" not in binding.type and value.format not in binding.type:
                 raise InputError(
@@ -182,14 +130,28 @@ class Layout:
                 )
         return value.view
 
+    def _uniform(self, binding: Binding, value: Any, where: str) -> Any:
+        label = f"{self.module.name}.{binding.name}"
+        uniform = value if isinstance(value, Uniform) else Uniform(self.device, value, label)
+        self._check_device(uniform, "a uniform", f"{where}.{binding.name}")
+        dtype, _ = type_layout(binding.type, self.module.structs, where)
+        return uniform.live(dtype, where)
+
+    def _check_device(self, value: Buffer | Texels | Uniform, what: str, where: str) -> None:
+        if value.device is not self.device:
+            raise InputError(
+                f"{where}; got {what} of another device ({value.label}); "
+                f"expected one of {self.device.name}"
+            )
+
     def _groups(self, resources: dict[str, Any]) -> tuple[Any, ...]:
-        """Bind groups 0 and 1; group 2 (the part) belongs to the dispatch size."""
+        """Bind groups 0 and 1."""
         result = []
-        for group, layout in enumerate(self.groups[:2]):
+        for group, layout in enumerate(self.groups):
             entries = []
             for b in self.bindings.values():
                 if b.group == group == 1:
-                    resource = {"buffer": self.device.opaque_zero()}
+                    resource = {"buffer": self.device.opaque_zero}
                     entries.append({"binding": b.index, "resource": resource})
                 elif b.group == group:
                     entries.append({"binding": b.index, "resource": resources[b.name]})
@@ -203,58 +165,18 @@ class Layout:
 
 @dataclass(eq=False)
 class Bindings:
-    """Resources checked against a program once; can be dispatched any number of times.
-
-    ``rows`` holds (first, count) per part; count is None where nothing is split.
-    """
+    """Resources checked against a program once; can be dispatched any number of times."""
 
     layout: Layout
-    groups: tuple[tuple[Any, ...], ...]
-    rows: tuple[tuple[int, int | None], ...]
-    uniforms: dict[str, Any]
+    groups: tuple[Any, ...]
     values: dict[str, Any]
-
-    def __post_init__(self) -> None:
-        self._part_groups: dict[tuple[int, int], Any] = {}
-
-    def update(self, **values: dict[str, Any]) -> None:
-        """Rewrite uniform structs in place, before the next submit."""
-        for name, value in values.items():
-            if name not in self.uniforms:
-                raise InputError(
-                    f"updating {self.layout.module.name}; got {name!r}; "
-                    f"expected one of {sorted(self.uniforms)}"
-                )
-            binding = self.layout.bindings[name]
-            module = self.layout.module
-            dtype, _ = type_layout(binding.type, module.structs, module.name)
-            data = pack(value, dtype, f"{module.name}.{name}")
-            with self.layout.device.guard(f"updating {module.name}.{name}"):
-                self.layout.device.transfer.write(self.uniforms[name], data, 0)
 
     def check_live(self) -> None:
         """Raise `InputError` if a bound buffer was released since: submitting would end the
         process."""
         for name, value in self.values.items():
-            for buffer in value.parts if isinstance(value, SplitBuffer) else (value,):
-                if isinstance(buffer, Buffer | Texels):
-                    buffer.live(f"{self.layout.module.name}.{name}:")
-
-    def part_group(self, first: int, count: int) -> Any:
-        """Bind group 2 for rows [first, first + count)."""
-        key = (first, count)
-        if key not in self._part_groups:
-            gpu = self.layout.device.gpu
-            buffer = gpu.create_buffer_with_data(
-                label="gpusim.part",
-                data=np.array([first, count, 0, 0], np.uint32),
-                usage=wgpu.BufferUsage.UNIFORM,
-            )
-            self._part_groups[key] = gpu.create_bind_group(
-                layout=self.layout.groups[2],
-                entries=[{"binding": 0, "resource": {"buffer": buffer}}],
-            )
-        return self._part_groups[key]
+            if isinstance(value, Buffer | Texels):
+                value.live(f"{self.layout.module.name}.{name}:")
 
 
 def _check_workgroup(size: tuple[int, int, int], limits: dict[str, int], where: str) -> None:
@@ -269,7 +191,49 @@ def _check_workgroup(size: tuple[int, int, int], limits: dict[str, int], where: 
         )
 
 
-class Kernel:
+class Program:
+    """Entry points of a shader file with their override constants.
+
+    ``entries``: those of each stage ("compute", "vertex", "fragment").
+    """
+
+    def __init__(
+        self,
+        device: DeviceContext,
+        module: Module,
+        entries: dict[str, str],
+        constants: dict[str, float],
+    ) -> None:
+        for stage, entry in entries.items():
+            where = f"program {module.name}.{entry}"
+            if entry not in module.entries:
+                raise InputError(
+                    f"{where}: no such entry; expected one of {sorted(module.entries)}"
+                )
+            if module.entries[entry].stage != stage:
+                raise InputError(
+                    f"{where}: a {module.entries[entry].stage} entry; expected @{stage}"
+                )
+            unknown = sorted(set(constants) - set(module.overrides))
+            needed = sorted(n for n, default in module.overrides.items() if not default)
+            if unknown or not set(needed) <= set(constants):
+                raise InputError(
+                    f"{where} constants; got {sorted(constants)}; needed {needed}, "
+                    f"unknown {unknown}"
+                )
+        self.layout = Layout(device, module, tuple(entries.values()))
+
+    def bind(self, **values: Any) -> Bindings:
+        """Bind buffers, textures and uniform dicts by their WGSL names."""
+        return self.layout.bind(values)
+
+    def bind_used(self, **values: Any) -> Bindings:
+        """The same with values that several programs share: those that this one doesn't use are
+        left out."""
+        return self.bind(**{n: value for n, value in values.items() if n in self.layout.bindings})
+
+
+class Kernel(Program):
     """An immutable compute program: one entry point with its override constants.
 
     ``compiled`` gives the wgpu module of a shader file.
@@ -283,22 +247,11 @@ class Kernel:
         constants: dict[str, float],
         compiled: Callable[[Module], Any],
     ) -> None:
-        where = f"kernel {module.name}.{entry}"
-        if entry not in module.entries:
-            raise InputError(f"{where}: no such entry; expected one of {sorted(module.entries)}")
-        if module.entries[entry].stage != "compute":
-            raise InputError(f"{where}: a {module.entries[entry].stage} entry; expected @compute")
-        unknown = sorted(set(constants) - set(module.overrides))
-        needed = sorted(n for n, default in module.overrides.items() if not default)
-        if unknown or not set(needed) <= set(constants):
-            raise InputError(
-                f"{where} constants; got {sorted(constants)}; needed {needed}, unknown {unknown}"
-            )
         self.name = f"{module.name}.{entry}"
+        super().__init__(device, module, {"compute": entry}, constants)
         self.workgroup = module.workgroup_size(entry, constants)
-        _check_workgroup(self.workgroup, device.limits, where)
-        self.layout = Layout(device, module, (entry,))
-        with device.guard(where):
+        _check_workgroup(self.workgroup, device.limits, f"kernel {self.name}")
+        with device.guard(f"kernel {self.name}"):
             self.pipeline = device.gpu.create_compute_pipeline(
                 label=f"gpusim.{self.name}",
                 layout=self.layout.pipeline,
@@ -308,12 +261,3 @@ class Kernel:
                     "constants": constants,
                 },
             )
-
-    def bind(self, **values: Any) -> Bindings:
-        """Bind buffers, textures and uniform dicts by their WGSL names."""
-        return self.layout.bind(values)
-
-    def bind_used(self, **values: Any) -> Bindings:
-        """The same with values that several entries share: those that this one doesn't use are left
-        out."""
-        return self.layout.bind_used(values)

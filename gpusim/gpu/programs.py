@@ -46,26 +46,10 @@ class Programs:
         self._threads: list[ThreadPoolExecutor] = []
         self._own = local()  # of each thread: programs of a device on which they are primed
 
-    def kernel(self, name: str, entry: str, constants: dict[str, float] | None) -> Kernel:
-        """As `Device.kernel`."""
-        key = program_key(name, entry, constants)
+    def program(self, key: Key) -> Any:
+        """The kernel or raster of a key, compiled now if it isn't there."""
         self.asked.setdefault(key)
-        found: Kernel = self._get(key)
-        return found
-
-    def raster(
-        self,
-        name: str,
-        formats: tuple[str, ...],
-        constants: dict[str, float] | None,
-        entries: tuple[str, str],
-        depth: str,
-    ) -> Raster:
-        """As `Device.raster`."""
-        key = program_key(name, entries, constants, formats, depth)
-        self.asked.setdefault(key)
-        found: Raster = self._get(key)
-        return found
+        return self._once(key, lambda: self._compiled(*cast(Any, key)))
 
     def module(self, module: Module) -> Any:
         """The wgpu module of a shader file, compiled once however many entries it has."""
@@ -113,12 +97,9 @@ class Programs:
             if self._primed_before.lacks(code, key):
                 if not hasattr(self._own, "programs"):
                     self._own.programs = Programs(self.device.another())
-                prime(self._own.programs._get(key))
+                prime(self._own.programs.program(key))
                 self._primed_before.add(code, key)
         return self._compiled(*cast(Any, key))
-
-    def _get(self, key: Key) -> Any:
-        return self._once(key, lambda: self._compiled(*cast(Any, key)))
 
     def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """What is made for ``key``, by the thread that asks first; an error isn't kept."""

@@ -10,7 +10,7 @@ import wgpu
 
 from gpusim.errors import InputError, OutOfDeviceMemory
 from gpusim.gpu.context import DeviceContext
-from gpusim.gpu.kernel import Bindings, Layout
+from gpusim.gpu.kernel import Program
 from gpusim.gpu.wgsl import Module
 
 _OVER = {
@@ -35,16 +35,11 @@ class Texture:
         self.nbytes = width * height * _texel_bytes(fmt)
         # copies to buffers need rows of whole 256 bytes
         self.stride = -(-width * _texel_bytes(fmt) // 256) * 256
-        device.require_memory(self.nbytes, f"texture {label}")
-        with device.guard(f"texture {label} ({width}x{height} {fmt})"):
-            self.gpu = device.gpu.create_texture(
-                label=f"gpusim.{label}",
-                size=(width, height, 1),
-                format=fmt,
-                usage=usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING | usage.COPY_SRC,
-            )
-            self.view = self.gpu.create_view()
-        device.account(self.gpu, self.nbytes)
+        self.gpu = device.allocate_texture(
+            label, (width, height), fmt,
+            usage.RENDER_ATTACHMENT | usage.TEXTURE_BINDING | usage.COPY_SRC, self.nbytes,
+        )  # fmt: skip
+        self.view = self.gpu.create_view()
 
 
 def _texel_bytes(fmt: str) -> int:
@@ -56,7 +51,7 @@ def _texel_bytes(fmt: str) -> int:
     return channels * int(match.group(2)) // 8
 
 
-class Raster:
+class Raster(Program):
     """A triangle-list pipeline with a float32 reversed depth buffer (nearer is larger).
 
     Vertices are pulled from storage buffers by index; ``entries`` are (vertex, fragment).
@@ -73,24 +68,13 @@ class Raster:
         color_formats: tuple[str, ...],
         compiled: Callable[[Module], Any],
         *,
-        entries: tuple[str, str] = ("vertex", "fragment"),
-        constants: dict[str, float] | None = None,
-        depth: str = "greater",
+        entries: tuple[str, str],
+        constants: dict[str, float],
+        depth: str,
     ) -> None:
-        for entry in entries:
-            if entry not in module.entries:
-                raise InputError(
-                    f"raster {module.name}: no entry {entry!r}; got {sorted(module.entries)}"
-                )
         self.name, self.formats, self.depth = module.name, color_formats, depth
-        values = constants or {}
-        needed = {n for n, default in module.overrides.items() if not default}
-        if not needed <= set(values) <= set(module.overrides):
-            raise InputError(
-                f"raster {module.name} constants; got {sorted(values)}; needed {sorted(needed)} "
-                f"among {sorted(module.overrides)}"
-            )
-        self.layout = Layout(device, module, entries)
+        super().__init__(device, module, dict(zip(("vertex", "fragment"), entries, strict=True)),
+                         constants)  # fmt: skip
         with device.guard(f"raster {module.name}"):
             shader = compiled(module)
             self.pipeline: Any = device.gpu.create_render_pipeline(
@@ -100,12 +84,12 @@ class Raster:
                     "module": shader,
                     "entry_point": entries[0],
                     "buffers": [],
-                    "constants": values,
+                    "constants": constants,
                 },
                 fragment={
                     "module": shader,
                     "entry_point": entries[1],
-                    "constants": values,
+                    "constants": constants,
                     "targets": [
                         {"format": fmt, **({"blend": _OVER} if depth == "over" else {})}
                         for fmt in color_formats
@@ -120,11 +104,3 @@ class Raster:
                     "depth_compare": depth,
                 },
             )
-
-    def bind(self, **values: Any) -> Bindings:
-        """Bind buffers and uniform dicts by their WGSL names."""
-        return self.layout.bind(values)
-
-    def bind_used(self, **values: Any) -> Bindings:
-        """The same with values of which some are left out: those that this program doesn't use."""
-        return self.layout.bind_used(values)

@@ -71,45 +71,29 @@ class Recording:
         *,
         threads: tuple[int, ...] | None = None,
         groups: tuple[int, ...] | None = None,
+        counted: Buffer | None = None,
     ) -> None:
-        """Run ``kernel`` over ``threads`` (rounded up to workgroups) or over ``groups``.
+        """Run ``kernel`` over ``threads`` (rounded up to workgroups), over ``groups``, or over as
+        many groups (three uint32) as the device finds in ``counted``.
 
         One-dimensional ``threads`` beyond what one grid dimension takes are folded into two; the
-        kernel recovers the index with ``linear_id`` and guards it. With split buffers there is
-        one dispatch per part and ``threads`` must be ``(rows, …)`` of the whole.
+        kernel recovers the index with ``linear_id`` and guards it.
         """
         if bindings.layout is not kernel.layout:
             raise InputError(f"dispatch of {kernel.name}: the bindings were made for another one")
-        if (threads is None) == (groups is None):
-            raise InputError(f"dispatch of {kernel.name}: give either threads or groups")
-        given = threads if threads is not None else groups or ()
+        if [threads, groups, counted].count(None) != 2:
+            raise InputError(f"dispatch of {kernel.name}: give one of threads, groups, counted")
+        given = next(sizes for sizes in (threads, groups, (1,)) if sizes is not None)
         if not 1 <= len(given) <= 3 or any(n < 0 for n in given):
             raise InputError(f"dispatch of {kernel.name}; got {given}; expected 1 to 3 sizes >= 0")
         self._begin_computing(kernel, bindings)
-        has_part = "part" in kernel.layout.bindings
-        for bind_groups, (first, count) in zip(bindings.groups, bindings.rows, strict=True):
-            for index, group in enumerate(bind_groups):
-                self._pass.set_bind_group(index, group)
-            size = threads
-            if threads is not None and count is not None:
-                size = (count, *threads[1:])
-            if has_part:
-                if size is None:
-                    raise InputError(f"dispatch of {kernel.name}: parts need threads, not groups")
-                self._pass.set_bind_group(2, bindings.part_group(first, size[0]))
-            grid = self._grid(kernel, size, groups)
-            if all(n > 0 for n in grid):
-                self._pass.dispatch_workgroups(*grid)
-
-    def dispatch_counted(self, kernel: Kernel, bindings: Bindings, groups: Buffer) -> None:
-        """Run ``kernel`` over as many groups (three uint32) as the device finds in a buffer."""
-        if bindings.layout is not kernel.layout:
-            raise InputError(f"dispatch of {kernel.name}: the bindings were made for another one")
-        self._begin_computing(kernel, bindings)
-        for index, group in enumerate(bindings.groups[0]):
-            self._pass.set_bind_group(index, group)
-        self._pass.dispatch_workgroups_indirect(groups.live(f"{self.stage}: counting"), 0)
-        self._buffers.append(groups)
+        if counted is not None:
+            self._pass.dispatch_workgroups_indirect(counted.live(f"{self.stage}: counting"), 0)
+            self._buffers.append(counted)
+            return
+        grid = self._grid(kernel, threads, groups)
+        if all(n > 0 for n in grid):
+            self._pass.dispatch_workgroups(*grid)
 
     def _begin_computing(self, kernel: Kernel, bindings: Bindings) -> None:
         self._bindings[id(bindings)] = bindings
@@ -119,6 +103,11 @@ class Recording:
                 label=f"gpusim.{self.stage}", **self._timing()
             )
         self._pass.set_pipeline(kernel.pipeline)
+        self._set_groups(bindings)
+
+    def _set_groups(self, bindings: Bindings) -> None:
+        for index, group in enumerate(bindings.groups):
+            self._pass.set_bind_group(index, group)
 
     def _grid(
         self, kernel: Kernel, threads: tuple[int, ...] | None, groups: tuple[int, ...] | None
@@ -169,8 +158,7 @@ class Recording:
             self._drawn = drawn
         render = self._pass
         render.set_pipeline(raster.pipeline)
-        for index, group in enumerate(bindings.groups[0]):
-            render.set_bind_group(index, group)
+        self._set_groups(bindings)
         render.set_viewport(0, 0, size[0], size[1], 0, 1)
         render.set_scissor_rect(0, 0, size[0], size[1])
         if vertices:
@@ -233,19 +221,6 @@ class Recording:
             },
             (texture.width, rows, 1),
         )
-
-    def copy(self, source: Buffer, target: Buffer, nbytes: int | None = None) -> None:
-        """Copy the first ``nbytes`` (default all) of ``source`` to ``target``."""
-        self._end_pass()
-        wanted = source.nbytes if nbytes is None else nbytes
-        if not 0 <= wanted <= min(source.nbytes, target.nbytes):
-            raise InputError(
-                f"copying {source.label} to {target.label}; got {wanted} bytes; expected at most "
-                f"{min(source.nbytes, target.nbytes)}"
-            )
-        ends = [buffer.live(f"{self.stage}: copying") for buffer in (source, target)]
-        self._buffers += [source, target]
-        self._encoder.copy_buffer_to_buffer(ends[0], 0, ends[1], 0, -(-wanted // 4) * 4)
 
     def clear(self, buffer: Buffer) -> None:
         """Fill a buffer with zeros."""

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import wgpu
 
 from gpusim.errors import InputError, OutOfDeviceMemory
-from gpusim.gpu.context import DeviceContext
+from gpusim.gpu.context import DeviceContext, DeviceMemory
 
 TEXEL_WIDTH = 4096
 _BYTES = 16
@@ -30,7 +30,7 @@ def most_texels(device: Any) -> int:
     return TEXEL_WIDTH * (height - 1)
 
 
-class Texels:
+class Texels(DeviceMemory):
     """``count`` texels of four float32 or uint32, zero at first.
 
     The height is kept from being a power of two: Mesa compiles a kernel anew for textures whose
@@ -49,19 +49,12 @@ class Texels:
         self.nbytes = self.footprint(count)
         height = self.nbytes // (_BYTES * TEXEL_WIDTH)
         usage = wgpu.TextureUsage
-        device.require_memory(self.nbytes, f"texels {label}")
-        with device.guard(f"texels {label} ({TEXEL_WIDTH}x{height} {fmt})"):
-            self.gpu: Any = device.gpu.create_texture(
-                label=f"gpusim.{label}",
-                size=(TEXEL_WIDTH, height, 1),
-                format=fmt,
-                usage=usage.TEXTURE_BINDING
-                | usage.STORAGE_BINDING
-                | usage.COPY_SRC
-                | usage.COPY_DST,
-            )
-            self.view = self.gpu.create_view()
-        device.account(self.gpu, self.nbytes)
+        self.gpu = device.allocate_texture(
+            label, (TEXEL_WIDTH, height), fmt,
+            usage.TEXTURE_BINDING | usage.STORAGE_BINDING | usage.COPY_SRC | usage.COPY_DST,
+            self.nbytes,
+        )  # fmt: skip
+        self.view = self.gpu.create_view()
 
     @staticmethod
     def footprint(count: int) -> int:
@@ -114,14 +107,30 @@ class Texels:
             )
         return np.frombuffer(data, self.dtype).reshape(-1, 4)[: self.count]
 
-    def live(self, what: str) -> Any:
-        """The wgpu texture; raises `InputError` if it was released."""
-        if self.gpu is None:
-            raise InputError(f"{what} {self.label}; got released texels; expected live ones")
-        return self.gpu
 
-    def release(self) -> None:
-        """Free the device memory as soon as submitted work is done; no use afterwards."""
-        if self.gpu is not None:
-            self.device.forget(self.gpu)
-            self.gpu = None
+class TexelPool:
+    """Texels of a device that one frame leaves for the next one."""
+
+    def __init__(self, device: DeviceContext) -> None:
+        self.device = device
+        self._texels: dict[str, Texels] = {}
+        self.notes: dict[str, object] = {}
+        """What others keep on the device from one frame to the next, as long as there is room."""
+
+    def texels(self, count: int, fmt: str, label: str) -> Texels:
+        """At least ``count`` texels for one frame after the other: the last of that label if it
+        suits.
+
+        What they hold is good until the next ones of that label are asked for.
+        """
+        kept = self._texels.pop(label, None)
+        if kept is None or kept.format != fmt or not count <= kept.count <= 4 * count + TEXEL_WIDTH:
+            del kept
+            kept = Texels(self.device, count, fmt, label)
+        self._texels[label] = kept
+        return kept
+
+    def free(self) -> None:
+        """Free all that waits."""
+        self._texels.clear()
+        self.notes.clear()

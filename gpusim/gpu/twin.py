@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
 from pkgutil import iter_modules
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +37,7 @@ def compare(
     what: str,
     device: npt.ArrayLike,
     twin: npt.ArrayLike,
-    tolerance: str = "single",
+    tolerance: str | Tolerance = "single",
     *,
     atol: float | None = None,
     rtol: float | None = None,
@@ -48,12 +48,12 @@ def compare(
     ------
     TwinMismatch
         Shapes differ, a value is NaN or infinite on either side, or a difference exceeds
-        ``atol + rtol * |twin|`` (from `TOLERANCES` unless given). Names the worst index, both
-        values and how many are off.
+        ``atol + rtol * |twin|`` (from ``tolerance``, a name of `TOLERANCES` or one's own, unless
+        given). Names the worst index, both values and how many are off.
     """
-    if tolerance not in TOLERANCES:
+    if isinstance(tolerance, str) and tolerance not in TOLERANCES:
         raise InputError(f"tolerance; got {tolerance!r}; expected one of {sorted(TOLERANCES)}")
-    table = TOLERANCES[tolerance]
+    table = TOLERANCES[tolerance] if isinstance(tolerance, str) else tolerance
     got, want = np.asarray(device), np.asarray(twin)
     if got.shape != want.shape:
         raise TwinMismatch(f"{what}: shapes differ; device {got.shape}, twin {want.shape}")
@@ -85,17 +85,37 @@ def compare(
     return float(difference.max())
 
 
+class Pair(NamedTuple):
+    """What the device and its twin made of the same input; ``tolerance`` if it isn't that of the
+    check, ``part``: of the stage's results."""
+
+    device: npt.ArrayLike
+    twin: npt.ArrayLike
+    tolerance: str | Tolerance | None = None
+    part: str = ""
+
+
+Pairs = Iterator[Pair]
+"""What a check yields: all of them have to agree."""
+
 _CHECKS: dict[str, Callable[[Device], None]] = {}
 
 
-def twin_check(stage: str) -> Callable[[Callable[[Device], None]], Callable[[Device], None]]:
+def twin_check(
+    stage: str, tolerance: str | Tolerance = "single"
+) -> Callable[[Callable[[Device], Pairs]], Callable[[Device], Pairs]]:
     """Register a small device-against-twin comparison under the shader's name."""
 
-    def register(check: Callable[[Device], None]) -> Callable[[Device], None]:
+    def register(pairs_on: Callable[[Device], Pairs]) -> Callable[[Device], Pairs]:
+        def check(device: Device) -> None:
+            for pair in pairs_on(device):
+                what = f"{stage}.{pair.part}" if pair.part else stage
+                compare(what, pair.device, pair.twin, pair.tolerance or tolerance)
+
         if stage in _CHECKS:
             raise InputError(f"twin check {stage!r} is registered twice")
         _CHECKS[stage] = check
-        return check
+        return pairs_on
 
     return register
 

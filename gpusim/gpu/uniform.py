@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import wgpu
 
 from gpusim.errors import InputError
 from gpusim.gpu.context import DeviceContext
@@ -30,14 +31,16 @@ class Uniform:
         if dtype not in self._buffers:
             data = pack(self.values, dtype, f"{where}.{self.label.rpartition('.')[2]}")
             size = -(-data.nbytes // 16) * 16
-            self._buffers[dtype] = self.device.transfer.create(self.label, size, data, uniform=True)
+            usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
+            self._buffers[dtype] = self.device.create(self.label, size, data, usage)
         return self._buffers[dtype]
 
     def update(self, values: Any) -> None:
         """Other values from the next submit on."""
         self.values = values
-        for dtype, gpu in self._buffers.items():
-            self.device.transfer.write(gpu, pack(values, dtype, self.label), 0)
+        with self.device.guard(f"updating {self.label}"):
+            for dtype, gpu in self._buffers.items():
+                self.device.write(gpu, pack(values, dtype, self.label))
 
 
 def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.NDArray[np.void]:
@@ -58,30 +61,8 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
     for key, value in values.items():
         member = dtype[key]
         at = f"{where}.{key}"
-        if member.base.names:
-            record[key] = _structs(value, member, at)
-        else:
-            record[key] = _numbers(value, member, at)
+        record[key] = pack(value, member, at) if member.names else _numbers(value, member, at)
     return record
-
-
-def _structs(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[np.void]:
-    """One struct from a dict, or an array of n from n dicts or from a dict of n rows each."""
-    if not member.shape:
-        return pack(value, member, where)
-    if isinstance(value, Mapping):
-        names = member.base.names or ()
-        parts = [(name, member.base[name]) for name in names]
-        rows = np.dtype([(name, part.base, member.shape + part.shape) for name, part in parts])
-        columns = pack(dict(value), rows, where)
-        result = np.zeros(member.shape, member.base)
-        for name in names:
-            result[name] = columns[name]
-        return result
-    items = list(value)
-    if member.shape != (len(items),):
-        raise InputError(f"{where}; got {len(items)} structs; expected {member.shape[0]}")
-    return np.array([pack(item, member.base, where) for item in items], member.base)
 
 
 def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:

@@ -58,14 +58,6 @@ class Binding:
 
 
 @dataclass(frozen=True)
-class Struct:
-    """A WGSL struct and the NumPy dtype with the same offsets, size and padding."""
-
-    name: str
-    dtype: np.dtype[np.void]
-
-
-@dataclass(frozen=True)
 class EntryPoint:
     """An entry function: its stage, the literal workgroup size (if compute) and what it uses."""
 
@@ -77,12 +69,16 @@ class EntryPoint:
 
 @dataclass(frozen=True)
 class Module:
-    """A shader file with its imports resolved, and everything reflected from it."""
+    """A shader file with its imports resolved, and everything reflected from it.
+
+    ``structs``: those that can lie in a buffer, as NumPy dtypes with the same offsets, size and
+    padding; others are left out.
+    """
 
     name: str
     code: str
     bindings: dict[str, Binding]
-    structs: dict[str, Struct]  # those that can lie in a buffer; others are left out
+    structs: dict[str, np.dtype[np.void]]
     overrides: dict[str, bool]  # name -> has a default
     constants: dict[str, int] = field(default_factory=dict)  # whole-number consts and defaults
     entries: dict[str, EntryPoint] = field(default_factory=dict)
@@ -113,16 +109,6 @@ def shader_folder() -> Path:
         if folder.is_dir():
             return folder
     raise InputError(f"shaders: not found; expected a folder 'shaders' in or beside {package}")
-
-
-def stages() -> list[str]:
-    """Stems (``fem/krylov/cg``) of gpusim's own shader files that have an entry point."""
-    folder = shader_folder()
-    return [
-        path.relative_to(folder).with_suffix("").as_posix()
-        for path in sorted(folder.rglob("*.wgsl"))
-        if _STAGE.search(_COMMENT.sub("", path.read_text(encoding="utf-8")))
-    ]
 
 
 @cache
@@ -171,13 +157,13 @@ def _expand(
 
 def _reflect(name: str, code: str) -> Module:
     plain = _COMMENT.sub("", code)
-    structs: dict[str, Struct] = {}
+    structs: dict[str, np.dtype[np.void]] = {}
     for match in _STRUCT.finditer(plain):
         if "@builtin" in match.group(2) or "@location" in match.group(2):
             continue  # stage interfaces never lie in a buffer
         # one that reflection can't lay out may serve inside functions; a binding of it is refused
         with suppress(_NoLayout):
-            structs[match.group(1)] = Struct(match.group(1), _struct_dtype(match, structs, name))
+            structs[match.group(1)] = _struct_dtype(match, structs, name)
     bindings = {}
     for group, index, access, variable, kind in _BINDING.findall(plain):
         words = [word.strip() for word in access.split(",")] if access else [""]
@@ -246,7 +232,9 @@ class _NoLayout(InputError):
     """A type that can't lie in a buffer, or whose layout reflection doesn't know."""
 
 
-def type_layout(kind: str, structs: dict[str, Struct], where: str) -> tuple[np.dtype, int]:
+def type_layout(
+    kind: str, structs: dict[str, np.dtype[np.void]], where: str
+) -> tuple[np.dtype, int]:
     """NumPy dtype and alignment in bytes of a WGSL type."""
     kind = re.sub(r"vec(\d)<\s*(f|i|u)32\s*>", r"vec\1\2", kind.replace(" ", ""))
     if kind in _SCALARS:
@@ -256,7 +244,7 @@ def type_layout(kind: str, structs: dict[str, Struct], where: str) -> tuple[np.d
         code, count = _VECTORS[kind]
         return np.dtype((code, (count,))), 8 if count == 2 else 16
     if kind in structs:
-        return structs[kind].dtype, _alignment(structs[kind].dtype)
+        return structs[kind], _alignment(structs[kind])
     array = re.fullmatch(r"array<(.+),(\d+)u?>", kind)
     if array:
         inner, align = type_layout(array.group(1), structs, where)
@@ -276,7 +264,7 @@ def _alignment(dtype: np.dtype[np.void]) -> int:
 
 
 def _struct_dtype(
-    match: re.Match[str], structs: dict[str, Struct], module: str
+    match: re.Match[str], structs: dict[str, np.dtype[np.void]], module: str
 ) -> np.dtype[np.void]:
     names, formats, offsets, offset, largest = [], [], [], 0, 4
     for text in re.split(r",(?![^<]*>)", match.group(2)):

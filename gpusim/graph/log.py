@@ -18,12 +18,15 @@ from typing import Any
 
 from gpusim.files.cache_files import open_cached
 
+_FLUSH_S = 0.5
+"""How long a line may stay off the disk."""
+
 
 class Log:
-    """A log that is written to, a new file; ``flush_s``: how long a line may stay off the disk."""
+    """A log that is written to, a new file."""
 
-    def __init__(self, path: Path, flush_s: float = 0.5) -> None:
-        self.path, self.flush_s = path, flush_s
+    def __init__(self, path: Path) -> None:
+        self.path = path
         self._descriptor, self._lock, self._flushed = -1, Lock(), 0.0
         self._torn = b""
 
@@ -40,7 +43,7 @@ class Log:
             while line:
                 line = line[os.write(self._descriptor, line) :]
             self._torn = b""
-            due = time.monotonic() - self._flushed >= self.flush_s
+            due = time.monotonic() - self._flushed >= _FLUSH_S
             if due:
                 self._flushed = time.monotonic()
         if due:  # others may add lines meanwhile

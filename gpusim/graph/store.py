@@ -25,7 +25,7 @@ from threading import Lock
 from typing import Any, BinaryIO
 
 from gpusim.errors import GpusimError, InputError
-from gpusim.files.atomic_files import clean_leftovers, explained
+from gpusim.files.atomic_files import clean_leftovers, explained, flush
 from gpusim.files.input_file import InputFile, open_input, read_input
 from gpusim.files.output_folder import inside, is_alive
 from gpusim.graph.log import Log, read_log
@@ -358,8 +358,4 @@ def _plain_folders(folder: Path) -> list[Path]:
 
 def _flush(path: Path) -> None:
     with suppress(OSError):  # it was deleted since, or the file system can't
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        flush(path)

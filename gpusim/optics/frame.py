@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -34,9 +33,9 @@ class Band:
 
     @staticmethod
     def of(device: Device, row0: int, rows: int, stride: int, planes: int = 1) -> Band:
-        """With buffers from the device's pool."""
+        """With new buffers."""
         size, label = 4 * rows * stride, f"radiance[{row0}]"
-        return Band(row0, rows, stride, tuple(device.pool.take(size, label) for _ in range(planes)))
+        return Band(row0, rows, stride, tuple(device.empty(size, label) for _ in range(planes)))
 
     @property
     def buffer(self) -> Buffer:
@@ -44,9 +43,9 @@ class Band:
         (result,) = self.planes
         return result
 
-    def seen(self) -> AbstractContextManager[Single]:
-        """(rows, stride) float32, to be used only inside a ``with`` block."""
-        return self.buffer.seen(np.float32, (self.rows, self.stride))
+    def read(self) -> Single:
+        """(rows, stride) float32."""
+        return self.buffer.read(np.float32, (self.rows, self.stride))
 
 
 class Frame:
@@ -155,8 +154,7 @@ class Frame:
                 raise InputError("frame radiance; got a released frame; read it before release()")
             result = np.empty((self.height, self.width), np.float32)
             for band in self.bands:
-                with band.seen() as values:
-                    result[band.row0 : band.row0 + band.rows] = values[:, : self.width]
+                result[band.row0 : band.row0 + band.rows] = band.read()[:, : self.width]
             self._radiance = result
         return self._radiance
 
@@ -166,11 +164,7 @@ class Frame:
             return max(plane.brightest() for plane in self.planes)
         if self._radiance is not None or not self.bands:
             return float(self.radiance.max())
-        most = -np.inf
-        for band in self.bands:
-            with band.seen() as values:
-                most = max(most, float(values[:, : self.width].max()))
-        return most
+        return max(float(band.read()[:, : self.width].max()) for band in self.bands)
 
     def ids(self) -> npt.NDArray[np.uint32]:
         """(H, W) uint32: number + 1 of the triangle under each pixel's centre, 0 for none."""
@@ -200,7 +194,7 @@ class Frame:
             plane.release()
         if self.device is not None:
             for band in self.bands:
-                self.device.pool.give(band.buffer)
+                band.buffer.release()
         self.bands = ()
 
 

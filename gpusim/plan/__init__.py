@@ -2,7 +2,7 @@
 
 In the order in which data passes:
 
-- `machine_speed`: How fast this machine is: measured once in a moment, then learned from each run.
+- `machine_speed`: How fast this machine is, as its last runs have shown.
 - `stages`: A plan as data: how a scene is run, its stages, and what they cost by kinds of work.
 - `programs`: What the pictures in an output folder have asked the device for.
 - `stage_builder`: What the stages of a scene are made with: its parts, its frames, and how it is

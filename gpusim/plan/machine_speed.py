@@ -1,4 +1,7 @@
-"""How fast this machine is: measured once in a moment, then learned from each run.
+"""How fast this machine is, as its last runs have shown.
+
+Work that was done before takes what it took then; other work takes what the reference machine
+(`gpusim.scene.cost`) takes, times a ratio for its kind, which the last run of that kind has shown.
 
 Kept in the user's cache folder, one entry per machine and backend. It is never needed: a file that
 is missing, damaged or can't be written costs exactness of what ``gpusim plan`` estimates, no more.
@@ -12,25 +15,23 @@ import json
 import math
 import os
 import platform
-import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gpusim._version import __version__
+from gpusim.files.atomic_files import write_text
 from gpusim.files.cache_files import cache_folder, open_cached
 from gpusim.parallel.machine import all_processors
 
-_VERSION = 1
+_VERSION = 2
 _MOST_KNOWN = 500
 _MOST_BYTES = 10_000_000
 _LIMITS = 0.02, 50.0  # of a ratio: what is beyond is another fault than speed
-_FASTER, _SLOWER = 0.7, 0.4  # weights of a new run: one that is slow may have had neighbours
-_QUIET = 0.6  # share of the machine from which on a first run is believed
-HOST_SECONDS = 0.036
-"""`host_seconds` of the machine that the costs of `gpusim.scene.cost` were measured on."""
+_DAMAGED = OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,13 @@ class Workload:
     """All stages of one ``kind`` in a plan or a run.
 
     ``what`` says exactly how much it is; ``seconds`` by the reference costs, of which ``compiling``
-    for shaders; ``compiled``: which.
+    for shaders.
     """
 
     kind: str
     what: str
     seconds: float
     compiling: float = 0.0
-    compiled: tuple[str, ...] = ()
 
     @property
     def signature(self) -> str:
@@ -58,20 +58,16 @@ class Workload:
 class Speed:
     """What is known of a machine.
 
-    ``ratios``: kind of work -> seconds over those of the reference machine, "compile" for shaders;
-    ``busy``: how much longer everything takes just now, because others work here too.
-    ``known``: signature -> seconds of what has been done; ``compiled``: shaders that the driver has
-    seen, by this version. ``host``: a ratio for what nothing is known of, None if nobody has
-    measured it.
+    ``ratios``: kind of work -> seconds over those of the reference machine; ``known``: signature ->
+    seconds of what has been done; ``adapter``: the device that it was done on; ``busy``: how much
+    longer everything takes just now, because others work here too.
     """
 
     machine: str = ""
     adapter: str = ""
-    host: float | None = None
     busy: float = 1.0
     ratios: dict[str, float] = field(default_factory=dict)
     known: dict[str, float] = field(default_factory=dict)
-    compiled: set[str] = field(default_factory=set)
 
     @staticmethod
     def read(backend: str) -> Speed:
@@ -82,7 +78,7 @@ class Speed:
         if backend != "auto":
             return Speed._read(backend)
         device, numpy = Speed._read("gpu"), Speed._read("numpy")
-        return numpy if numpy.ratios and not device.ratios else device
+        return numpy if numpy.known and not device.known else device
 
     @staticmethod
     def _read(backend: str) -> Speed:
@@ -91,62 +87,39 @@ class Speed:
             entry = _content(_path())[machine]
             ratios = {str(k): _number(v, *_LIMITS) for k, v in entry["ratios"].items()}
             known = {str(k): _number(v, 1e-9, 1e9) for k, v in entry["known"].items()}
-            compiled = set(map(str, entry["compiled"])) if entry["gpusim"] == __version__ else set()
-            host = None if entry["host"] is None else _number(entry["host"], *_LIMITS)
-            return Speed(
-                machine, str(entry["adapter"]), host, ratios=ratios, known=known, compiled=compiled
-            )
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            return Speed(machine, str(entry["adapter"]), ratios=ratios, known=known)
+        except _DAMAGED:
             return Speed(machine)
 
     def measured(self) -> Speed:
-        """This, after a tenth of a second of measuring if that is still to be done (it is kept),
-        and a look at who else works here now."""
-        if self.host is None:
-            self.host = min(max(host_seconds() / HOST_SECONDS, _LIMITS[0]), _LIMITS[1])
-            self.save()
+        """This, after a look at who else works here now."""
         self.busy = 1.0 + _others() / all_processors()
         return self
 
     def seconds(self, work: Workload) -> float:
-        """What this work takes here: what it took, or the reference cost times the ratios."""
-        if work.signature in self.known:
-            return self.busy * self.known[work.signature]
-        plain = (work.seconds - work.compiling) * self._ratio(work.kind)
-        return self.busy * (plain + work.compiling * self._ratio("compile"))
-
-    def _ratio(self, kind: str) -> float:
-        return self.ratios.get(kind, 1.0 if self.host is None else self.host)
-
-    def has_compiled(self, shaders: Iterable[str]) -> bool:
-        """Whether the driver has compiled these before, as far as is known, and not lost them."""
-        return set(shaders) <= self.compiled and _driver_keeps()
+        """What this work takes here: what it took, or the reference cost times the ratio."""
+        known = self.known.get(work.signature)
+        if known is None:
+            plain = work.seconds - work.compiling
+            known = work.compiling + plain * self.ratios.get(work.kind, 1.0)
+        return self.busy * known
 
     def learn(self, done: Mapping[Workload, float], adapter: str) -> None:
         """Take in the seconds that works took, less what others working here have cost."""
         if adapter and self.adapter and adapter != self.adapter:
-            self.ratios, self.known, self.compiled = {}, {}, set()
+            self.ratios, self.known = {}, {}
         self.adapter = adapter or self.adapter
         alone = _share_had()
-        quiet = alone >= _QUIET
         for work, wall in done.items():
             seconds = alone * wall
-            if not (math.isfinite(seconds) and seconds > 1e-9 and work.seconds > 0.0):
+            if not (math.isfinite(seconds) and seconds > 1e-9):
                 continue
-            before = self.known.pop(work.signature, None)  # the latest are last
-            if before is not None or quiet:
-                self.known[work.signature] = seconds if before is None else _blend(before, seconds)
-            self.compiled |= set(work.compiled)
-            # a work teaches what most of it was
+            self.known.pop(work.signature, None)  # the latest are last
+            self.known[work.signature] = seconds
             plain = work.seconds - work.compiling
-            parts = {work.kind: plain, "compile": work.compiling}
-            kind = max(parts, key=lambda part: parts[part])
-            (other,) = set(parts) - {kind}
-            rest = seconds - parts[other] * self._ratio(other)
-            ratio = max(rest, 0.1 * seconds) / parts[kind]
-            first = quiet and kind not in self.ratios
-            ratio = ratio if first else _blend(self._ratio(kind), ratio)
-            self.ratios[kind] = min(max(ratio, _LIMITS[0]), _LIMITS[1])
+            if plain > work.compiling:  # else it says little of what isn't compiled
+                ratio = max(seconds - work.compiling, 0.1 * seconds) / plain
+                self.ratios[work.kind] = min(max(ratio, _LIMITS[0]), _LIMITS[1])
         for signature in list(self.known)[: max(0, len(self.known) - _MOST_KNOWN)]:
             del self.known[signature]
 
@@ -156,31 +129,16 @@ class Speed:
         if path is None:
             return
         try:
-            from gpusim.files.atomic_files import (
-                write_text,  # the planner reads only and stays quick
-            )
-
-            try:
-                machines = _content(path)
-            except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-                machines = {}
-            machines[self.machine] = {
-                "gpusim": __version__,
-                "adapter": self.adapter,
-                "host": self.host,
-                "ratios": self.ratios,
-                "known": {key: float(f"{value:.4g}") for key, value in self.known.items()},
-                "compiled": sorted(self.compiled),
-            }
-            path.parent.mkdir(parents=True, exist_ok=True)
+            machines = _content(path)
+        except _DAMAGED:
+            machines = {}
+        machines[self.machine] = {
+            "adapter": self.adapter,
+            "ratios": self.ratios,
+            "known": {key: float(f"{value:.4g}") for key, value in self.known.items()},
+        }
+        with suppress(OSError, ValueError):
             write_text(path, json.dumps({"version": _VERSION, "machines": machines}, indent=1))
-        except (OSError, ValueError):
-            return
-
-
-def _blend(old: float, new: float) -> float:
-    weight = _FASTER if new < old else _SLOWER
-    return math.exp((1.0 - weight) * math.log(old) + weight * math.log(new))
 
 
 def _share_had() -> float:
@@ -202,24 +160,6 @@ def _others() -> float:
             return 0.0
         time.sleep(0.01)
     return sum(found) / len(found)
-
-
-def host_seconds() -> float:
-    """Processor time (s) of a fixed piece of work like what stages do: Python, and NumPy on one
-    core: the median of five, as machines are quicker by starts. A sixth of a second."""
-    import numpy as np
-
-    found = []
-    for _ in range(5):
-        start = time.process_time()
-        values = np.linspace(0.1, 1.0, 200_000)
-        for _ in range(12):
-            values = np.sqrt(values * values + 0.5) - 0.25
-        np.sort(values[::-1])
-        names = {str(k): k % 7 for k in range(40_000)}
-        sum(names[str(k)] for k in range(40_000))
-        found.append(time.process_time() - start)
-    return float(np.median(found))
 
 
 def _path() -> Path | None:
@@ -246,17 +186,3 @@ def _number(value: Any, low: float, high: float) -> float:
     if not low <= number <= high:
         raise ValueError
     return number
-
-
-def _driver_keeps() -> bool:
-    """Whether a driver's cache of compiled shaders may be there; Mesa's is known."""
-    if os.environ.get("MESA_SHADER_CACHE_DISABLE", "").lower() in ("1", "true", "yes"):
-        return False
-    try:
-        base = os.environ.get("MESA_SHADER_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-        folder = Path(base) if base else Path.home() / ".cache"
-        nvidia = (Path.home() / ".nv").is_dir() or (folder / "nvidia").is_dir()
-    except RuntimeError:
-        return False
-    mesa = any(any(found.iterdir()) for found in folder.glob("mesa_shader_cache*"))
-    return mesa or nvidia or sys.platform in ("win32", "darwin")

@@ -115,7 +115,7 @@ class _ScenePlan:
                          digest(["report", self.scene.name, self.scene.description, everything]),
                          self.details.get("report", ""), cost=seconds)
         )  # fmt: skip
-        works = works_of(stages, self._size(), self.compiled)
+        works = works_of(stages, self._size())
         if self.speed is not None:
             stages = timed(stages, works, self.speed)
         return Plan(self.scene.name, "", tuple(stages), works=tuple(works.values()))
@@ -184,8 +184,8 @@ class _ScenePlan:
         if not seconds:
             return 0.0, ""
         store = self.decision.store
-        kept = self.speed is not None and self.speed.has_compiled(needed)
-        if kept or (store is not None and store.begun):
+        drawn_here = self.speed is not None and bool(self.speed.adapter)
+        if drawn_here or (store is not None and store.begun):
             return cost_of.KEPT * seconds, "; shaders are loaded"
         return seconds, "; shaders are compiled, unless the driver has kept them"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -124,11 +123,8 @@ class Plan:
         }
 
 
-def works_of(
-    stages: Sequence[PlannedStage], size: str, shaders: AbstractSet[str]
-) -> dict[str, Workload]:
-    """What is run of each kind; ``size`` of the scene goes with all of it, the ``shaders`` that
-    were needed with what draws."""
+def works_of(stages: Sequence[PlannedStage], size: str) -> dict[str, Workload]:
+    """What is run of each kind; ``size`` of the scene goes with all of it."""
     kinds: dict[str, list[PlannedStage]] = {}
     for stage in stages:
         if stage.runs:
@@ -139,7 +135,6 @@ def works_of(
             "; ".join([size, *(stage.detail for stage in own)]),
             sum(stage.cost for stage in own),
             sum(stage.compiling for stage in own),
-            tuple(sorted(shaders)) if kind in ("render", "target") else (),
         )
         for kind, own in kinds.items()
     }

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 from math import ceil, log
 from pathlib import Path
 from typing import NamedTuple
 
 from gpusim.errors import InputError
-from gpusim.files.input_file import read_input
+from gpusim.files.input_file import open_input
 
 from .colored import in_color
 from .description.mesh import (
@@ -309,19 +308,12 @@ def _graded(
     return total
 
 
-@lru_cache(maxsize=32)
-def _beginning(path: Path, stamp: tuple[int, int, int]) -> tuple[bytes, int]:
-    """The first 64 kB of a file, and its size; a plan asks for them several times."""
-    content = read_input(path).data
-    return content[: 1 << 16], len(content)
-
-
 def _file_counts(path: Path, order: int) -> tuple[int, int]:
     if path.suffix.lower() in CAD_SUFFIXES:
         return 0, 0
     try:
-        now = path.stat()
-        head, size = _beginning(path, (now.st_ino, now.st_size, now.st_mtime_ns))
+        with open_input(path) as stream:
+            head, size = stream.read(1 << 16), path.stat().st_size
     except (OSError, InputError):
         return 0, 0
     nodes = size // _BYTES_PER_NODE

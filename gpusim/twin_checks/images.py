@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Single
 from gpusim.errors import TwinMismatch
-from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu import Device, Pair, Pairs, Tolerance, twin_check
 from gpusim.measure.correlation.icgn import correlate, correlate_numpy
-from gpusim.measure.correlation.image_pair import Pair, Subsets
+from gpusim.measure.correlation.image_pair import Pair as ImagePair
+from gpusim.measure.correlation.image_pair import Subsets
 from gpusim.measure.correlation.matching import Settings, Status
 from gpusim.measure.correlation.warp import SHAPES
 from gpusim.measure.images import SplineImage
@@ -105,23 +106,12 @@ def _drawn(shading: ShadingPass | RelightingPass, setup: Setup) -> Single:
     return np.stack(planes)
 
 
-def _compare_relit(device: Device, setup: Setup) -> None:
-    camera = setup.view.camera
-    buffers = SceneBuffers(device, setup, BoardLines.of(setup.view, setup.traits.printed))
-    shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
-    got = _drawn(RelightingPass(shading), setup)
-    want = shade_twin(setup, visibility_twin(setup.view))
-    inside = np.ones(want[0].size, bool)
-    inside[find_edge_pixels(setup.view).pixel] = False
-    # one sample may fall to the other side of an outline
-    atol = 2.5 / SAMPLES * float(want.max())
-    compare(
-        "optics/shading/relighting",
-        got.reshape(len(got), -1)[:, inside],
-        want.reshape(len(want), -1)[:, inside],
-        "pixel",
-        atol=atol,
-    )
+def _off_edges(setup: Setup, got: Single, want: Single) -> tuple[Single, Single]:
+    """Radiances (planes, n) of pixels that no edge crosses: hardware and twin may see different
+    triangles at the centre of others."""
+    off = np.ones(want[0].size, bool)
+    off[find_edge_pixels(setup.view).pixel] = False
+    return got.reshape(len(got), -1)[:, off], want.reshape(len(want), -1)[:, off]
 
 
 def near_an_edge(view: View, distance: float) -> Bool:
@@ -151,22 +141,19 @@ def probe_view() -> View:
     return look([Surface(points, faces)], camera, lit=False)
 
 
-@twin_check("optics/raster/id_buffer")
-def _id_buffer(device: Device) -> None:
+@twin_check("optics/raster/id_buffer", "exact")
+def _id_buffer(device: Device) -> Pairs:
     view = probe_view()
     got, want = VisibilityBuffer.of(device, view, 20).read(), visibility_twin(view)
-    wrong = got != want
     # the hardware snaps to 1/256 px: a pixel centre that close to an edge may fall either way
-    wrong &= ~near_an_edge(view, 1.0 / 128.0)
-    if not want.any() or wrong.any():
-        where = np.argwhere(wrong)[:1].tolist()
-        raise TwinMismatch(
-            f"optics/raster/id_buffer: {int(wrong.sum())} pixels differ, first {where}"
-        )
+    apart = ~near_an_edge(view, 1.0 / 128.0)
+    yield Pair(got[apart], want[apart])
 
 
-@twin_check("optics/shading/triangle_records")
-def _triangle_records(device: Device) -> None:
+@twin_check(
+    "optics/shading/triangle_records", Tolerance(2e-6, 2e-5, "float32, of numbers of order one")
+)
+def _triangle_records(device: Device) -> Pairs:
     setup = probe_setup(fine=False)
     found = TriangleRecords.of(device, setup, VertexBuffers(device, setup.view, "records"))
     if found is None:
@@ -177,37 +164,22 @@ def _triangle_records(device: Device) -> None:
     got = found.texels.read().reshape(-1, 4 * per)[:count]
     want = evaluated(setup, triangle_records(setup))
     for name, one, other in zip(("numbers", "values"), evaluated(setup, got), want, strict=True):
-        compare(f"optics/shading/triangle_records {name}", one, other, atol=2e-6, rtol=2e-5)
+        yield Pair(one, other, part=name)
 
 
-@twin_check("optics/shading/forward_pass")
-def _forward_pass(device: Device) -> None:
+@twin_check("optics/shading/forward_pass", "pixel")
+def _forward_pass(device: Device) -> Pairs:
     for setup in (probe_setup(), probe_setup(coloured=True)):
-        _compare_forward(device, setup)
+        want = shade_twin(setup, visibility_twin(setup.view))
+        for deferred in (False, True):
+            lines = None if deferred else BoardLines.of(setup.view, setup.traits.printed)
+            buffers, tiles = SceneBuffers(device, setup, lines), LightTiles.of(setup)
+            shading = ShadingPass(buffers, setup.view.camera.height, deferred, tiles=tiles)
+            yield Pair(*_off_edges(setup, _drawn(shading, setup), want))
 
 
-def _compare_forward(device: Device, setup: Setup) -> None:
-    camera = setup.view.camera
-    want = shade_twin(setup, visibility_twin(setup.view))
-    # where edges cross a pixel, hardware and twin may see different triangles at its centre
-    inside = np.ones(want[0].size, bool)
-    inside[find_edge_pixels(setup.view).pixel] = False
-    for deferred in (False, True):
-        lines = None if deferred else BoardLines.of(setup.view, setup.traits.printed)
-        buffers = SceneBuffers(device, setup, lines)
-        got = _drawn(
-            ShadingPass(buffers, camera.height, deferred, tiles=LightTiles.of(setup)), setup
-        )
-        compare(
-            "optics/shading/forward_pass",
-            got.reshape(len(got), -1)[:, inside],
-            want.reshape(len(want), -1)[:, inside],
-            "pixel",
-        )
-
-
-@twin_check("optics/shading/tile_light")
-def _tile_light(device: Device) -> None:
+@twin_check("optics/shading/tile_light", "pixel")
+def _tile_light(device: Device) -> Pairs:
     for setup in (_tile_probe(False), _tile_probe(True)):
         tiles = LightTiles.of(setup, tolerance=np.inf)
         assert tiles is not None
@@ -215,11 +187,11 @@ def _tile_light(device: Device) -> None:
         with device.recording("optics.light_tiles") as recording:
             work.record(recording)
         got = work.texels.read().reshape(*work.shape, len(setup.bands), 4)
-        compare("optics/shading/tile_light", got, light_tiles_twin(setup, tiles), "pixel")
+        yield Pair(got, light_tiles_twin(setup, tiles))
 
 
 @twin_check("optics/shading/relighting")
-def _relighting(device: Device) -> None:
+def _relighting(device: Device) -> Pairs:
     surfaces, camera, lights = shadow_scene()
     plain, blue = (
         [surfaces[0], *(replace(own, paint=Plain(albedo)) for own in surfaces[1:])]
@@ -227,11 +199,17 @@ def _relighting(device: Device) -> None:
     )
     for shown in (surfaces, plain, blue):
         view = look(shown, camera, lit=True)
-        _compare_relit(device, Setup.build(view, lights, 0.05, shown, device))
+        setup = Setup.build(view, lights, 0.05, shown, device)
+        buffers = SceneBuffers(device, setup, BoardLines.of(view, setup.traits.printed))
+        shading = ShadingPass(buffers, camera.height, tiles=LightTiles.of(setup), marked=True)
+        want = shade_twin(setup, visibility_twin(view))
+        sample = 2.5 / SAMPLES * float(want.max())
+        outlines = Tolerance(sample, 2e-5, "one sample falls to the other side of an outline")
+        yield Pair(*_off_edges(setup, _drawn(RelightingPass(shading), setup), want), outlines)
 
 
-@twin_check("optics/edge_pixels/resolve")
-def _resolve(device: Device) -> None:
+@twin_check("optics/edge_pixels/resolve", "pixel")
+def _resolve(device: Device) -> Pairs:
     setups = (probe_setup(), fields_setup(True), fields_setup(False), probe_setup(coloured=True))
     for setup in setups:
         edges = find_edge_pixels(setup.view)
@@ -243,23 +221,22 @@ def _resolve(device: Device) -> None:
         edge_pass.host_pass()
         edge_pass.write([Band(0, camera.height, camera.width, out)])
         got = np.stack([plane.read(np.float32, start.shape[1:]) for plane in out])
-        compare("optics/edge_pixels/resolve", got, edges_twin(setup, edges, start), "pixel")
+        yield Pair(got, edges_twin(setup, edges, start))
 
 
-@twin_check("optics/edge_pixels/scatter")
-def _scatter(device: Device) -> None:
+@twin_check("optics/edge_pixels/scatter", "exact")
+def _scatter(device: Device) -> Pairs:
     random = np.random.default_rng(11)
     there = random.uniform(0.0, 1.0, (19, 32)).astype(np.float32)
     places = random.permutation(there.size)[:201]
     values = random.uniform(-2.0, 2.0, len(places)).astype(np.float32)
     target = device.buffer(there, "scatter.radiance")
     scatter(device, places, values, target)
-    want = scatter_twin(there, places, values)
-    compare("optics/edge_pixels/scatter", target.read(np.float32, there.shape), want, "exact")
+    yield Pair(target.read(np.float32, there.shape), scatter_twin(there, places, values))
 
 
-@twin_check("optics/lens/convolution")
-def _convolution(device: Device) -> None:
+@twin_check("optics/lens/convolution", Tolerance(5e-6, 1e-5, "float32 sums of some hundred"))
+def _convolution(device: Device) -> Pairs:
     kernel = sample(Disc(1.3), fill_factor=0.8, n=3)
     columns, rows = 37, 22  # blocks of four that aren't full, in both directions
     shape = (rows * 3 + 2 * kernel.halo, columns * 3 + 2 * kernel.halo)
@@ -268,11 +245,11 @@ def _convolution(device: Device) -> None:
     out = device.empty(4 * 3 * (40 * rows + 5), "convolve.out")
     work.run(device.buffer(cells, "convolve.cells"), columns, rows, Target(out, 5, 40))
     got = out.read(np.float32)[5 : 5 + 40 * rows].reshape(rows, 40)[:, :columns]
-    compare("optics/lens/convolution", got, convolve_twin(kernel, cells), atol=5e-6, rtol=1e-5)
+    yield Pair(got, convolve_twin(kernel, cells))
 
 
 @twin_check("optics/lens/accumulation")
-def _accumulation(device: Device) -> None:
+def _accumulation(device: Device) -> Pairs:
     random = np.random.default_rng(8)
     values = random.uniform(-1.0, 1.0, (23, 40)).astype(np.float32)
     there = random.uniform(-1.0, 1.0, (30, 50)).astype(np.float32)
@@ -285,23 +262,21 @@ def _accumulation(device: Device) -> None:
         )  # fmt: skip
         want = there.astype(np.float64)
         want[4:27, 7:44] = accumulate_twin(want[4:27, 7:44], values[:, :37], 0.3, gain)
-        compare("optics/lens/accumulation", sums.read(np.float32, (30, 50)), want)
+        yield Pair(sums.read(np.float32, (30, 50)), want)
 
 
-@twin_check("optics/sensor/sensor")
-def _sensor(device: Device) -> None:
+@twin_check("optics/sensor/sensor", "exact")
+def _sensor(device: Device) -> Pairs:
     radiance = np.random.default_rng(3).uniform(-0.1, 1.2, (33, 64)).astype(np.float32)
     for bits in (8, 12):
         sensor = Sensor(bits, 0.9)
         buffer = device.buffer(radiance, "sensor.radiance")
         got = scaled_on_device(sensor, device, [Band(0, 33, 64, (buffer,))], 57)
-        compare(
-            f"optics/sensor/sensor, {bits} bit", got, scaled_twin(sensor, radiance[:, :57]), "exact"
-        )
+        yield Pair(got, scaled_twin(sensor, radiance[:, :57]), part=f"{bits} bit")
 
 
 @twin_check("optics/sensor/emva1288")
-def _emva1288(device: Device) -> None:
+def _emva1288(device: Device) -> Pairs:
     radiance = np.random.default_rng(4).uniform(-0.02, 1.1, (29, 64)).astype(np.float32)
     radiance[:7] *= 0.01  # so dark that electrons are counted
     signal = Signal(12, 3000.0, 1.3, 40.0, 3100.0, True, 2.0, 2.5, 1.5, 0.01, 1.0,
@@ -309,15 +284,14 @@ def _emva1288(device: Device) -> None:
     band = Band(3, 29, 64, (device.buffer(radiance, "emva.radiance"),))
     got = expose_noisy(device, signal, band, 57, np.uint16)
     want = emva_twin(signal, radiance[:, :57], 3)
-    # logarithms and exponentials may differ in their last bit: a quantile may fall on the next
-    # electron (1.3 grey values), which happens to one pixel in some thousands
-    compare("optics/sensor/emva1288", got.astype(np.float64), want.astype(np.float64), atol=2.0)
-    differ = float(np.mean(got != want))
-    compare("optics/sensor/emva1288: share of pixels that differ", [differ], [0.0], atol=2e-3)
+    quantiles = "the last bit of a logarithm may make an electron (1.3 grey values) more"
+    yield Pair(got.astype(float), want.astype(float), Tolerance(2.0, 0.0, quantiles))
+    rare = Tolerance(2e-3, 0.0, "which happens to one pixel in some thousands")
+    yield Pair([float(np.mean(got != want))], [0.0], rare, "share of pixels that differ")
 
 
 @twin_check("measure/correlation/icgn")
-def _icgn(device: Device) -> None:
+def _icgn(device: Device) -> Pairs:
     """Subsets of a smooth pattern that is stretched, turned and shifted; every shape."""
     row, column = np.indices((57, 83), dtype=np.float64)
 
@@ -332,23 +306,13 @@ def _icgn(device: Device) -> None:
         0.6 * pattern(0.99 * column - 0.02 * row + 0.7, 0.01 * column + 1.01 * row - 0.4) + 3.0
     )
     points = np.array([[20.3, 21.8], [41.0, 30.5], [60.7, 35.2], [4.0, 30.0], [41.0, 55.0]])
-    subsets = Subsets(Pair(reference, deformed), points, np.zeros((5, 2, 6)))
+    subsets = Subsets(ImagePair(reference, deformed), points, np.zeros((5, 2, 6)))
     for shape in SHAPES:
         settings = Settings(np.ones((21, 21)), shape, min_zncc=0.0)
         got, want = correlate(subsets, settings, device), correlate_numpy(subsets, settings)
-        compare(f"measure/correlation/icgn.{shape}.status", got.status, want.status, "exact")
+        yield Pair(got.status, want.status, "exact", f"{shape}.status")
         good = want.status == Status.OK
-        compare(
-            f"measure/correlation/icgn.{shape}.coefficients",
-            got.coefficients[good],
-            want.coefficients[good],
-            atol=2e-5,  # px: float32 sums; a step more or less at the stopping threshold
-            rtol=0.0,
-        )
-        compare(
-            f"measure/correlation/icgn.{shape}.zncc",
-            got.zncc[good],
-            want.zncc[good],
-            atol=2e-6,
-            rtol=0.0,
-        )
+        steps = Tolerance(2e-5, 0.0, "px: float32 sums; a step more or less where it stops")
+        yield Pair(got.coefficients[good], want.coefficients[good], steps, f"{shape}.coefficients")
+        sums = Tolerance(2e-6, 0.0, "float32 sums")
+        yield Pair(got.zncc[good], want.zncc[good], sums, f"{shape}.zncc")

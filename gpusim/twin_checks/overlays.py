@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu import Device, Pair, Pairs, Tolerance, twin_check
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.view import look
 from gpusim.optics.rendering.renderer import render
@@ -32,11 +32,11 @@ from gpusim.view.picture.display import (
 from gpusim.view.picture.placement import Placement
 
 STEP = 1.0 / 255.0
-"""Of a target of 8 bits: rounded to it once by every quad that covers a pixel."""
+"""Of a target of 8 bits."""
 
 
-@twin_check("view/overlay")
-def check_overlay(device: Device) -> None:
+@twin_check("view/overlay", Tolerance(2.5 * STEP, 0.0, "rounded once by every quad over a pixel"))
+def check_overlay(device: Device) -> Pairs:
     """Quads of every kind, some over others and over the border."""
     target = device.texture(97, 61, "rgba8unorm", "twin.overlay")
     overlay = Overlay(device)
@@ -48,14 +48,15 @@ def check_overlay(device: Device) -> None:
     quads = overlay.quads()
     overlay.draw(target)
     empty = np.zeros((61, 97, 4), np.float32)
-    compare(
-        "overlay", pixels_of(device, target) * STEP,
-        overlay_twin(empty, quads, overlay.atlas.coverage), atol=2.5 * STEP, rtol=0.0,
-    )  # fmt: skip
+    twin = overlay_twin(empty, quads, overlay.atlas.coverage)
+    yield Pair(pixels_of(device, target) * STEP, twin)
 
 
-@twin_check("view/field_colors")
-def check_field_colors(device: Device) -> None:
+@twin_check(
+    "view/field_colors",
+    Tolerance(2.1 * STEP, 0.0, "mean of four samples and their opacity, 8 bits each, to 8 bits"),
+)
+def check_field_colors(device: Device) -> Pairs:
     """Fields of vertices and of faces, on some of the surfaces that are seen."""
     surfaces, camera, _ = shadow_scene()
     frame = render(surfaces, camera, device=device)
@@ -73,12 +74,11 @@ def check_field_colors(device: Device) -> None:
     ids = VisibilityBuffer.of(device, finer(frame.view, 2), 2 * camera.height).read()
     empty = np.zeros((camera.height, camera.width, 4), np.float32)
     twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)
-    # the mean of four samples of 8 bits, times their opacity of 8 bits, rounded to 8 bits
-    compare("field colours", pixels_of(device, target) * STEP, twin, atol=2.1 * STEP, rtol=0.0)
+    yield Pair(pixels_of(device, target) * STEP, twin)
 
 
-@twin_check("view/picture/display")
-def check_display(device: Device) -> None:
+@twin_check("view/picture/display", Tolerance(0.51 * STEP, 0.0, "rounded once"))
+def check_display(device: Device) -> Pairs:
     """A grey and a coloured picture in two bands, pixel for pixel, the latter in grey, too."""
     target = device.texture(61, 37, "rgba8unorm", "twin.display")
     grey, coloured = _grey_and_coloured(device)
@@ -87,21 +87,21 @@ def check_display(device: Device) -> None:
         with device.recording("twin.display") as recording:
             draw_frame(device, recording, target, 3, 2, frame, 1.2, weights=mixed)
         wanted = np.pad(display_twin(radiance, 1.2, mixed), ((2, 21), (3, 35), (0, 0)))
-        got = pixels_of(device, target)[..., :3] * STEP
-        compare("display", got, wanted, atol=0.51 * STEP, rtol=0.0)
+        yield Pair(pixels_of(device, target)[..., :3] * STEP, wanted)
 
 
-@twin_check("view/picture/enlarge")
-def check_enlarge(device: Device) -> None:
+@twin_check(
+    "view/picture/enlarge",
+    Tolerance(2.1 * STEP, 0.0, "rounded twice, and weights have 8 bits on devices"),
+)
+def check_enlarge(device: Device) -> Pairs:
     """The same, larger."""
     target = device.texture(61, 37, "rgba8unorm", "twin.enlarge")
     for frame, radiance in _grey_and_coloured(device):
         with device.recording("twin.enlarge") as recording:
             draw_enlarged(device, recording, target, Placement(scale=2.6), frame, 1.2)
         wanted = enlarged_twin(display_twin(radiance, 1.2), 61, 37, 2.6)
-        got = pixels_of(device, target)[..., :3] * STEP
-        # rounded twice, and weights have 8 bits on devices
-        compare("enlarged", got, wanted, atol=2.1 * STEP, rtol=0.0)
+        yield Pair(pixels_of(device, target)[..., :3] * STEP, wanted)
 
 
 def _grey_and_coloured(device: Device) -> list[tuple[Frame, Float]]:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Long
-from gpusim.gpu import Bound, Device, Uniform, compare, twin_check
+from gpusim.gpu import Bound, Device, Pair, Pairs, Tolerance, Uniform, twin_check
 from gpusim.optics.ambient import hemisphere_mask
 from gpusim.optics.ambient.hemisphere_mask import hemisphere_masks, hemisphere_masks_twin
 from gpusim.optics.ambient.silhouette_bvh import LOW, EdgeAdjacency, SamplePoints, SilhouetteBVH
@@ -60,9 +60,12 @@ SPARE = 1.1
 LENGTH = CHUNK // 4 - 1
 """Words of a chunk but for the number of the next."""
 
+GROUPS = Tolerance(1e-5, 2e-5, "float32 sums, of lengths of order one")
+OUTLINES = Tolerance(2.5 / SAMPLES, 1e-5, "one or two samples fall to the other side of an outline")
+
 
 @twin_check("optics/shadow/bvh_refit")
-def _bvh_refit(device: Device) -> None:
+def _bvh_refit(device: Device) -> Pairs:
     for occluders, points, space in probe_spaces():
         own = OccluderBVH(device, occluders)
         own.move(points)
@@ -70,13 +73,13 @@ def _bvh_refit(device: Device) -> None:
             own.fit(recording, 0, space)
         nodes = own.bindings(0)["nodes"].read().reshape(-1, 8)[1:]
         boxes, words = refit_twin(occluders, points.astype(np.float64), space)
-        compare("optics/shadow/bvh_refit", nodes[:, 7], words[1:], "exact")
-        got = nodes[:, [0, 2, 4, 1, 3, 5, 6]]
-        compare("optics/shadow/bvh_refit", got, boxes[1:], atol=1e-5 * space.scale, rtol=1e-5)
+        yield Pair(nodes[:, 7], words[1:], "exact")
+        of_scene = Tolerance(1e-5 * space.scale, 1e-5, "float32 of the scene's size")
+        yield Pair(nodes[:, [0, 2, 4, 1, 3, 5, 6]], boxes[1:], of_scene)
 
 
 @twin_check("optics/shading/receiver_planes")
-def _receiver_planes(device: Device) -> None:
+def _receiver_planes(device: Device) -> Pairs:
     # records by the device and by the host, smooth shading through a lens, strips along lines
     for setup in (probe_setup(fine=False), probe_setup(), fields_setup(True)):
         count = setup.view.count
@@ -85,15 +88,14 @@ def _receiver_planes(device: Device) -> None:
         planes, lean = planes_twin(setup.view)
         size = np.linalg.norm(planes, axis=1)[:, None]
         got = np.ascontiguousarray(words[:, :3]).view(np.float32) / size
-        compare("optics/shading/receiver_planes", got, planes / size, atol=1e-5, rtol=0.0)
+        yield Pair(got, planes / size, Tolerance(1e-5, 0.0, "float32 of order one"))
         want = plane_words(on, lean)
-        compare("optics/shading/receiver_planes", words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
-        # rounded up to whole steps
-        compare("optics/shading/receiver_planes", words[:, 3] >> 24, want >> 24, atol=1.0, rtol=0.0)
+        yield Pair(words[:, 3] & NO_OWNER, want & NO_OWNER, "exact")
+        yield Pair(words[:, 3] >> 24, want >> 24, Tolerance(1.0, 0.0, "rounded up to whole steps"))
 
 
-@twin_check("optics/shadow/receiver_groups")
-def _receiver_groups(device: Device) -> None:
+@twin_check("optics/shadow/receiver_groups", GROUPS)
+def _receiver_groups(device: Device) -> Pairs:
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
         own, trees = on_device(device, receivers, occluders), OccluderBVH(device, occluders)
         trees.move(probe_points())
@@ -104,13 +106,7 @@ def _receiver_groups(device: Device) -> None:
             trees.gather(recording)
             record_cells(recording, own, bound)
         got = own.cells.read(np.float32, (own.entries, 16))[:, :13]
-        compare(
-            "optics/shadow/receiver_groups",
-            got,
-            cells_twin(receivers, occluders.sheet),
-            atol=1e-5,
-            rtol=2e-5,
-        )
+        yield Pair(got, cells_twin(receivers, occluders.sheet))
         for space in spaces:
             light = Uniform(device, space.uniform(), "shadow.light")
             groups_of = device.empty(48 * own.entries, "shadow.groups")
@@ -122,15 +118,8 @@ def _receiver_groups(device: Device) -> None:
             single = single_sheets(space, occluders, corners)
             want = groups_twin(receivers, space, occluders.sheet, single)
             empty = want[:, 0] > want[:, 1]
-            compare(
-                "optics/shadow/receiver_groups",
-                got[empty, 0] > got[empty, 1],
-                empty[empty],
-                "exact",
-            )
-            compare(
-                "optics/shadow/receiver_groups", got[~empty], want[~empty], atol=1e-5, rtol=2e-5
-            )
+            yield Pair(got[empty, 0] > got[empty, 1], empty[empty], "exact")
+            yield Pair(got[~empty], want[~empty])
 
 
 def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> Long:
@@ -147,8 +136,8 @@ def states_twin(states: npt.NDArray[np.uint32], shares: Any, entry: Any) -> Long
     return np.where((states == PENUMBRA) | ~used, states, want)
 
 
-@twin_check("optics/shadow/occluder_search")
-def _occluder_search(device: Device) -> None:
+@twin_check("optics/shadow/occluder_search", "exact")
+def _occluder_search(device: Device) -> Pairs:
     points = probe_points()
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
         for space in spaces[::2]:
@@ -157,7 +146,7 @@ def _occluder_search(device: Device) -> None:
             _, own, entry = asking(receivers, space)
             flat = shares_twin(occluders, points[:, :3].astype(np.float64), [space], own)[:, 0]
             got = shares.states_of(space.number)
-            compare("optics/shadow/occluder_search", got, states_twin(got, flat, entry), "exact")
+            yield Pair(got, states_twin(got, flat, entry))
 
 
 def listed_alone(search: OccluderSearch) -> tuple[Long, Long]:
@@ -176,8 +165,8 @@ def listed_alone(search: OccluderSearch) -> tuple[Long, Long]:
     return np.array(entries, np.int64), np.array(faces, np.int64)
 
 
-@twin_check("optics/shadow/occluder_refinement")
-def _occluder_refinement(device: Device) -> None:
+@twin_check("optics/shadow/occluder_refinement", "exact")
+def _occluder_refinement(device: Device) -> Pairs:
     occluders, spaces, receivers = probe_pixels()
     points = probe_points()
     corners = points[:, :3].astype(np.float64)[occluders.triangles]
@@ -212,12 +201,7 @@ def _occluder_refinement(device: Device) -> None:
         # what hides no sample may stay where float32 can't tell, or if it would hide what the
         # receivers' planes go on to beyond their triangles
         want = hides[1] | (got & may[0])
-        compare(
-            "optics/shadow/occluder_refinement",
-            got.astype(np.int32),
-            want.astype(np.int32),
-            "exact",
-        )
+        yield Pair(got.astype(np.int32), want.astype(np.int32))
 
 
 def _any_of(count: int, pair: Long, lamp: Lamp, seen: EdgeFunctions) -> Bool:
@@ -230,19 +214,18 @@ def _any_of(count: int, pair: Long, lamp: Lamp, seen: EdgeFunctions) -> Bool:
     return result
 
 
-@twin_check("optics/shadow/penumbra_mask")
-def _penumbra_mask(device: Device) -> None:
+@twin_check("optics/shadow/penumbra_mask", OUTLINES)
+def _penumbra_mask(device: Device) -> Pairs:
     points = probe_points()
     for occluders, spaces, receivers in (probe_pieces(), probe_pixels()):
         got = VisibleShares(device, occluders, receivers).find(points, spaces)
         number, own, _, _ = entries_of(receivers)
         want = shares_twin(occluders, points[:, :3].astype(np.float64), spaces, own)
-        # one or two samples may fall to the other side of an outline
-        compare("optics/shadow/penumbra_mask", got[number], want, atol=2.5 / SAMPLES)
+        yield Pair(got[number], want)
 
 
 @twin_check("optics/ambient/hemisphere_mask")
-def _hemisphere_mask(device: Device) -> None:
+def _hemisphere_mask(device: Device) -> Pairs:
     box = block((0.1, 0.3, 0.25), (0.35, 0.2, 0.25), 0.5)
     plate = np.array([[-0.9, -0.4, 0.5], [-0.2, -0.5, 0.6], [-0.3, 0.2, 0.5], [-0.9, 0.1, 0.45]])
     corners = np.concatenate([box.points[box.faces], plate[None]])
@@ -258,16 +241,14 @@ def _hemisphere_mask(device: Device) -> None:
     tables = SilhouetteBuffers(device, SilhouetteBVH.of(facets))
     got = hemisphere_masks(tables, points)
     tables.release()
-    # a few of 2048 samples may fall to the other side of an edge
-    compare(
-        "optics/ambient/hemisphere_mask", got.open_share, want.open_share, "single",
-        atol=3.5 / (hemisphere_mask.ROWS * hemisphere_mask.COLUMNS),
-    )  # fmt: skip
-    compare("optics/ambient/hemisphere_mask", got.inside, want.inside, "exact")
+    few = 3.5 / (hemisphere_mask.ROWS * hemisphere_mask.COLUMNS)
+    outlines = Tolerance(few, 1e-5, "a few samples fall to the other side of an edge")
+    yield Pair(got.open_share, want.open_share, outlines)
+    yield Pair(got.inside, want.inside, "exact")
 
 
-@twin_check("optics/ambient/silhouette_search")
-def _silhouette_search(device: Device) -> None:
+@twin_check("optics/ambient/silhouette_search", "exact")
+def _silhouette_search(device: Device) -> Pairs:
     boxes = [block((0.3 * k, 0.2, 0.1 * k), (0.1, 0.2, 0.05), 0.5) for k in range(12)]
     corners = np.concatenate([box.points[box.faces] for box in boxes])
     random = np.random.default_rng(6)
@@ -292,9 +273,9 @@ def _silhouette_search(device: Device) -> None:
             point, place = np.nonzero(np.arange(near.most[k]) < counts[:, k, None])
             np.add.at(listed, (point, lists[point, place]), 1)
             # all that matter, each once, and few others: clusters are larger than what is in them
-            compare("optics/ambient/silhouette_search", listed[want], np.ones(want.sum()), "exact")
+            yield Pair(listed[want], np.ones(want.sum()))
             most = np.array([listed.max(), listed.sum() <= SPARE * want.sum()], np.int64)
-            compare("optics/ambient/silhouette_search", most, np.ones(2, np.int64), "exact")
+            yield Pair(most, np.ones(2, np.int64))
         begin += near.count
         near.release()
     tables.release()

@@ -26,8 +26,11 @@ from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.fem.sparse.block_rows import BlockRows, invert_blocks
 from gpusim.fem.sparse.stiffness_product import apply_stiffness
-from gpusim.gpu import Device, compare, twin_check
+from gpusim.gpu import Device, Pair, Pairs, Tolerance, twin_check
 from gpusim.mesh import Mesh, box, quadratic, split
+
+SINGLE_SUMS = Tolerance(2e-5, 1e-5, "float32 sums of about a hundred products of order one")
+REAL_SUMS = Tolerance(1e-11, 1e-11, "f64 or double-single sums of about a hundred products")
 
 
 def check_elements() -> tuple[TetElements, int]:
@@ -60,13 +63,13 @@ def _rows(mesh: Mesh) -> BlockRows:
     return assemble(model, resolve_formulation(model, None)).rows
 
 
-def _compare_relaxed(
+def _relaxed(
     device: Device,
     texels: BlockTexels | TetTexels,
     apply: Callable[[Float], Float],
     inverse: Float,
     free: Bool,
-) -> None:
+) -> Pairs:
     x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
     step = Relaxation(0.3, 0.7, 1.0)
     smoother = relaxation(device, texels, inverse, 2, "fem.check")
@@ -85,12 +88,11 @@ def _compare_relaxed(
         0.7 * np.matmul(inverse, b[..., None])[..., 0],
     )
     for texture, value in zip(out, wanted, strict=True):
-        # float32 sums of about eighty products of numbers of order one
-        compare("fem/device/relaxation", read_nodes(texture, 2), value, atol=2e-5, rtol=1e-5)
+        yield Pair(read_nodes(texture, 2), value)
 
 
-@twin_check("fem/device/stiffness")
-def _stiffness(device: Device) -> None:
+@twin_check("fem/device/stiffness", REAL_SUMS)
+def _stiffness(device: Device) -> Pairs:
     rng = np.random.default_rng(5)
     for mesh in _boxes((7, 6, 5), rng):
         rows = _rows(mesh)
@@ -102,7 +104,7 @@ def _stiffness(device: Device) -> None:
             with device.recording("fem.check") as recording:
                 operator.record(recording, source, result)
             wanted = apply_stiffness(rows, source.read(2))
-            compare("fem/device/stiffness.apply", result.read(2), wanted, atol=1e-11, rtol=1e-11)
+            yield Pair(result.read(2), wanted, part="apply")
     # the kernel's plain form, as coarse levels use it: any matrix, not square
     dense = rng.normal(size=(36, 24)) * (rng.random((36, 24)) < 0.3)
     x = rng.normal(size=(2, 8, 3))
@@ -112,11 +114,11 @@ def _stiffness(device: Device) -> None:
     with device.recording("fem.check") as recording:
         product.record(recording, source, image)
     wanted = (x.reshape(2, 24) @ dense.T).reshape(2, 12, 3)
-    compare("fem/device/stiffness.plain", image.read(2), wanted, atol=1e-12, rtol=1e-12)
+    yield Pair(image.read(2), wanted, Tolerance(1e-12, 1e-12, "sums of ten products"), "plain")
 
 
-@twin_check("fem/device/tet_forces")
-def _tet_forces(device: Device) -> None:
+@twin_check("fem/device/tet_forces", REAL_SUMS)
+def _tet_forces(device: Device) -> Pairs:
     elements, nodes = check_elements()
     u = np.random.default_rng(6).normal(size=(2, nodes, 3))
     operator = DeviceTets(device, elements, nodes, 1.0, 2)
@@ -126,11 +128,11 @@ def _tet_forces(device: Device) -> None:
         with device.recording("fem.check") as recording:
             operator.record(recording, source, result)
         wanted = apply_tets(elements, source.read(2))
-        compare("fem/device/tet_forces", result.read(2), wanted, atol=1e-11, rtol=1e-11)
+        yield Pair(result.read(2), wanted)
 
 
-@twin_check("fem/device/tet_forces_single")
-def _tet_forces_single(device: Device) -> None:
+@twin_check("fem/device/tet_forces_single", SINGLE_SUMS)
+def _tet_forces_single(device: Device) -> Pairs:
     elements, nodes = check_elements()
     x = np.random.default_rng(7).normal(size=(2, nodes, 3))
     texels = TetTexels(device, elements, nodes, 1.0, "fem.check")
@@ -140,30 +142,28 @@ def _tet_forces_single(device: Device) -> None:
     with device.recording("fem.check") as recording:
         forces.record(recording, vector, 1)
     found = texels.forces.read()[:-2].reshape(-1, 5, 3, 4)[:, :, :2, :3]
-    wanted = element_forces(elements, x[1])
-    # float32 sums of about a hundred products of numbers of order one
-    compare("fem/device/tet_forces_single", found.reshape(-1, 10, 3), wanted, atol=2e-5, rtol=1e-5)
+    yield Pair(found.reshape(-1, 10, 3), element_forces(elements, x[1]))
 
 
-@twin_check("fem/device/relaxation")
-def _relaxation(device: Device) -> None:
+@twin_check("fem/device/relaxation", SINGLE_SUMS)
+def _relaxation(device: Device) -> Pairs:
     rng = np.random.default_rng(9)
     for mesh in _boxes((9, 6, 5), rng):
         rows = _rows(mesh)
         free = mesh.points > mesh.points.min(axis=0)
         inverse = invert_blocks(rows.diagonal[rows.row_class], free)
         texels = BlockTexels(device, rows, 1.0, "fem.check", exact=False)
-        _compare_relaxed(device, texels, partial(apply_stiffness, rows), inverse, free)
+        yield from _relaxed(device, texels, partial(apply_stiffness, rows), inverse, free)
     elements, nodes = check_elements()
     free = rng.random((nodes, 3)) < 0.9
     blocks = np.eye(3) + 0.1 * rng.normal(size=(nodes, 3, 3))
     inverse = blocks * free[:, :, None] * free[:, None]
     of_elements = TetTexels(device, elements, nodes, 1.0, "fem.check")
-    _compare_relaxed(device, of_elements, partial(apply_tets, elements), inverse, free)
+    yield from _relaxed(device, of_elements, partial(apply_tets, elements), inverse, free)
 
 
 @twin_check("fem/device/interpolation")
-def _interpolation(device: Device) -> None:
+def _interpolation(device: Device) -> Pairs:
     rng = np.random.default_rng(10)
     weights = csr_matrix(random_array((70, 33), density=0.1, rng=rng))
     free = rng.random((70, 3)) < 0.8
@@ -177,12 +177,12 @@ def _interpolation(device: Device) -> None:
         spread.record(recording, source, plain)
         spread.record(recording, source, added, base)
     wanted = apply_weights(weights, free, v)
-    compare("fem/device/interpolation.apply", read_nodes(plain, 2), wanted)
-    compare("fem/device/interpolation.add", read_nodes(added, 2), x + wanted)
+    yield Pair(read_nodes(plain, 2), wanted, part="apply")
+    yield Pair(read_nodes(added, 2), x + wanted, part="add")
 
 
-@twin_check("fem/device/linear_combination")
-def _linear_combination(device: Device) -> None:
+@twin_check("fem/device/linear_combination", Tolerance(1e-13, 1e-13, "sums of four products"))
+def _linear_combination(device: Device) -> Pairs:
     rng = np.random.default_rng(11)
     values = {name: rng.normal(size=(2, 70, 3)) for name in _NAMES}
     factors = dict(zip(_NAMES, (1.5, -0.3, 0.7, -1.0), strict=True))
@@ -193,12 +193,11 @@ def _linear_combination(device: Device) -> None:
         vector.write(values[name])
     with device.recording("fem.check") as recording:
         adder.record(recording, out, **{name: (factors[name], vectors[name]) for name in _NAMES})
-    wanted = weighted_sum({name: (factors[name], values[name]) for name in _NAMES})
-    compare("fem/device/linear_combination", out.read(2), wanted, atol=1e-13, rtol=1e-13)
+    yield Pair(out.read(2), weighted_sum({name: (factors[name], values[name]) for name in _NAMES}))
 
 
 @twin_check("fem/krylov/cg")
-def _cg(device: Device) -> None:
+def _cg(device: Device) -> Pairs:
     rng = np.random.default_rng(8)
     mesh = box((1.0, 0.4, 0.7), (5, 4, 3))
     rows = _rows(mesh)
@@ -212,7 +211,7 @@ def _cg(device: Device) -> None:
     active = np.array([True, True])
     start, history, x = twin.begin(b), twin.run(6, active), twin.correction()
     loop = DeviceCG(device, operator, ready, 2)
-    # the preconditioner is rounded to float32, and iterations amplify that
-    compare("fem/krylov/cg.start", loop.begin(b), start, rtol=1e-6, atol=0.0)
-    compare("fem/krylov/cg.history", loop.run(6, active), history, rtol=2e-5, atol=1e-12)
-    compare("fem/krylov/cg.x", loop.correction(), x, rtol=1e-5, atol=1e-5)
+    rounded = "the preconditioner is rounded to float32, and iterations amplify that"
+    yield Pair(loop.begin(b), start, Tolerance(0.0, 1e-6, rounded), "start")
+    yield Pair(loop.run(6, active), history, Tolerance(1e-12, 2e-5, rounded), "history")
+    yield Pair(loop.correction(), x, Tolerance(1e-5, 1e-5, rounded), "x")

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from gpusim.plan.machine_speed import HOST_SECONDS, Speed, Workload, cache_folder, host_seconds
+from gpusim.plan.machine_speed import Speed, Workload, cache_folder
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 
-DRAW = Workload("render", "5616x3744 px, 3 lights", 12.0, 9.0, ("drawing", "light"))
+DRAW = Workload("render", "5616x3744 px, 3 lights", 12.0, 9.0)
 MORE = Workload("render", "400x300 px, 3 lights", 0.5)
 
 
@@ -21,7 +21,6 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("GPUSIM_NO_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr("os.getloadavg", lambda: (0.5, 0.5, 0.5))
-    monkeypatch.setenv("MESA_SHADER_CACHE_DIR", str(tmp_path / "driver"))
     return tmp_path / "gpusim" / "speed.json"
 
 
@@ -37,39 +36,29 @@ def test_a_machine_that_is_half_as_fast(cache: Path) -> None:
     # pictures twice as slow; of shaders nothing is known
     assert again.seconds(DRAW) == 2.0 * 3.0 + 9.0
     assert Speed.read("numpy").seconds(Workload("solve", "b", 3.0)) == 3.0
-    again.learn({DRAW: 6.0 + 18.0}, "a card")
-    assert again.ratios["compile"] == 2.0 and again.seconds(DRAW) == 24.0
+    again.learn({DRAW: 30.0}, "a card")
+    assert again.seconds(DRAW) == 30.0
+    # most of that were shaders: it says nothing of pictures
+    assert again.ratios["render"] == 2.0
     # another card has all to be learned
     again.learn({MORE: 0.1}, "another card")
     assert again.seconds(Workload("solve", "b", 3.0)) == 3.0 and again.ratios == {"render": 0.2}
 
 
-def test_a_slow_run_counts_less_than_a_quick_one(cache: Path) -> None:
+def test_the_last_run_counts(cache: Path) -> None:
     del cache
-    up, down = Speed(), Speed()
-    for speed, second in ((up, 8.0), (down, 0.125)):
-        speed.learn({MORE: 1.0}, "")
-        speed.learn({MORE: second}, "")
-    assert 1.0 < up.seconds(MORE) < 2.5
-    assert 0.125 < down.seconds(MORE) < 0.3
-
-
-def test_shaders_that_the_driver_has_kept(cache: Path) -> None:
-    speed = Speed.read("gpu")
-    speed.learn({DRAW: 12.0}, "")
-    assert not speed.has_compiled(["drawing"])  # the driver's own folder is gone
-    folder = cache.parents[1] / "driver" / "mesa_shader_cache"
-    folder.mkdir(parents=True)
-    (folder / "index").write_bytes(b"x")
-    assert speed.has_compiled(["drawing"]) and speed.has_compiled(["light", "drawing"])
-    assert not speed.has_compiled(["gloss", "drawing"])
+    speed = Speed()
+    for seconds in (1.0, 8.0, 0.125):
+        speed.learn({MORE: seconds}, "")
+        assert speed.seconds(MORE) == seconds
+    assert speed.ratios == {"render": 0.25}
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "{", "[]", '{"version": 2}', '{"version": 1, "machines": []}', "[" * 100_000, "\udcff",
-     '{"version": 1, "machines": {"M": {"ratios": {"solve": 1e99}}}}',
-     '{"version": 1, "machines": {"M": {"ratios": {"solve": "NaN"}, "known": 3}}}'],
+    ["", "{", "[]", '{"version": 1}', '{"version": 2, "machines": []}', "[" * 100_000, "\udcff",
+     '{"version": 2, "machines": {"M": {"ratios": {"solve": 1e99}}}}',
+     '{"version": 2, "machines": {"M": {"ratios": {"solve": "NaN"}, "known": 3}}}'],
 )  # fmt: skip
 def test_a_damaged_file_is_as_none_at_all(cache: Path, text: str) -> None:
     cache.parent.mkdir()
@@ -102,7 +91,7 @@ def test_where_nothing_can_be_kept(
 
     monkeypatch.setattr(Path, "home", homeless)
     speed.save()
-    assert not Speed.read("gpu").has_compiled(["drawing"])
+    assert Speed.read("gpu") == Speed(speed.machine)
     assert not cache.exists()
 
 
@@ -117,12 +106,8 @@ def test_writers_at_the_same_time_leave_a_whole_file(cache: Path) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert json.loads(cache.read_text(encoding="utf-8"))["version"] == 1
+    assert json.loads(cache.read_text(encoding="utf-8"))["version"] == 2
     assert list(cache.parent.iterdir()) == [cache]
-
-
-def test_the_reference_is_a_machine_of_its_time() -> None:
-    assert HOST_SECONDS / 20.0 < host_seconds() < 20.0 * HOST_SECONDS
 
 
 def test_neighbours_are_taken_out_and_put_in_again(
@@ -132,18 +117,16 @@ def test_neighbours_are_taken_out_and_put_in_again(
     monkeypatch.setattr("gpusim.plan.machine_speed.all_processors", lambda: 2)
     monkeypatch.setattr("os.getloadavg", lambda: (6.0, 3.0, 1.0))
     speed = Speed()
-    speed.learn({MORE: 3.0}, "")  # a third of the machine: not believed at once
-    assert speed.ratios["render"] == pytest.approx(2.0**0.4) and not speed.known
+    speed.learn({MORE: 3.0}, "")  # with a third of the machine
+    assert speed.ratios["render"] == pytest.approx(2.0)
     monkeypatch.setattr("os.getloadavg", lambda: (3.0, 3.0, 1.0))
     speed.learn({MORE: 1.5}, "")
     assert speed.seconds(MORE) == pytest.approx(1.0)
     monkeypatch.setattr("gpusim.plan.machine_speed._others", lambda: 4.0)
-    speed.host = 1.0
     assert speed.measured().seconds(MORE) == pytest.approx(3.0)
 
 
 def test_a_plan_at_this_machine_s_speed(checkout: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MESA_SHADER_CACHE_DISABLE", "true")
     monkeypatch.setattr("os.getloadavg", lambda: (0.0, 0.0, 0.0))
     stereo: Scene = load_scene(checkout / "examples" / "crane_stereo.toml")
     plan = make_plan(stereo)
@@ -151,7 +134,7 @@ def test_a_plan_at_this_machine_s_speed(checkout: Path, monkeypatch: pytest.Monk
     # measured on two cores: 20 s in all, half of it the 42 pictures of the target
     assert 10.0 < plan.seconds - kinds["render"].compiling < 40.0
     assert 5.0 < kinds["target"].seconds < 20.0
-    slow = Speed("m", host=1.0)
+    slow = Speed("m")
     slow.learn({kinds["target"]: 3.0 * kinds["target"].seconds}, "")
     again = make_plan(stereo, speed=slow)
     assert again["render/right/calib-0007"].seconds == pytest.approx(
@@ -169,11 +152,8 @@ def test_states_compile_once(checkout: Path) -> None:
 
 def test_auto_is_what_the_machine_has(cache: Path) -> None:
     del cache
-    planned = Speed.read("auto")
-    planned.host = 1.5
-    planned.save()
+    Speed.read("auto").save()
     ran = Speed.read("gpu")
-    assert ran.host == 1.5
     ran.learn({MORE: 1.0}, "a card")
     ran.save()
     assert Speed.read("auto").seconds(MORE) == 1.0

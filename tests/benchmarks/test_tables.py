@@ -69,11 +69,11 @@ def test_a_second_load_case_is_told_by_the_least_of_alternating_runs(
     seconds = iter([2.0, 2.9, 1.0, 1.2, 1.5, 1.25])
     asked: list[int] = []
 
-    def worker(case: object, options: dict[str, Any], module: str) -> dict[str, Any]:
-        asked.append(options["load_cases"])
+    def run(name: str, work: object, case: object, tolerance: float, load_cases: int) -> Any:
+        asked.append(load_cases)
         return {"converged": len(asked) < 7, "seconds": next(seconds, 1.0)}
 
-    monkeypatch.setattr(measure, "run_worker", worker)
+    monkeypatch.setattr(measure, "in_fresh_process", run)
     (case,) = find_cases("small", "beam-10k")
     assert measure.second_case(case, 3) == pytest.approx(0.2)
     assert asked == [1, 2, 1, 2, 1, 2]

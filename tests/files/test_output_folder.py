@@ -101,7 +101,6 @@ ALLOWED = {
     "optics/calibration/formats.py": "a calibration at a path of the caller's",
     "parallel/processes.py": "a pipe",
     "gpu/priming.py": "a list beside the driver's cache of compiled programs",
-    "plan/machine_speed.py": "what is known of this machine's speed, in the cache folder",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",
     "export/radiance.py": "into the temporary name that atomic_path gives",

@@ -13,7 +13,7 @@ import pytest
 
 import gpusim
 from gpusim.errors import DeviceError, DeviceLost, InputError, NoAdapter, OutOfDeviceMemory
-from gpusim.gpu import Device, faults
+from gpusim.gpu import Device, Uniform, faults
 
 
 def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
@@ -84,12 +84,12 @@ def test_an_instance_made_by_somebody_else_is_used() -> None:
 
 
 def test_a_fault_found_while_recording_is_raised(device: Device) -> None:
-    buffer = device.empty(64, "same")
-    with pytest.raises(DeviceError, match=r"(?s)^stage: .*same buffer"):
+    buffer, texture = device.empty(256, "same"), device.texture(4, 4, "depth32float", "depth")
+    with pytest.raises(DeviceError, match=r"(?s)^stage: .*Partial copy"):
         with device.recording("stage") as recording:
-            recording.copy(buffer, buffer)
+            recording.copy_texture(texture, buffer, 1)
     kernel = device.kernel("gpu/probes/real_arithmetic")
-    a = device.real_buffer(label="a", shape=(12,))
+    a = device.real_buffer(np.zeros((12,)), "a")
     bindings = kernel.bind(a=a, b=a, result=a, params={"count": 2})
     with pytest.raises(DeviceError, match=r"(?s)^gpu\.real: .*gpusim\.a"):
         with device.recording("gpu.real") as recording:
@@ -121,8 +121,9 @@ def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
     buffer = lost.empty(64, "u")
     kernel = lost.kernel("gpu/probes/real_arithmetic")
     a = lost.real_buffer(np.ones(2), "a")
-    out = lost.real_buffer(label="out", shape=(6, 2))
-    bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})
+    out = lost.real_buffer(np.zeros((6, 2)), "out")
+    params = Uniform(lost, {"count": 2}, "params")
+    bindings = kernel.bind(a=a, b=a, result=out, params=params)
     lost.gpu.destroy()
 
     def submit() -> None:
@@ -136,7 +137,7 @@ def test_a_lost_device_says_so_and_others_go_on(device: Device) -> None:
         lambda: buffer.read(np.uint32),
         lambda: buffer.write(np.zeros(1, np.uint32)),
         lambda: kernel.bind(a=a, b=a, result=out, params={"count": 2}),
-        lambda: bindings.update(params={"count": 1}),
+        lambda: params.update({"count": 1}),
         submit,
         lost.sync,
     ):

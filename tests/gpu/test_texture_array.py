@@ -104,5 +104,16 @@ def test_memory_is_counted_and_given_back(lab: Device) -> None:
     other.release()
     assert lab.allocated == before
     small = Device(memory_limit=100_000)
-    with pytest.raises(OutOfDeviceMemory, match="texels large"):
+    with pytest.raises(OutOfDeviceMemory, match="texture large"):
         small.texels(10_000, "rgba32float", "large")
+
+
+def test_what_waits_is_no_reason_to_refuse() -> None:
+    device = Device(memory_limit=300_000)
+    device.pool.texels(10, "rgba32float", "frame")
+    assert device.allocated == Texels.footprint(10)
+    buffer = device.empty(250_000, "solver")
+    assert device.allocated == 250_000
+    with pytest.raises(OutOfDeviceMemory):
+        device.empty(100_000, "more")
+    buffer.release()

@@ -20,7 +20,7 @@ def timed() -> Device:
 def run(device: Device, stage: str, n: int, times: int = 1) -> None:
     kernel = device.kernel("gpu/probes/real_arithmetic")
     a = device.real_buffer(np.ones(n), "a")
-    out = device.real_buffer(label="out", shape=(6, n))
+    out = device.real_buffer(np.zeros((6, n)), "out")
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": n})
     for _ in range(times):
         with device.recording(stage) as recording:
@@ -53,7 +53,7 @@ def test_more_passes_than_the_query_set_holds(timed: Device) -> None:
 def test_one_recording_with_too_many_passes_says_how_many(timed: Device) -> None:
     kernel = timed.kernel("gpu/probes/real_arithmetic")
     a = timed.real_buffer(np.ones(2), "a")
-    out = timed.real_buffer(label="out", shape=(6, 2))
+    out = timed.real_buffer(np.zeros((6, 2)), "out")
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})
     spare = timed.empty(16, "spare")
     with timed.recording("long") as recording:
@@ -68,7 +68,7 @@ def test_a_failed_recording_is_not_timed(timed: Device) -> None:
     run(timed, "good", 64)
     kernel = timed.kernel("gpu/probes/real_arithmetic")
     a = timed.real_buffer(np.ones(2), "a")
-    out = timed.real_buffer(label="out", shape=(6, 2))
+    out = timed.real_buffer(np.zeros((6, 2)), "out")
     bindings = kernel.bind(a=a, b=a, result=out, params={"count": 2})
     with pytest.raises(KeyError), timed.recording("bad") as recording:
         recording.dispatch(kernel, bindings, threads=(2,))

@@ -13,7 +13,7 @@ from gpusim.gpu.probes import finiteness, real_arithmetic
 from gpusim.gpu.probes.finiteness import finite_probe, finite_probe_twin
 from gpusim.gpu.probes.real_arithmetic import real_probe, real_probe_twin
 from gpusim.gpu.twin import _CHECKS
-from gpusim.gpu.wgsl import stages
+from tests.support.shader_stages import stages
 
 
 @pytest.fixture(scope="module", params=["f64", "double_single"])

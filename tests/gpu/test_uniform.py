@@ -1,4 +1,4 @@
-"""Uniforms that programs share, arrays of structs, and textures kept from frame to frame."""
+"""Uniforms that programs share, and textures kept from frame to frame."""
 
 from __future__ import annotations
 
@@ -14,19 +14,15 @@ from gpusim.gpu.uniform import pack
 
 LAMPS = """
 struct Lamp { power: f32, side: array<vec4f, 2>, mask: vec2u }
-struct Lamps { count: u32, lamps: array<Lamp, 3> }
+struct Lamps { count: u32, first: Lamp }
 @group(0) @binding(0) var<uniform> lamps: Lamps;
 @group(0) @binding(1) var<storage, read_write> result: array<f32>;
 @compute @workgroup_size(1)
-fn main() { result[0] = lamps.lamps[lamps.count].power; }
+fn main() { result[0] = lamps.first.power; }
 @compute @workgroup_size(1)
-fn other() { result[1] = lamps.lamps[1].side[1].z + f32(lamps.lamps[1].mask.y); }
+fn other() { result[1] = lamps.first.side[1].z + f32(lamps.first.mask.y); }
 """
-COLUMNS = {
-    "power": np.array([1.5, 2.5, 4.0]),
-    "side": np.arange(24.0).reshape(3, 2, 4),
-    "mask": np.array([[1, 2], [3, 4], [5, 6]]),
-}
+LAMP = {"power": 4.0, "side": np.arange(8.0).reshape(2, 4), "mask": [3, 5]}
 
 
 @pytest.fixture(scope="module")
@@ -36,28 +32,28 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Device]:
     yield Device(shaders=folder)
 
 
-def test_columns_pack_like_rows(lab: Device) -> None:
-    dtype = lab.kernel("lamps").layout.module.structs["Lamps"].dtype
-    rows = [{name: values[k] for name, values in COLUMNS.items()} for k in range(3)]
-    packed = pack({"count": 2, "lamps": COLUMNS}, dtype, "lamps")
-    assert packed.tobytes() == pack({"count": 2, "lamps": rows}, dtype, "lamps").tobytes()
-    np.testing.assert_array_equal(packed["lamps"]["mask"], COLUMNS["mask"])
-    short = {**COLUMNS, "power": np.ones(2)}
-    with pytest.raises(InputError, match=r"lamps\.lamps\.power; .*numbers of shape \(3,\)"):
-        pack({"count": 2, "lamps": short}, dtype, "lamps")
+def test_a_struct_in_a_struct_is_checked(lab: Device) -> None:
+    dtype = lab.kernel("lamps").layout.module.structs["Lamps"]
+    packed = pack({"count": 2, "first": LAMP}, dtype, "lamps")
+    np.testing.assert_array_equal(packed["first"]["side"], LAMP["side"])
+    short = {**LAMP, "mask": np.ones(3)}
+    with pytest.raises(InputError, match=r"lamps\.first\.mask; .*numbers of shape \(2,\)"):
+        pack({"count": 2, "first": short}, dtype, "lamps")
+    with pytest.raises(InputError, match=r"lamps\.first; got int; expected a dict"):
+        pack({"count": 2, "first": 1}, dtype, "lamps")
 
 
 def test_programs_share_a_uniform(lab: Device, device: Device) -> None:
-    shared = Uniform(lab, {"count": 2, "lamps": COLUMNS}, "test.lamps")
+    shared = Uniform(lab, {"count": 2, "first": LAMP}, "test.lamps")
     result = lab.empty(8, "result")
     first, second = lab.kernel("lamps"), lab.kernel("lamps", "other")
     with lab.recording("test") as recording:
         for kernel in (first, second):
             recording.dispatch(kernel, kernel.bind(lamps=shared, result=result), groups=(1,))
-    assert result.read(np.float32).tolist() == [4.0, 18.0]
-    dtype = first.layout.module.structs["Lamps"].dtype
+    assert result.read(np.float32).tolist() == [4.0, 11.0]
+    dtype = first.layout.module.structs["Lamps"]
     assert shared.live(dtype, "a") is shared.live(dtype, "b"), "written once"
-    foreign = Uniform(device, {"count": 2, "lamps": COLUMNS}, "test.lamps")
+    foreign = Uniform(device, {"count": 2, "first": LAMP}, "test.lamps")
     with pytest.raises(InputError, match=r"lamps\.lamps; got a uniform of another device"):
         first.bind(lamps=foreign, result=result)
     with pytest.raises(InputError, match=r"lamps\.lamps; got members \['count'\]"):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 
 import gpusim as gs
@@ -35,3 +38,19 @@ def test_rigid_shifts_of_a_speckle_behind_a_lens(device: Device) -> None:
     worst, noise = np.abs(bias).max(), np.max(spread)
     assert worst <= 0.001, f"{worst:.5f} px"
     assert noise <= 0.0015, f"{noise:.5f} px"
+
+
+def test_a_frame_that_nobody_holds_is_gone_at_once(device: Device) -> None:
+    """Views are large, and the garbage collector comes seldom."""
+    corners = np.array([[-0.3, -0.2, 1.0], [0.4, -0.25, 1.1], [0.35, 0.3, 1.2], [-0.2, 0.25, 1.0]])
+    surface = gs.Surface(corners, np.array([[0, 3, 2, 1]]), paint=gs.paint.Plain(0.6))
+    camera = gs.Camera(97, 61, np.array([[90.0, 0.0, 48.0], [0.0, 90.0, 30.0], [0.0, 0.0, 1.0]]))
+    frame = gs.render([surface], camera, background=0.1, device=device)
+    frame.release()
+    gone = weakref.ref(frame)
+    gc.disable()
+    try:
+        del frame
+        assert gone() is None
+    finally:
+        gc.enable()

@@ -20,7 +20,6 @@ CONCEPTS = {
     "fem/sparse": "scipy_kernels",
     "field": "run",
     "files": "picture_kinds",
-    "gpu": "buffer_pool",
     "graph": "processes scene_stages",
     "measure": "luminance",
     "measure/calibration": "photographs turned_boards",

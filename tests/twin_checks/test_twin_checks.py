@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,7 @@ import pytest
 
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, compare, twin_checks
-from gpusim.gpu.wgsl import stages
-
-# compares ids pixel by pixel itself; tests/twin_checks/test_images.py corrupts it
-OWN_COMPARISON = {"optics/raster/id_buffer"}
+from tests.support.shader_stages import stages
 
 
 def test_every_stage_is_listed() -> None:
@@ -23,14 +19,13 @@ def test_every_stage_is_listed() -> None:
         "optics/shading/forward_pass",
         "measure/correlation/icgn",
     } <= set(twin_checks())
-    assert set(twin_checks()) == set(stages()) >= OWN_COMPARISON
+    assert set(twin_checks()) == set(stages())
 
 
-@pytest.mark.parametrize("stage", sorted(set(twin_checks()) - OWN_COMPARISON))
+@pytest.mark.parametrize("stage", sorted(twin_checks()))
 def test_one_wrong_value_is_seen(
     device: Device, monkeypatch: pytest.MonkeyPatch, stage: str
 ) -> None:
-    module = sys.modules[twin_checks()[stage].__module__]
     seen = []
 
     def damaged(what: str, got: Any, want: Any, *rest: Any, **options: Any) -> float:
@@ -44,7 +39,7 @@ def test_one_wrong_value_is_seen(
         values.reshape(-1)[middle] = wrong
         return compare(what, values, want, *rest, **options)
 
-    monkeypatch.setattr(module, "compare", damaged)
+    monkeypatch.setattr("gpusim.gpu.twin.compare", damaged)
     with pytest.raises(TwinMismatch, match=r"values? off|finite"):
         twin_checks()[stage](device)
     assert len(seen) == 1, "the first comparison should have failed"

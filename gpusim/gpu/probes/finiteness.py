@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Single
 from gpusim.gpu.device import Device
-from gpusim.gpu.twin import compare, twin_check
+from gpusim.gpu.twin import Pair, Pairs, twin_check
 
 _SCALE = 4.0
 
@@ -48,15 +48,11 @@ def finite_probe_twin(single: Single, wide: Float, real: str) -> npt.NDArray[np.
     return np.asarray(sum(flag.astype(np.uint32) << i for i, flag in enumerate(finite)), np.uint32)
 
 
-@twin_check("gpu/probes/finiteness")
-def _check(device: Device) -> None:
+@twin_check("gpu/probes/finiteness", "exact")
+def _check(device: Device) -> Pairs:
     big = 1e308 if device.real == "f64" else 1e38
     wide = np.array([0.0, -0.0, 1.0, -3e33, big, -big, np.nan, -np.nan, np.inf, -np.inf, 1e-30])
     single = np.array([1e38, 0, np.nan, 3e38, -np.inf, 5, -1e38, np.inf, 1e-45, -1, -np.nan])
     single = single.astype(np.float32)
-    compare(
-        "gpu/probes/finiteness",
-        finite_probe(device, single, wide),
-        finite_probe_twin(single, wide, device.real),
-        "exact",
-    )
+    twin = finite_probe_twin(single, wide, device.real)
+    yield Pair(finite_probe(device, single, wide), twin)

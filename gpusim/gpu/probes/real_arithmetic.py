@@ -6,7 +6,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.gpu.device import Device
-from gpusim.gpu.twin import compare, twin_check
+from gpusim.gpu.twin import Pair, Pairs, Tolerance, twin_check
 
 _OPERATIONS = 6
 
@@ -14,7 +14,7 @@ _OPERATIONS = 6
 def real_probe(device: Device, a: Float, b: Float) -> Float:
     """a+b, a-b, a*b, a/b, a*b+a, sqrt|a| on the device; (6, n) float64 from two (n,) arrays."""
     kernel = device.kernel("gpu/probes/real_arithmetic")
-    out = device.real_buffer(label="real.out", shape=(_OPERATIONS, len(a)))
+    out = device.real_buffer(np.zeros((_OPERATIONS, len(a))), "real.out")
     bindings = kernel.bind(
         a=device.real_buffer(a, "real.a"),
         b=device.real_buffer(b, "real.b"),
@@ -32,17 +32,11 @@ def real_probe_twin(a: Float, b: Float) -> Float:
 
 
 @twin_check("gpu/probes/real_arithmetic")
-def _check(device: Device) -> None:
+def _check(device: Device) -> Pairs:
     rng = np.random.default_rng(11)
     a = rng.normal(size=300) * 10.0 ** rng.integers(-3, 4, 300)
     b = np.where(rng.random(300) < 0.5, rng.normal(size=300), -a * (1 + 1e-9 * rng.random(300)))
-    # sums cancel on purpose: the tolerance is absolute in units of the operands
     scale = np.abs(a) + np.abs(b) + np.abs(a * b) + np.abs(a / b) + 1.0
     unit = 1e-15 if device.real == "f64" else 2e-13
-    compare(
-        "gpu/probes/real_arithmetic",
-        real_probe(device, a, b) / scale,
-        real_probe_twin(a, b) / scale,
-        atol=unit,
-        rtol=0.0,
-    )
+    cancelling = Tolerance(unit, 0.0, "sums cancel on purpose: in units of the operands")
+    yield Pair(real_probe(device, a, b) / scale, real_probe_twin(a, b) / scale, cancelling)

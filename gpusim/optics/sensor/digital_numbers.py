@@ -12,8 +12,6 @@ from gpusim.arrays.array_types import Single
 from gpusim.gpu import Device
 from gpusim.optics.frame import Band
 
-_CHUNK = 1 << 16  # pixels at a time, so that they stay in the cache
-
 
 class Scale(Protocol):
     """What is needed of a sensor: `gpusim.optics.sensor.sensor.Sensor`."""
@@ -24,13 +22,6 @@ class Scale(Protocol):
     def scale(self) -> np.float32: ...
     @property
     def dtype(self) -> np.dtype[Any]: ...
-
-
-def scaled(sensor: Scale, device: Device, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
-    """The image of the bands' rows, one below the other."""
-    if device.transfer.direct:
-        return _scaled_in_place(sensor, bands, width)
-    return scaled_on_device(sensor, device, bands, width)
 
 
 def scaled_on_device(
@@ -55,21 +46,6 @@ def scaled_on_device(
             row += band.rows
     image = out.read(sensor.dtype, (height, columns * per_word))
     return np.ascontiguousarray(image[:, :width])
-
-
-def _scaled_in_place(sensor: Scale, bands: Sequence[Band], width: int) -> npt.NDArray[Any]:
-    """The same by NumPy, where bands lie in the host's memory: a kernel's lanes load words one by
-    one, three times as slow."""
-    image = np.empty((sum(band.rows for band in bands), width), sensor.dtype)
-    step, row = max(1, _CHUNK // width), 0
-    for band in bands:
-        # what overflows is full scale, as what isn't finite
-        with band.seen() as values, np.errstate(over="ignore", invalid="ignore"):
-            for first in range(0, band.rows, step):
-                part = values[first : first + step, :width]
-                image[row + first : row + first + len(part)] = scaled_twin(sensor, part)
-        row += band.rows
-    return image
 
 
 def scaled_twin(sensor: Scale, radiance: Single) -> npt.NDArray[Any]:

@@ -28,7 +28,7 @@ from gpusim.optics.sensor.channels import (
 )
 from gpusim.optics.sensor.demosaicing import METHODS, TILES
 from gpusim.optics.sensor.development import RAW_BITS, Development, at_least, check_gains
-from gpusim.optics.sensor.digital_numbers import scaled, scaled_twin
+from gpusim.optics.sensor.digital_numbers import scaled_on_device, scaled_twin
 from gpusim.optics.sensor.emva1288 import CAMERAS, Signal, emva_twin, expose_noisy
 from gpusim.validation import (
     FromZero,
@@ -361,6 +361,6 @@ class Sensor:
                 return scaled_twin(self, plane.radiance)
             device, width = plane.device, plane.width
             if signal is None:
-                return scaled(self, device, plane.bands, width)
+                return scaled_on_device(self, device, plane.bands, width)
             rows = [expose_noisy(device, signal, b, width, self.dtype) for b in plane.bands]
             return np.concatenate(rows)

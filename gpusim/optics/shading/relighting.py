@@ -171,12 +171,12 @@ class PieceShares:
 
     def __init__(self, buffers: SceneBuffers, shadows: Shadows, starts: Long) -> None:
         device = buffers.device
-        self._device, self._spaces, self._planes = device, shadows.spaces, buffers.planes
+        self._spaces, self._planes = shadows.spaces, buffers.planes
         self._found = _listed(shadows, starts, "pieces")
         self._found.make_room(shadows.spaces)
         self._receivers, self._casting = self._found.receivers, shadows.casting
         size = 16 if buffers.setup.palette is None else 32
-        self._painted = device.pool.take(size * self._receivers.most, "shadow.painted")
+        self._painted = device.empty(size * self._receivers.most, "shadow.painted")
         with device.recording("optics.shadow") as recording:
             recording.clear(self._receivers.pieces)
             recording.clear(self._painted)
@@ -195,7 +195,7 @@ class PieceShares:
 
     def release(self) -> None:
         """Leave memory to others."""
-        self._device.pool.give(self._painted)
+        self._painted.release()
 
     def find(self) -> None:
         """Let the device find what those see that are listed."""

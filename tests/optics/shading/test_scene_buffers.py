@@ -8,8 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.errors import TwinMismatch
 from gpusim.gpu import Device, twin_checks
-from gpusim.gpu.buffer import BufferPool
-from gpusim.gpu.texture_array import Texels
+from gpusim.gpu.texture_array import TexelPool, Texels
 from gpusim.optics.geometry.triangle_corners import NORMAL, ST
 from gpusim.optics.geometry.view import look
 from gpusim.optics.shading.scene_buffers import TriangleRecords
@@ -147,7 +146,7 @@ def test_corners_that_differ_have_vertices_of_their_own() -> None:
 
 
 def test_texels_serve_one_frame_after_the_other(device: Device) -> None:
-    kept = BufferPool(device)
+    kept = TexelPool(device)
     first = kept.texels(30_000, "rgba32uint", "some")
     assert kept.texels(20_000, "rgba32uint", "some") is first
     assert kept.texels(30_001, "rgba32uint", "some") is not first
