@@ -174,6 +174,7 @@ def _multigrid(
         system,
         model.mesh.points,
         stiff_in_bulk=plan.stiff_in_bulk,
+        inverted=plan.on_device,
         uneven_stiffness=plan.uneven_stiffness,
     )
     multigrid, lowest = Multigrid(hierarchy), hierarchy.lowest

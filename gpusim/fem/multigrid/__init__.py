@@ -13,6 +13,7 @@ In the order in which data passes:
   matrices.
 - `transfer`: Interpolation between levels, host side: by planes of lattices, by nodes, by
   aggregates.
-- `coarse_solver`: The coarsest level of multigrid, solved exactly by its inverse.
+- `coarse_solver`: The coarsest level of multigrid, solved exactly: a band where the body is long,
+  or an inverse.
 - `hierarchy`: The levels of multigrid: geometry first, then smoothed aggregation.
 """

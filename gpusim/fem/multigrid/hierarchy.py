@@ -18,7 +18,7 @@ from gpusim.fem.assembly.system import System, finest_product
 from gpusim.fem.lattice.lattice import Lattice, find_lattice
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.model.supports import rigid_modes
-from gpusim.fem.multigrid.coarse_solver import CoarseSolver
+from gpusim.fem.multigrid.coarse_solver import CoarseSolver, narrow_order
 from gpusim.fem.multigrid.column_blocks import Columns, columns_across
 from gpusim.fem.multigrid.geometric_coarsening import (
     Coarser,
@@ -37,6 +37,8 @@ from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh.cell_types import CELL_TYPES
 
 _COARSEST = 800
+# of long bodies, whose band is solved with, or, on a device, whose matrix is inverted
+_COARSEST_BAND, _COARSEST_INVERTED = 20_000, 2500
 # of a body that can't be aggregated any further: 1.4 GB, as an inverse is made by way of five more
 _MOST_INVERTED = 6000
 # distinct elements up to which the greatest eigenvalue is bounded by theirs
@@ -103,13 +105,15 @@ def build_hierarchy(
     points: Float,
     *,
     stiff_in_bulk: bool = False,
+    inverted: bool = False,
     uneven_stiffness: bool = False,
 ) -> Hierarchy:
     """Coarsen until at most a few hundred unknowns remain, from nodes at ``points`` (N,3) on.
 
-    Aggregation by sheets or columns is of no use to bodies that are ``stiff_in_bulk``. With
-    ``uneven_stiffness`` interpolation from aggregates stays in float64, and its levels aren't gone
-    through twice, as rounding brings eigenvalues of a cycle above 1.
+    Aggregation by sheets or columns is of no use to bodies that are ``stiff_in_bulk``; ``inverted``
+    asks for a coarsest matrix that can be inverted, as devices do. With ``uneven_stiffness``
+    interpolation from aggregates stays in float64, and its levels aren't gone through twice, as
+    rounding brings eigenvalues of a cycle above 1.
     """
     groups: Sequence[Elements] = assembled.groups
     rows, lattice, free, scale = assembled.rows, assembled.lattice, system.free, system.scale
@@ -142,10 +146,11 @@ def build_hierarchy(
     if not stiff_in_bulk and lattice is None and [group.name for group in groups] == ["hex8"]:
         assert isinstance(product, Product)
         product, free, points = _by_sheets(levels, product, groups[0], free, points)
+    longest = _COARSEST_INVERTED if inverted else _COARSEST_BAND
     column = None
     if not stiff_in_bulk and len(points) == whole:
         column = columns_across(groups, points)
-    return _aggregate(levels, product, free, points, column, uneven_stiffness)
+    return _aggregate(levels, product, free, points, longest, column, uneven_stiffness)
 
 
 def _by_sheets(
@@ -252,18 +257,24 @@ def _aggregate(
     product: Product | StencilProduct,
     free: Bool,
     points: Float,
+    longest: int,
     column: Long | None,
     uneven_stiffness: bool,
 ) -> Hierarchy:
-    """Aggregate until a few hundred unknowns remain; at first by ``column``, where nodes
-    stand in columns."""
+    """Aggregate until a few hundred unknowns remain, or ``longest`` in a narrow band; at first by
+    ``column``, where nodes stand in columns."""
     origin = points.mean(axis=0)
     length = float(np.abs(points - origin).max()) or 1.0
     near_null, mask = rigid_modes(points, origin, length) * free[:, :, None], free
     stalled = False
     unknowns = free.size
+    narrow = None
     while not levels or (unknowns > _COARSEST and not stalled):
         matrix_product = product if isinstance(product, Product) else Product(product.matrix)
+        if levels and unknowns <= longest:
+            narrow = narrow_order(matrix_product.matrix, levels[0].product.unknowns)
+            if narrow is not None:
+                break
         inverse = product.block_inverse(mask)
         smoother = None if column is None else Columns(matrix_product, mask, column)
         largest = largest_eigenvalue(product, smoother or inverse, _STEPS)
@@ -284,12 +295,15 @@ def _aggregate(
         stalled = unknowns > 0.9 * product.unknowns
         product = Product(coarser)
     coarsest_matrix = product.matrix
-    if unknowns > _MOST_INVERTED:
+    if narrow is None and unknowns > _COARSEST and longest > _COARSEST_INVERTED:
+        # loose bodies can't be aggregated any further, however many there are
+        narrow = narrow_order(coarsest_matrix, levels[0].product.unknowns)
+    if narrow is None and unknowns > _MOST_INVERTED:
         raise NotConverged(
             f"multigrid: aggregation ended at {unknowns} unknowns; expected at most "
             f"{_MOST_INVERTED} (are most elements loose from each other?); or method 'direct'"
         )
-    solver = CoarseSolver(coarsest_matrix, mask)
+    solver = CoarseSolver(coarsest_matrix, mask, narrow)
     return Hierarchy(tuple(levels), solver, _lowest_eigenvalue(solver, levels, coarsest_matrix))
 
 

@@ -1,4 +1,4 @@
-"""The coarsest level of multigrid, and the levels above it."""
+"""The coarsest level of multigrid: which bodies' matrices are narrow, and what solves with them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import bsr_matrix
+from scipy.sparse import bsr_matrix, kron
 
 import gpusim.fem.multigrid.hierarchy as hierarchy
 from gpusim import fem
 from gpusim.errors import NotConverged
-from gpusim.fem.multigrid.coarse_solver import CoarseSolver
+from gpusim.fem.multigrid.coarse_solver import CoarseSolver, narrow_order
 from gpusim.mesh import Mesh, box
 
 
@@ -31,9 +31,12 @@ def chain(links: int, seed: int = 4) -> tuple[bsr_matrix, np.ndarray]:
     return bsr_matrix(dense, blocksize=(6, 6)), mask
 
 
-def test_it_solves_with_the_unknowns_that_exist() -> None:
+@pytest.mark.parametrize("banded", [False, True])
+def test_it_solves_with_the_unknowns_that_exist(banded: bool) -> None:
     matrix, mask = chain(40)
-    bottom = CoarseSolver(matrix, mask)
+    order = narrow_order(matrix, 30_000) if banded else None
+    assert (order is not None) == banded
+    bottom = CoarseSolver(matrix, mask, order)
     kept = mask.ravel()
     b = np.random.default_rng(5).normal(size=(2, kept.size))
     expected = np.zeros_like(b)
@@ -44,19 +47,32 @@ def test_it_solves_with_the_unknowns_that_exist() -> None:
     assert (bottom.inverse == bottom.inverse.T).all()
     # an entry off by a hundredth is seen
     matrix.data[len(matrix.data) // 2, 0, 0] *= 1.01
-    wrong = CoarseSolver(matrix, mask).solve(b)
+    wrong = CoarseSolver(matrix, mask, order).solve(b)
     assert np.abs(wrong - expected).max() > 1e-6 * np.abs(expected).max()
 
 
+def test_chains_are_narrow_in_any_numbering_and_cubes_are_not() -> None:
+    matrix, _ = chain(60)
+    order = narrow_order(matrix, 30_000)
+    assert order is not None
+    assert sorted(order) == list(range(60))
+    line = np.eye(9) + np.eye(9, k=1) + np.eye(9, k=-1)
+    cube = kron(kron(line, line), line)
+    wide = bsr_matrix(kron(cube, np.ones((6, 6))), blocksize=(6, 6))
+    assert narrow_order(wide, 30_000) is None
+
+
+@pytest.mark.parametrize("banded", [False, True])
 @pytest.mark.parametrize("how", ["negative pivot", "no diagonal"])
-def test_a_matrix_that_is_not_definite_is_told(how: str) -> None:
+def test_a_matrix_that_is_not_definite_is_told(banded: bool, how: str) -> None:
     matrix, mask = chain(40)
+    order = narrow_order(matrix, 30_000) if banded else None
     mask[:] = True
     if how == "negative pivot":
         matrix, _ = chain(40)
         matrix = bsr_matrix(matrix - 3.0 * bsr_matrix(np.eye(240)), blocksize=(6, 6))
     with pytest.raises(NotConverged, match="coarsest level: the stiffness isn't positive definite"):
-        CoarseSolver(matrix, mask)
+        CoarseSolver(matrix, mask, order)
 
 
 def slender(kind: str) -> fem.Model:
@@ -77,12 +93,31 @@ def _pull(mesh: Mesh) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", [pytest.param("lattice", marks=pytest.mark.slow), "moved"])
-def test_long_bodies_take_few_iterations(kind: str) -> None:
+def test_long_bodies_end_in_a_band_and_have_fewer_levels(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model = slender(kind)
     exact = fem.solve(model, method="direct").u
-    found = fem.solve(model, tolerance=1e-6, method="multigrid", backend="numpy")
-    assert np.linalg.norm(found.u - exact) <= 1e-6 * np.linalg.norm(exact)
-    assert found.iterations <= 20
+    sizes, levels, iterations = [], [], []
+    build = hierarchy._aggregate
+
+    def seen(*given: object) -> hierarchy.Hierarchy:
+        result = build(*given)
+        sizes.append(result.coarsest.unknowns)
+        levels.append(len(result.levels))
+        return result
+
+    monkeypatch.setattr(hierarchy, "_aggregate", seen)
+    for _ in range(2):
+        found = fem.solve(model, tolerance=1e-6, method="multigrid", backend="numpy")
+        assert np.linalg.norm(found.u - exact) <= 1e-6 * np.linalg.norm(exact)
+        iterations.append(found.iterations)
+        monkeypatch.setattr(hierarchy, "_COARSEST_BAND", 0)
+    band, further = sizes
+    assert 800 < band <= 8000  # of 32,000
+    assert further <= 800
+    assert levels[0] < levels[1]
+    assert iterations[0] <= iterations[1]
 
 
 def test_aggregates_are_gone_through_twice_and_take_fewer_iterations(
@@ -94,6 +129,7 @@ def test_aggregates_are_gone_through_twice_and_take_fewer_iterations(
     fixed = np.repeat(mesh.points[:, :1] < 1e-9, 3, axis=1)
     model = fem.Model(mesh, [fem.Isotropic(210e3, 0.3)], fixed=fixed, forces=_pull(mesh))
     exact = fem.solve(model, method="direct").u
+    monkeypatch.setattr(hierarchy, "_COARSEST_BAND", 0)  # several levels of aggregates
     iterations = []
     build = hierarchy.build_hierarchy
     for twice in (True, False):
