@@ -328,7 +328,7 @@ def _upload(
     start = np.cumsum(fours) - fours
     neighbour = np.repeat(nodes.astype(np.uint32), 4 * fours)
     neighbour[ranges(4 * start, degree)] = rows.neighbour[ranges(rows.start[nodes], degree)]
-    used, local = np.unique(rows.row_class[nodes], return_inverse=True)
+    used, local = np.unique(rows.row_class[nodes].astype(np.int64), return_inverse=True)
     class_fours = -(-(rows.table_start[used + 1] - rows.table_start[used]) // 4)
     class_start = _FOUR * (np.cumsum(class_fours) - class_fours)
     info = np.zeros((count, 4), dtype=np.uint32)
