@@ -36,9 +36,6 @@ _MOST_ITERATIONS = 1000
 _PATIENCE = 600.0
 # of inverse iteration
 _INVERSE_STEPS = 8
-# load cases that a direct solver refines each by itself; of many at once it solves for all with
-# matrix products
-_FEW_CASES = 4
 
 
 def solve_system(
@@ -80,15 +77,7 @@ def _factorised(direct: Direct | None, system: System, options: Options, note: s
     assert direct is not None
     factor, clock = direct.build(), options.clock
     clock.mark("factorisation")
-
-    def one(part: System, start: Float | None, progress: Progress | None) -> Outcome:
-        del start  # it needs none
-        return refine(part, factor, tolerance=options.tolerance, progress=progress)
-
-    if len(system.right) <= _FEW_CASES:
-        outcome = each_case(one, system, None, options.progress)
-    else:
-        outcome = one(system, None, options.progress)
+    outcome = refine(system, factor, tolerance=options.tolerance, progress=options.progress)
     clock.mark("iterations")
     message = f"{outcome.message} ({direct.description}{note})"
     return replace(outcome, message=message, method="direct")

@@ -71,7 +71,7 @@ def _relaxed(
     free: Bool,
 ) -> Pairs:
     x, before, b = np.random.default_rng(3).normal(size=(3, 2, *free.shape))
-    step = Relaxation(0.3, 0.7, 1.0)
+    step = Relaxation(0.3, 0.7)
     smoother = relaxation(device, texels, inverse, 2, "fem.check")
     x_in, before_in, b_in, *out = (smoother.vector("fem.check.vector") for _ in range(7))
     for texture, values in ((x_in, x), (before_in, before), (b_in, b)):

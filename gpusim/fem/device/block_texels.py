@@ -37,9 +37,7 @@ WINDOW = 2048
 _CHUNK = 1 << 18
 # texels of four blocks
 _FOUR = 9
-# texels of blocks that are put together at a time: large pieces of new memory are slow to touch
-
-# and rows that are compared
+# rows that are compared at a time
 _ROWS = 4096
 
 
@@ -330,12 +328,7 @@ def _upload(
     start = np.cumsum(fours) - fours
     neighbour = np.repeat(nodes.astype(np.uint32), 4 * fours)
     neighbour[ranges(4 * start, degree)] = rows.neighbour[ranges(rows.start[nodes], degree)]
-    whole = rows.class_count <= count // 8
-    if whole:
-        used = np.arange(rows.class_count)
-        local = rows.row_class[nodes].astype(np.int64)
-    else:
-        used, local = np.unique(rows.row_class[nodes], return_inverse=True)
+    used, local = np.unique(rows.row_class[nodes].astype(np.int64), return_inverse=True)
     class_fours = -(-(rows.table_start[used + 1] - rows.table_start[used]) // 4)
     class_start = _FOUR * (np.cumsum(class_fours) - class_fours)
     info = np.zeros((count, 4), dtype=np.uint32)

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Float, Real
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.device.tet_forces import DeviceOperator
 from gpusim.fem.device.v_cycle import TWICE, DeviceMultigrid, multigrid_bytes
 from gpusim.fem.krylov.cg import Preconditioner
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
-from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
-from gpusim.fem.multigrid.lattice_cycle import LatticeCycle
-from gpusim.fem.multigrid.smoothers import Relaxation, columns, relax
+from gpusim.fem.multigrid.hierarchy import Hierarchy
+from gpusim.fem.multigrid.smoothers import BlockJacobi
 from gpusim.fem.sparse.matrix_product import Product
 
-
-def _from_zero(step: Relaxation) -> Relaxation:
-    return Relaxation(step.keep, step.gain, 0.0)
+# rounding in float32 over the least eigenvalue from which on float64 is used
+_FELT = 0.1
+# ratio of stiffnesses beyond which soft parts may be felt worse than the least eigenvalue tells
+_EVEN = 1e3
 
 
 class Multigrid(Preconditioner):
@@ -34,15 +35,9 @@ class Multigrid(Preconditioner):
 
     def __init__(self, hierarchy: Hierarchy) -> None:
         self.hierarchy = hierarchy
-        self._inverses: dict[int, Float] = {}
+        self._smoothers: dict[int, BlockJacobi | Columns] = {}
         # what ``down`` of a load case leaves for ``up``
         self._begun: dict[int, tuple[Float, Float]] = {}
-
-    def _inverse(self, number: int) -> Float:
-        """By columns; the levels that ``LatticeCycle`` goes through are never asked for."""
-        if number not in self._inverses:
-            self._inverses[number] = columns(self.hierarchy.levels[number].inverse)
-        return self._inverses[number]
 
     @property
     def lowest(self) -> float:
@@ -54,17 +49,9 @@ class Multigrid(Preconditioner):
         """x (L,3N) -> K x on the finest level."""
         return self.hierarchy.levels[0].product
 
-    @cached_property
-    def _lattice(self) -> LatticeCycle | None:
-        return LatticeCycle.of(self.hierarchy)
-
     def apply(self, r: Float) -> Float:
         """z = M^-1 r for (L,3N) r."""
-        lattice = self._lattice
-        if lattice is None:
-            return self._cycle(0, r)
-        below = partial(self._cycle, lattice.depth)
-        return np.stack([lattice.apply(one, below) for one in r])
+        return np.asarray(self._cycle(0, r.astype(self._dtype)), dtype=np.float64)
 
     def down(self, r: Float, cases: Sequence[int]) -> Float:
         """r.z (L,) for (L,3N) r of some load cases, whose z ``up`` gives then; whoever stops by
@@ -73,64 +60,74 @@ class Multigrid(Preconditioner):
         With the smoothed x = S r, S symmetric, its residual y and x' = x + P c after the coarser
         levels, z = x' + S (r - A x') makes r.z = r.x + y.x'.
         """
-        lattice = self._lattice
-        if lattice is not None:
-            below = partial(self._cycle, lattice.depth)
-            return np.array(
-                [lattice.down(one, below, case) for one, case in zip(r, cases, strict=True)]
-            )
+        r = r.astype(self._dtype)
         smoothed, residual, corrected = self._down(0, r)
         for case, one, x in zip(cases, r, corrected, strict=True):
             self._begun[case] = one, x
-        energy: Float = np.einsum("ln,ln->l", r, smoothed) + np.einsum(
-            "ln,ln->l", residual, corrected
-        )
-        return energy
+        return _dot(r, smoothed) + _dot(residual, corrected)
 
     def up(self, cases: Sequence[int]) -> Float:
         """z (L,3N) of the load cases of ``down``."""
-        lattice = self._lattice
-        if lattice is not None:
-            return np.stack([lattice.up(case) for case in cases])
         b, x = (np.stack(parts) for parts in zip(*map(self._begun.pop, cases), strict=True))
-        return self._up(0, b, x)
+        return np.asarray(self._up(0, b, x), dtype=np.float64)
 
-    def _cycle(self, number: int, b: Float) -> Float:
+    def _cycle(self, number: int, b: Real) -> Real:
         if number == len(self.hierarchy.levels):
             return self.hierarchy.coarsest.solve(b)
-        x = self._up(number, b, self._down(number, b)[2])
         level = self.hierarchy.levels[number]
+        if not isinstance(level.product, StencilProduct):
+            b = np.asarray(b, dtype=np.float64)
+        x = self._up(number, b, self._down(number, b)[2])
         if level.twice:
             x *= TWICE
             b = b - level.product(x)
             x += TWICE * self._up(number, b, self._down(number, b)[2])
         return x
 
-    def _down(self, number: int, b: Float) -> tuple[Float, Float, Float]:
+    def _down(self, number: int, b: Real) -> tuple[Real, Real, Real]:
         """The smoothed x, its residual, and x with what coarser levels add."""
         level = self.hierarchy.levels[number]
-        if level.smoother is not None:
-            x = _smoothed(level, level.smoother, b, None)
-            r = b - level.product(x)
-            coarse = self._cycle(number + 1, level.transfer.restrict(r))
-            return x, r, x + level.transfer.interpolate(coarse)
-        inverse, steps = self._inverse(number), level.smoothing_steps()
-        r, d, x = relax(inverse, b, None, None, None, _from_zero(steps[0]))
-        for step in steps[1:]:
-            r, d, x = relax(inverse, r, level.product(d), d, x, step)
-        r = r - level.product(d)
-        coarse = self._cycle(number + 1, level.transfer.restrict(r))
-        return x, r, x + level.transfer.interpolate(coarse)
+        x, r, change = self._smoothed(number, b, None)
+        r = r - level.product(change)
+        corrected = x.copy()
+        corrected += level.transfer.interpolate(self._cycle(number + 1, level.transfer.restrict(r)))
+        return x, r, corrected
 
-    def _up(self, number: int, b: Float, x: Float) -> Float:
-        level = self.hierarchy.levels[number]
-        if level.smoother is not None:
-            return _smoothed(level, level.smoother, b, x)
-        inverse, steps = self._inverse(number), level.smoothing_steps()
-        r, d, x = relax(inverse, b, level.product(x), None, x, steps[0])
-        for step in steps[1:]:
-            r, d, x = relax(inverse, r, level.product(d), d, x, step)
-        return x
+    def _up(self, number: int, b: Real, x: Real) -> Real:
+        return self._smoothed(number, b - self.hierarchy.levels[number].product(x), x)[0]
+
+    def _smoothed(self, number: int, r: Real, x: Real | None) -> tuple[Real, Real, Real]:
+        """x after Chebyshev steps from one with residual ``r``, from zero if it is None; the
+        residual before the last step, and that step's change."""
+        level, smoother = self.hierarchy.levels[number], self._smoother(number, r.dtype)
+        first, *others = level.smoothing_steps()
+        change = smoother.apply(r)
+        change *= first.gain
+        x = change if x is None else x + change
+        for step in others:
+            r = r - level.product(change)
+            scaled = smoother.apply(r)
+            scaled *= step.gain
+            change = step.keep * change
+            change += scaled
+            x = x + change
+        return x, r, change
+
+    def _smoother(self, number: int, dtype: np.dtype[Any]) -> BlockJacobi | Columns:
+        if number not in self._smoothers:
+            level = self.hierarchy.levels[number]
+            self._smoothers[number] = level.smoother or BlockJacobi(level.inverse.astype(dtype))
+        return self._smoothers[number]
+
+    @cached_property
+    def _dtype(self) -> type[np.float32] | type[np.float64]:
+        """float32 where the finest levels are lattices of repeating rows and it is enough."""
+        level = self.hierarchy.levels[0]
+        if not isinstance(level.product, StencilProduct) or level.smoother is not None:
+            return np.float64
+        trace = np.einsum("cii->c", level.product.stencil.diagonal)
+        contrast = float(trace.max() / trace[trace > 0.0].min(initial=np.inf))
+        return cycle_dtype(self.hierarchy.lowest, contrast)
 
     def upload(self, device: Allocator, stiffness: DeviceOperator, cases: int) -> DeviceMultigrid:
         """The same on a device; the matrix of ``stiffness`` is that of the finest level."""
@@ -142,15 +139,13 @@ class Multigrid(Preconditioner):
         return multigrid_bytes(self.hierarchy, cases)
 
 
-def _smoothed(level: Level, smoother: Columns, b: Float, x: Float | None) -> Float:
-    """Chebyshev steps with blocks larger than a node's, from x or from zero; the twin of
-    `gpusim.fem.device.relaxation.ColumnRelaxation`."""
-    r = b if x is None else b - level.product(x)
-    x = np.zeros_like(b) if x is None else x
-    d = np.zeros_like(b)
-    for number, step in enumerate(level.smoothing_steps()):
-        if number:
-            r = r - level.product(d)
-        d = step.keep * d + step.gain * smoother.apply(r)
-        x = x + d
-    return x
+def cycle_dtype(lowest: float, contrast: float) -> type[np.float32] | type[np.float64]:
+    """What cycles of a matrix take whose greatest diagonal is 1, least eigenvalue ``lowest``, and
+    the ratio of its diagonal blocks ``contrast``."""
+    single = float(np.finfo(np.float32).eps)
+    return np.float32 if single <= _FELT * lowest and contrast <= _EVEN else np.float64
+
+
+def _dot(a: Real, b: Real) -> Float:
+    """(L,) products, summed in float64."""
+    return np.asarray(np.einsum("ln,ln->l", a, b, dtype=np.float64, casting="same_kind"))

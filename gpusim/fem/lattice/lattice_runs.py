@@ -90,35 +90,25 @@ class RunLayout:
         end = self.origin + slow * self.slab
         return stored[self.origin : end].reshape(slow, middle + 1, self.row)
 
-    def put(self, x: Float, stored: Real) -> None:
+    def put(self, x: Real, stored: Real) -> None:
         """Store x (3N,) in the order of the nodes."""
         _, middle, fast = self.shape
         grid = self.body(stored)[:, :middle, : 3 * fast]
         if self._in_order:
             grid[:] = x.reshape(grid.shape)
         else:
-            values = np.zeros((*self.shape, 3))
+            values = np.zeros((*self.shape, 3), dtype=x.dtype)
             values[self.present] = x.reshape(-1, 3)[self.number]
             grid[:] = values.reshape(grid.shape)
 
-    def get(self, stored: Real) -> Float:
-        """(3N,) in the order of the nodes."""
+    def get(self, stored: Real, into: Real) -> None:
+        """Copy a stored vector to one (3N,) in the order of the nodes."""
         _, middle, fast = self.shape
         grid = self.body(stored)[:, :middle, : 3 * fast]
         if self._in_order:
-            return grid.astype(np.float64).reshape(-1)
-        result = np.empty((self.node_count, 3))
-        result[self.number] = grid.reshape(*self.shape, 3)[self.present]
-        return result.reshape(-1)
-
-    def places(self, unknowns: Bool) -> Long:
-        """Where the unknowns (N,3) that are set, and everything that isn't a node, are stored."""
-        slow, middle, fast = self.shape
-        grid = np.zeros((slow, middle + 1, self.row // 3, 3), dtype=bool)
-        inside = np.ones((*self.shape, 3), dtype=bool)
-        inside[self.present] = unknowns[self.number]
-        grid[:, :middle, :fast] = inside
-        return np.asarray(np.flatnonzero(grid) + self.origin)
+            into.reshape(grid.shape)[:] = grid
+        else:
+            into.reshape(-1, 3)[self.number] = grid.reshape(*self.shape, 3)[self.present]
 
 
 class RunPattern:
@@ -190,38 +180,16 @@ class RunPattern:
                 result[:, row, slab, k + place, :, k, :] += block.transpose(0, 2, 1)
         return result.reshape(len(runs), 3, 9 * (length + 2), 3 * length)
 
-    def own_matrices(self, blocks: Float, dtype: npt.DTypeLike) -> Real:
-        """(T, 3 R, 3 R) for blocks (C,3,3) that take each node to itself."""
-        blocks = np.concatenate([blocks, np.zeros((1, 3, 3))])
-        result = np.zeros((len(self._classes), _RUN, 3, _RUN, 3), dtype=dtype)
-        for k in range(_RUN):
-            result[:, k, :, k, :] = blocks[self._classes[:, k]].transpose(0, 2, 1)
-        return result.reshape(-1, 3 * _RUN, 3 * _RUN)
-
-    def apply(
-        self, matrices: Real, x: Real, out: Real, add: Real | None = None,
-        relative: RowSums | None = None,
-    ) -> None:  # fmt: skip
-        """out = A x (+ add) for stored vectors; ``out`` must be none of the others.
+    def apply(self, matrices: Real, x: Real, out: Real, relative: RowSums | None = None) -> None:
+        """out = A x for stored vectors; ``out`` isn't ``x``.
 
         ``relative``, the `RowSums` of float64 matrices whose rows add up to zero but for
         rounding: x enters by differences, so that bodies that move as a whole cost no digits.
         """
-        self._share(partial(self._common, matrices, x, out, add, relative), self._chunks)
-        self._share(partial(self._odd, matrices, x, out, add, relative), self._odd_runs)
-        self._clear(out)
-
-    def scale(self, matrices: Real, x: Real, out: Real) -> None:
-        """out = D x by ``own_matrices``."""
-        wide = 3 * _RUN
-        start, row = self.layout.origin, self.layout.row
-        for first, stop, kind in self._chunks:
-            here = slice(start + first * row, start + stop * row)
-            np.matmul(x[here].reshape(-1, wide), matrices[kind], out=out[here].reshape(-1, wide))
-        body, into = (self.layout.body(v).reshape(-1, wide) for v in (x, out))
-        for kind, place in self._odd_runs:
-            into[place] = body[place] @ matrices[kind]
-        self._clear(out)
+        self._share(partial(self._common, matrices, x, out, relative), self._chunks)
+        self._share(partial(self._odd, matrices, x, out, relative), self._odd_runs)
+        # whole chunks have left something in the row after each slab
+        self.layout.body(out)[:, -1] = 0.0
 
     def _share(self, work: Callable[[list[_Task]], None], tasks: list[_Task]) -> None:
         """Do the tasks, a share of them on each processor."""
@@ -229,12 +197,8 @@ class RunPattern:
         threads = 1 if small else min(processors(), len(tasks))
         shared(work, [tasks[k::threads] for k in range(threads)])
 
-    def _clear(self, out: Real) -> None:
-        """Empty the row after each slab, in which whole chunks have left something."""
-        self.layout.body(out)[:, -1] = 0.0
-
     def _common(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
+        self, matrices: Real, x: Real, out: Real, relative: RowSums | None,
         chunks: list[tuple[int, int, int]],
     ) -> None:  # fmt: skip
         """Rows of runs by the matrix of their slab's commonest kind."""
@@ -258,8 +222,6 @@ class RunPattern:
             here = slice(layout.origin + first * layout.row, layout.origin + stop * layout.row)
             into, part, matrix = out[here].reshape(count, wide), share[:count], matrices[kind]
             np.matmul(rows[:count], matrix[0], out=into)
-            if add is not None:
-                into += add[here].reshape(count, wide)
             for row in (1, 2):
                 np.matmul(rows[row * layout.runs :][:count], matrix[row], out=part)
                 into += part
@@ -272,13 +234,12 @@ class RunPattern:
                 relative.take_own(kind, seen[1:-1, :, 1, 3:-3].reshape(count, wide), into)
 
     def _odd(
-        self, matrices: Real, x: Real, out: Real, add: Real | None, relative: RowSums | None,
+        self, matrices: Real, x: Real, out: Real, relative: RowSums | None,
         parts: list[tuple[int, Long]],
     ) -> None:  # fmt: skip
         """Runs of another kind than their slab's commonest."""
         layout, wide, item = self.layout, 3 * _RUN, x.itemsize
         into = layout.body(out).reshape(-1, wide)
-        more = None if add is None else layout.body(add).reshape(-1, wide)
         # what a run sees of a row is moved as one piece
         stretch = np.dtype(f"V{(wide + 6) * item}")
         every = np.ndarray(len(x) - wide - 5, stretch, x.data, 0, (item,))
@@ -296,7 +257,7 @@ class RunPattern:
             value = windows.reshape(len(place), -1) @ matrix
             if relative is not None:
                 relative.take_own(kind, windows[:, 1, 1, 3:-3], value)
-            into[place] = value if more is None else value + more[place]
+            into[place] = value
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,15 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import bsr_matrix
 
-from gpusim.arrays.array_types import Bool, Float, Int
+from gpusim.arrays.array_types import Bool, Float, Int, Real
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.lattice.lattice_runs import RowSums, RunLayout, RunPattern, numbering_axes
 from gpusim.fem.sparse.block_rows import BlockRows, invert_repeated
-from gpusim.fem.sparse.matrix_product import Product
+from gpusim.fem.sparse.matrix_product import Product, Vectors
 
 # fewer nodes aren't worth the trouble
 _LEAST = 4000
@@ -70,8 +71,9 @@ def stencil_of(rows: BlockRows, lattice: Lattice, scale: float) -> Stencil:
 
 
 class StencilProduct:
-    """x (L,3N) -> K x for a stencil; the sums don't depend on the number of threads. Not to be
-    called by two threads at once: it keeps its work space."""
+    """x (L,3N) -> K x for a stencil, in the dtype of x, float32 or float64; the sums
+    don't depend on the number of threads. Not to be called by two threads at once: it keeps its
+    work space."""
 
     @staticmethod
     def of(stencil: Stencil) -> StencilProduct | None:
@@ -86,8 +88,7 @@ class StencilProduct:
     def __init__(self, stencil: Stencil, pattern: RunPattern) -> None:
         self.stencil, self.layout = stencil, pattern.layout
         self._pattern = pattern
-        self._matrices = pattern.matrices(stencil.blocks, np.float64)
-        self._x, self._result = self.layout.zeros(np.float64), self.layout.zeros(np.float64)
+        self._kept: dict[np.dtype[Any], tuple[Real, Real, Real]] = {}
 
     @property
     def matrix(self) -> bsr_matrix:
@@ -102,8 +103,23 @@ class StencilProduct:
     def unknowns(self) -> int:
         return 3 * self.stencil.lattice.node_count
 
-    def __call__(self, x: Float) -> Float:
-        return np.stack([self._one(one) for one in x])
+    def __call__(self, x: Vectors, in_differences: bool = False) -> Vectors:
+        result = np.empty_like(x)
+        matrices, stored, image = self._in(x.dtype)
+        for one, into in zip(x, result, strict=True):
+            self.layout.put(one, stored)
+            self._pattern.apply(
+                matrices, stored, image, relative=self._sums if in_differences else None
+            )
+            self.layout.get(image, into)
+        return result
+
+    def _in(self, dtype: np.dtype[Any]) -> tuple[Real, Real, Real]:
+        """The matrices, and room for a vector and its product."""
+        if dtype not in self._kept:
+            matrices = self._pattern.matrices(self.stencil.blocks, dtype)
+            self._kept[dtype] = matrices, self.layout.zeros(dtype), self.layout.zeros(dtype)
+        return self._kept[dtype]
 
     @property
     def in_differences(self) -> Callable[[Float], Float] | None:
@@ -111,14 +127,8 @@ class StencilProduct:
         None where places are empty."""
         if not bool(self.layout.present.all()):
             return None
-        return lambda x: np.stack([self._one(one, True) for one in x]).reshape(x.shape)
+        return lambda x: self(x.reshape(len(x), -1), True).reshape(x.shape)
 
     @cached_property
     def _sums(self) -> RowSums:
-        return RowSums.of(self._matrices)
-
-    def _one(self, x: Float, relative: bool = False) -> Float:
-        self.layout.put(x, self._x)
-        sums = self._sums if relative else None
-        self._pattern.apply(self._matrices, self._x, self._result, relative=sums)
-        return self.layout.get(self._result)
+        return RowSums.of(self._in(np.dtype(np.float64))[0])

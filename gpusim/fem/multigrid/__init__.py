@@ -16,6 +16,4 @@ In the order in which data passes:
 - `coarse_solver`: The coarsest level of multigrid, solved exactly: a band where the body is long,
   or an inverse.
 - `hierarchy`: The levels of multigrid: geometry first, then smoothed aggregation.
-- `lattice_cycle`: The finest levels of multigrid on a lattice, on the host: every vector stays
-  stored as runs.
 """

@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dpotri
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.sparse.block_rows import pattern
 
@@ -106,11 +106,11 @@ class CoarseSolver:
         result[np.ix_(self._kept, self._kept)] = inverse
         return result
 
-    def solve(self, b: Float) -> Float:
+    def solve(self, b: Real) -> Float:
         """(L,n) solutions for (L,n)."""
         if self._band is None:
-            return np.asarray(b @ self.inverse)
-        result = np.zeros_like(b)
+            return np.asarray(b, dtype=np.float64) @ self.inverse
+        result = np.zeros(b.shape)
         right = (b[:, self._kept] * self._scale).T
         result[:, self._kept] = (
             cho_solve_banded((self._band, True), right, check_finite=False).T * self._scale

@@ -24,7 +24,7 @@ from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.fem.assembly.element_batches import Elements
 from gpusim.fem.multigrid.smoothers import Relaxation, chebyshev
 from gpusim.fem.sparse.block_rows import ranges
-from gpusim.fem.sparse.matrix_product import Product
+from gpusim.fem.sparse.matrix_product import Product, Vectors
 
 EDGES: dict[str, tuple[tuple[tuple[int, int], ...], ...]] = {
     "hex8": (
@@ -199,7 +199,7 @@ class Columns:
         """D^-1 in blocks of 3x3, zero where nothing is free."""
         return self._inverse.matrix
 
-    def apply(self, r: Float) -> Float:
+    def apply(self, r: Vectors) -> Vectors:
         """(L,3N) -> (L,3N)."""
         return self._inverse(r)
 

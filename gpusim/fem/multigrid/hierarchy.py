@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigh
 from scipy.sparse import bsr_matrix
 
-from gpusim.arrays.array_types import Bool, Float, Long
+from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.arrays.unique import noise
 from gpusim.errors import NotConverged
 from gpusim.fem.assembly.assembly import Assembled, group_matrix, lattice_stencil
@@ -314,13 +314,13 @@ def _lowest_eigenvalue(solver: CoarseSolver, levels: list[Level], matrix: bsr_ma
     never less where shares aren't negative and add up to one, so the estimate errs to the low,
     safe side, by little for smooth motions. Aggregates have no such shares and are gone through.
     """
-    weight: Float | None = None
+    weight: Real | None = None
     by_nodes = [level.transfer for level in levels if isinstance(level.transfer, NodeTransfer)]
     for transfer in by_nodes:
         weight = transfer.restrict(np.ones((1, transfer.shape[0])) if weight is None else weight)
     rest = levels[len(by_nodes) :]
 
-    def overlap(x: Float) -> Float:
+    def overlap(x: Real) -> Real:
         for level in reversed(rest):
             x = level.transfer.interpolate(x)
         x = x if weight is None else weight * x
@@ -329,7 +329,7 @@ def _lowest_eigenvalue(solver: CoarseSolver, levels: list[Level], matrix: bsr_ma
         return x
 
     x = noise(solver.unknowns, 5)
-    image = x[None]
+    image: Real = x[None]
     for _ in range(8):
         x = solver.solve(image)[0]
         x /= np.linalg.norm(x)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Real
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
 from gpusim.fem.sparse.matrix_product import Product
 
@@ -55,18 +55,18 @@ class PlaneWeights:
         matrix.eliminate_zeros()
         return matrix
 
-    def interpolate(self, x: Float) -> Float:
-        """(K,3) on the coarse nodes -> (N,3), axis after axis."""
+    def interpolate(self, x: Real) -> Real:
+        """(K,3) on the coarse nodes -> (N,3), axis after axis, in the dtype of x."""
         grid = self.coarse.spread(x)
         for axis in range(3):
-            grid = _along(self.axes[axis], grid, axis)
+            grid = _along(self.axes[axis].astype(x.dtype), grid, axis)
         return self.fine.gathered(grid)
 
-    def restrict(self, r: Float) -> Float:
+    def restrict(self, r: Real) -> Real:
         """The transpose, (N,3) -> (K,3)."""
         grid = self.fine.spread(r)
         for axis in range(3):
-            grid = _along(csr_matrix(self.axes[axis].T), grid, axis)
+            grid = _along(csr_matrix(self.axes[axis].T.astype(r.dtype)), grid, axis)
         return self.coarse.gathered(grid)
 
     @cached_property
@@ -94,7 +94,7 @@ class PlaneWeights:
         )
 
 
-def _along(weights: csr_matrix, grid: Float, axis: int) -> Float:
+def _along(weights: csr_matrix, grid: Real, axis: int) -> Real:
     """The values along one axis combined by ``weights``."""
     first = np.moveaxis(grid, axis, 0)
     result = weights @ first.reshape(len(first), -1)
@@ -123,7 +123,7 @@ class NodeTransfer:
     def shape(self) -> tuple[int, int]:
         return self.free.size, self.coarse_free.size
 
-    def interpolate(self, x: Float) -> Float:
+    def interpolate(self, x: Real) -> Real:
         """(L,3K) -> (L,3N)."""
         nodes = np.where(self.coarse_free, x.reshape(len(x), -1, 3), 0.0)
         weights = self.interpolation
@@ -133,7 +133,7 @@ class NodeTransfer:
         moved = np.stack([np.where(self.free, interpolate(one), 0.0) for one in nodes])
         return moved.reshape(len(x), -1)
 
-    def restrict(self, r: Float) -> Float:
+    def restrict(self, r: Real) -> Real:
         """The transpose, (L,3N) -> (L,3K)."""
         nodes = np.where(self.free, r.reshape(len(r), -1, 3), 0.0)
         weights = self.interpolation
@@ -171,11 +171,11 @@ class MatrixTransfer:
     def shape(self) -> tuple[int, int]:
         return self._prolongation.unknowns, self._restriction.unknowns
 
-    def interpolate(self, x: Float) -> Float:
+    def interpolate(self, x: Real) -> Real:
         """(L,coarse) -> (L,fine)."""
         return _product(self._prolongation, x)
 
-    def restrict(self, r: Float) -> Float:
+    def restrict(self, r: Real) -> Real:
         """The transpose."""
         return _product(self._restriction, r)
 
@@ -190,14 +190,14 @@ class MatrixTransfer:
         return self._restriction.matrix
 
 
-def _product(product: Product, x: Float) -> Float:
+def _product(product: Product, x: Real) -> Real:
     """A x for (L,n) float64; where A is float32 the range of x doesn't matter, as vectors are
     scaled by powers of two."""
     if product.matrix.dtype == np.float64:
         return product(x)
     _, power = np.frexp(np.abs(x).max(axis=1, keepdims=True))
     single = np.ldexp(x, -power).astype(np.float32)
-    return np.ldexp(product(single).astype(np.float64), power)
+    return np.asarray(np.ldexp(product(single).astype(np.float64), power))
 
 
 Transfer = NodeTransfer | MatrixTransfer

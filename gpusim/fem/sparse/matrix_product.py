@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, cached_property
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.sparse import _sparsetools, bsr_matrix
@@ -28,6 +28,7 @@ from gpusim.parallel.machine import processors
 
 T = TypeVar("T")
 R = TypeVar("R")
+Vectors = TypeVar("Vectors", bound=Real)
 
 # below this many stored numbers a thread costs more than it saves, and a part of this many as well
 _SMALL, _LEAST_PART = 600_000, 250_000
@@ -157,17 +158,17 @@ class Product:
         """Number of rows."""
         return int(self._matrix.shape[0])
 
-    def __call__(self, x: Float) -> Float:
-        result = np.zeros((len(x), self.unknowns), dtype=self._matrix.dtype)
+    def __call__(self, x: Vectors) -> Vectors:
+        result: Any = np.zeros((len(x), self.unknowns), dtype=self._matrix.dtype)
         tasks = [
             (part, np.ascontiguousarray(one), into)
             for one, into in zip(x, result, strict=True)
             for part in self._parts
         ]
         shared(lambda task: self._add(*task), tasks)
-        return result
+        return result  # type: ignore[no-any-return]
 
-    def _add(self, part: _Rows, x: Float, into: Float) -> None:
+    def _add(self, part: _Rows, x: Real, into: Real) -> None:
         part.add(x, into)
 
 
@@ -183,7 +184,7 @@ class _Rows:
         self._columns = matrix.shape[1] // matrix.blocksize[1]
         self.own = slice(matrix.blocksize[0] * first, matrix.blocksize[0] * last)
 
-    def add(self, x: Float, into: Float) -> None:
+    def add(self, x: Real, into: Real) -> None:
         """Add the product with all of ``x`` to the rows' part of ``into``."""
         shape = self.last - self.first, self._columns
         add_block_product(self._blocks, shape, x, into[self.own])
@@ -219,7 +220,7 @@ class RowsProduct(Product):
     def diagonal(self) -> Float:
         return self._rows.diagonal
 
-    def _add(self, part: _Rows, x: Float, into: Float) -> None:
+    def _add(self, part: _Rows, x: Real, into: Real) -> None:
         part.add(x, into)
         self._own[self._parts.index(part)].add(x, into)
         into[part.own] /= self.scale

@@ -303,7 +303,7 @@ def test_steps_by_columns_are_those_of_the_host(device: Device) -> None:
     matrix = relaxation(device, texels, level.inverse, 2, "test")
     x, before, b = (np.where(free, one, 0.0) for one in
                     np.random.default_rng(6).normal(size=(3, 2, *free.shape)))  # fmt: skip
-    step = Relaxation(0.3, 0.7, 1.0)
+    step = Relaxation(0.3, 0.7)
 
     def product(apply: Callable[[np.ndarray], np.ndarray], v: np.ndarray) -> np.ndarray:
         return apply(v.reshape(2, -1)).reshape(v.shape)
