@@ -59,7 +59,7 @@ class Scene:
 
     name: str
     description: str
-    materials: tuple[model.Material, ...]
+    materials: tuple[model.MaterialTable, ...]
     bodies: tuple[model.Body, ...]
     props: tuple[model.Prop, ...]
     analysis: model.AnalysisTable
@@ -132,13 +132,13 @@ class Scene:
     @classmethod
     def _of_table(cls, table: SceneTable, source: str, files: tuple[tuple[str, str], ...]) -> Scene:
         """What a table without faults says, bodies with the materials that they name."""
-        materials = {entry.name: entry.resolved() for entry in table.material}
+        materials = {entry.name: entry for entry in table.material}
         factors = table.analysis.load_factors
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
         return cls(
             name=table.name,
             description=table.description,
-            materials=tuple(materials.values()),
+            materials=table.material,
             bodies=tuple(entry.resolved(materials, factors) for entry in table.body),
             props=table.prop,
             analysis=table.analysis,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.mesh.selection import EmptySelection
+from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
@@ -44,9 +44,9 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
     if isinstance(recipe, m.FileMeshTable):
         return _from_file(recipe, read)
     builder = BUILDERS[type(recipe)]
-    values = _values_for(builder, recipe)
+    values = arguments_of(builder, recipe)
     if isinstance(recipe, m.BoxMeshTable | m.BeamMeshTable):
-        notches = [_values_for(mesh.Notch, notch) for notch in recipe.notches]
+        notches = [arguments_of(mesh.Notch, notch) for notch in recipe.notches]
         values["notches"] = [mesh.Notch(**notch) for notch in notches]
     if isinstance(recipe, m.CraneMeshTable):
         values["element_size"] = recipe.element
@@ -54,12 +54,6 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
         # midside nodes of bricks lie on the curves
         values["element"] = recipe.cells if recipe.cells in ("hex20", "hex27") else "hex8"
     return _of_cells(builder(**values), recipe.cells)
-
-
-def _values_for(function: Callable[..., Any], recipe: object) -> dict[str, Any]:
-    """What a recipe has under the names of a function's arguments."""
-    names = inspect.signature(function).parameters
-    return {name: getattr(recipe, name) for name in names if hasattr(recipe, name)}
 
 
 def read_given_field(recipe: m.FieldMeshTable, read: Reader = read_input) -> Field:
@@ -82,7 +76,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
 def _from_file(recipe: m.FileMeshTable, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
-        return cached_cad_mesh(**{**_values_for(mesh.mesh_cad, recipe), "path": file})
+        return cached_cad_mesh(**{**arguments_of(mesh.mesh_cad, recipe), "path": file})
     grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:

@@ -27,16 +27,17 @@ class _Supports:
     displacement: Float
 
 
-def build_material(material: m.Material) -> fem.Isotropic | fem.Orthotropic:
+def build_material(material: m.MaterialTable) -> fem.Isotropic | fem.Orthotropic:
     """The material of a scene, SI."""
-    if isinstance(material, m.Isotropic):
-        return fem.Isotropic(
-            material.youngs_modulus, material.poissons_ratio, material.density, material.expansion
-        )
-    return fem.Orthotropic(
-        material.youngs_moduli, material.poissons_ratios, material.shear_moduli,
-        density=material.density, expansion=material.expansion, axes=material.axes,
-    )  # fmt: skip
+    E: Any = material.youngs_modulus
+    nu: Any = material.poissons_ratio
+    G: Any = material.shear_modulus
+    expansion: Any = material.expansion
+    if material.type == "isotropic":
+        return fem.Isotropic(E, nu, material.density, expansion)
+    if not isinstance(expansion, tuple):
+        expansion = (expansion,) * 3
+    return fem.Orthotropic(E, nu, G, material.density, expansion, material.axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +182,7 @@ def _load(parts: MeshedBody, materials: list[fem.Material], of_cell: Int, load: 
     if isinstance(load, m.GravityTable):
         return fem.body_force(grid, density, load.acceleration)
     if isinstance(load, m.CentrifugalTable):
-        return fem.centrifugal(grid, density, load.axis_point, load.axis, load.omega)
+        return fem.centrifugal(grid, density, load.axis_point, load.axis, load.speed)
     if isinstance(load, m.ThermalTable):
         return fem.thermal(
             grid, materials, load.temperature_change, of_cell, formulation=body.formulation

@@ -38,15 +38,20 @@ from gpusim.surface.texture import MOST_TEXELS, textured
 
 Frame = PaintFrame | CylinderFrame | Atlas
 DEFAULT_ALBEDO = 0.5
-FINISH = ("roughness", "metallic", "bump")
 MIDDLES: dict[str, Callable[..., Paint]] = {
+    "markers": paints.Markers,
     "circles": paints.Circles,
     "aruco": paints.Aruco,
     "ring_codes": paints.RingCodes,
     "star": paints.Star,
 }
-"""Targets that are placed by their middles, and by their lower left corner."""
-CORNERS: dict[str, Callable[..., Paint]] = {"charuco": paints.Charuco, "lines": paints.Lines}
+"""What is placed by its middles, and by its lower left corner."""
+CORNERS: dict[str, Callable[..., Paint]] = {
+    "checker": paints.Checker,
+    "dots": paints.Dots,
+    "charuco": paints.Charuco,
+    "lines": paints.Lines,
+}
 
 
 def build_frame(
@@ -64,13 +69,10 @@ def build_frame(
     return CylinderFrame.fit(points, faces[own], paint.wrap.axis_point, paint.wrap.axis, where)
 
 
-def finish_of(paint: m.Paint) -> tuple[float, float, paints.Bump | None]:
-    """Roughness, metallic share and relief of any paint."""
-    roughness, metallic, bump = paint.finish
-    if bump is None:
-        return roughness, metallic, None
-    relief = paints.Bump(bump.height, bump.length, bump.along, bump.stretch, bump.seed)
-    return roughness, metallic, relief
+def finish_of(paint: m.Paint) -> dict[str, Any]:
+    """Roughness, metallic share and relief of any paint, as its class takes them."""
+    bump = paint.finish.bump
+    return {**paint.finish._asdict(), "bump": None if bump is None else paints.Bump(*bump)}
 
 
 def build_pattern(
@@ -85,55 +87,32 @@ def build_pattern(
 
 
 def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints.Paint:
+    values = {**paint.values, **finish_of(paint)}
     if isinstance(paint, m.SpeckleTable):
-        return paints.Speckle(
-            paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
-            paint.arrangement, paint.seed, paint.dot, paint.albedo, *finish_of(paint),
-        )  # fmt: skip
-    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
-    if isinstance(frame, Atlas):
-        raise InputError(f"{where}; got mapping 'unfold'; expected it for speckle only")
+        return paints.Speckle(**values)
+    assert not isinstance(frame, Atlas)  # nothing but speckle is unfolded
     if isinstance(paint, m.MarkersTable):
-        positions = np.array([marker.position for marker in paint.markers])
-        off = _distance(frame, positions)
-        bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
-        if len(bad):
-            marker = paint.markers[bad[0]]
-            raise InputError(
-                f"{where}: marker {marker.name!r}; got position {list(marker.position)} m, "
-                f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
-            )
-        return paints.Markers(
-            frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo,
-            **finish,
-        )  # fmt: skip
-    if isinstance(paint, m.TargetTable):
-        return _target(paint, frame.coordinates(np.array(paint.places)))
-    s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
+        _check_markers(paint, frame, where)
+    places = frame.coordinates(np.array(paint.places))
+    if paint.type in MIDDLES:
+        return MIDDLES[paint.type](places, **values)
+    s, t = (float(value) for value in places[0])
     if isinstance(paint, m.PictureTable):
-        assert paint.path is not None and paint.texel is not None  # it isn't laid by UV
-        return paints.Image.read(
-            read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
-            ground=paint.albedo, gamma=paint.gamma, channels=paint.channels, **finish,
-        )  # fmt: skip
-    if isinstance(paint, m.CheckerTable):
-        return paints.Checker(
-            paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo,
-            *finish_of(paint),
-        )  # fmt: skip
-    return paints.Dots(
-        paint.diameter, paint.pitch, paint.columns, paint.rows, (s, t), paint.dot, paint.albedo,
-        *finish_of(paint),
-    )  # fmt: skip
+        assert paint.path is not None  # it isn't laid by UV
+        return paints.Image.read(read(paint.path), origin=(s, t), **values)
+    return CORNERS[paint.type](origin=(s, t), **values)
 
 
-def _target(paint: m.TargetTable, places: Float) -> paints.Paint:
-    values: dict[str, Any] = dict(paint.values)
-    values |= zip(FINISH, finish_of(paint), strict=True)
-    if paint.kind in CORNERS:
-        s, t = (float(value) for value in places[0])
-        return CORNERS[paint.kind](origin=(s, t), **values)
-    return MIDDLES[paint.kind](places, **values)
+def _check_markers(paint: m.MarkersTable, frame: PaintFrame | CylinderFrame, where: str) -> None:
+    """Raise InputError for a marker that isn't on the painted faces."""
+    off = _distance(frame, np.array(paint.places))
+    bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
+    if len(bad):
+        marker = paint.markers[bad[0]]
+        raise InputError(
+            f"{where}: marker {marker.name!r}; got position {list(marker.position)} m, "
+            f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
+        )
 
 
 def _distance(frame: PaintFrame | CylinderFrame, points: Float) -> Float:
@@ -214,7 +193,7 @@ def _painted(
     found: dict[str, Paint] = {without: Plain(DEFAULT_ALBEDO)}
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
-        found[paint.name] = Plain(paint.albedo, *finish_of(paint))
+        found[paint.name] = Plain(paint.albedo, **finish_of(paint))
         if isinstance(paint, m.PlainTable) or paint.mapping == "uv":
             continue
         own, place = region == number, f"{where}, paint {paint.name!r}"
@@ -255,7 +234,7 @@ def _plate(prop: m.PlateTable, read: Reader) -> Surface:
     faces = np.array([[0, 1, 2, 3]], np.int32)
     where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
     if isinstance(prop.paint, m.PlainTable):
-        plain = Plain(prop.paint.albedo, *finish_of(prop.paint))
+        plain = Plain(prop.paint.albedo, **finish_of(prop.paint))
         return Surface(points, faces, plain, name=prop.name)
     frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
     name = prop.paint.name
@@ -329,7 +308,7 @@ def _by_uv(
     where: str,
 ) -> tuple[Paint, Atlas | None]:
     """The paint of faces ``own`` (n,), and where it lies on them."""
-    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
+    finish = finish_of(paint)
     if material.picture is None:
         return Plain(material.color, **finish), None
     factor = material.color if paint.channels == "rgb" else np.dot(LUMA, material.color)

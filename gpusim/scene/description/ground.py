@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import sqrt
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
 
@@ -11,7 +12,6 @@ from .colors import SceneColor, Shade
 from .finishes import FINISHES, FinishName
 from .loads import WhereTable
 from .table import (
-    SI,
     Direction,
     Length,
     Name,
@@ -23,6 +23,7 @@ from .table import (
     Words,
     fault,
     in_si,
+    name_and_unit,
     not_zero,
     parallel,
 )
@@ -30,6 +31,7 @@ from .table import (
 __all__ = ["Bump", "Finish", "PaintedTable", "PatternedTable", "Wrap"]
 
 _STEEPEST = 0.35
+_PLACES = {"positions_mm", "origin_mm", "path"}
 
 
 class Bump(NamedTuple):
@@ -130,6 +132,10 @@ class PaintedTable(Table):
 
 
 class PatternedTable(PaintedTable):
+    """A pattern that is drawn by the class of its ``type`` in `gpusim.surface.paint`: its own keys
+    are that class's parameters, by their names without unit unless ``called`` otherwise there."""
+
+    type: str
     up: Direction | None = None
     """Roughly up on the surface; without it +z, on horizontal faces +y."""
     mapping: Literal["plane", "cylinder", "unfold", "uv"] = "plane"
@@ -138,11 +144,27 @@ class PatternedTable(PaintedTable):
     by the texture coordinates of the prop's file (pictures only)."""
     axis_point_mm: Vector | None = None
     """A point on the axis of the cylinder."""
-    axis_point = SI[Vec3 | None]("mm")
     axis: Direction | None = None
     """The cylinder's axis, which is up."""
+    called: ClassVar[Mapping[str, str]] = {}
     unfolds: ClassVar[bool] = False
     has_texels: ClassVar[bool] = False
+
+    @property
+    def places(self) -> tuple[Vec3, ...]:
+        """Centres, or the one lower left corner (m)."""
+        corner = getattr(self, "origin", None)
+        return getattr(self, "positions", ()) if corner is None else (corner,)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameters of the class that draws it, but for where and how it shines, in SI."""
+        own = set(type(self).model_fields) - set(PatternedTable.model_fields) - _PLACES
+        names = {self.called.get(key, name_and_unit(key)[0]): key for key in sorted(own)}
+        values = {
+            name: in_si(getattr(self, key), name_and_unit(key)[1]) for name, key in names.items()
+        }
+        return {**values, "ground": self.albedo}
 
     @property
     def wrap(self) -> Wrap | None:

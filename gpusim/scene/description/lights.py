@@ -11,12 +11,10 @@ from pydantic import Field, model_validator
 
 from .colors import TintedTable
 from .table import (
-    SI,
     Direction,
     Length,
     Name,
     PositivePair,
-    Vec3,
     Vector,
     Words,
     between,
@@ -54,7 +52,6 @@ class _Lamp(TintedTable):
 class _Powered(_Lamp):
     position_mm: Vector
     """Its centre."""
-    position = SI[Vec3]("mm")
     power_W: Length | None = None
     """Radiant flux; or give power_lm."""
     power_lm: Length | None = None
@@ -83,7 +80,6 @@ class PointTable(_Powered):
 
 class _Aimed(_Powered):
     target_mm: Vector
-    target = SI[Vec3]("mm")
 
     @model_validator(mode="after")
     def _check_aim(self) -> _Aimed:
@@ -98,7 +94,6 @@ class SpotTable(_Aimed):
     type: Literal["spot"]
     cone_deg: Annotated[float, Field(gt=0, lt=180)] = 60.0
     """The full angle of the beam."""
-    cone = SI[float]("deg")
     penumbra: Annotated[float, Field(ge=0, le=1)] = 0.2
     """Share of the half angle over which the beam fades (nothing to do with shadows)."""
 
@@ -109,7 +104,6 @@ class AreaTable(_Aimed):
     type: Literal["area"]
     size_mm: PositivePair
     """Width (level) and height: how soft its shadows are."""
-    size = SI[tuple[float, float]]("mm")
     shape: Literal["rectangle", "ellipse"] = "rectangle"
 
 
@@ -121,10 +115,8 @@ class SunTable(_Lamp):
     """The way the light goes."""
     irradiance_W_m2: Length
     """On a face square to it."""
-    irradiance = SI[float]("W_m2")
     diameter_deg: Annotated[float, Field(ge=0, le=10)] = 0.533
     """How large it looks: the softness of its shadows."""
-    diameter = SI[float]("deg")
 
     @model_validator(mode="after")
     def _check(self) -> SunTable:
@@ -139,7 +131,6 @@ class AmbientTable(TintedTable):
     type: Literal["ambient"]
     radiance_W_m2_sr: Length
     """Radiance of the surroundings."""
-    radiance = SI[float]("W_m2_sr")
     occlusion: bool = False
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
@@ -152,10 +143,8 @@ class EnvironmentTable(TintedTable):
     type: Literal["environment"]
     sky_W_m2_sr: Radiance | None = None
     """Radiance above the horizon; or give file."""
-    sky = SI[float]("W_m2_sr", without=0.0)
     ground_W_m2_sr: Radiance | None = None
     """Radiance below it."""
-    ground = SI[float]("W_m2_sr", without=0.0)
     path: Annotated[Annotated[str, Field(min_length=1)] | None, Field(alias="file")] = None
     """Equirectangular picture of radiances (.hdr, .exr, .tif of floats, .npy), relative to the
     scene file."""
@@ -164,10 +153,8 @@ class EnvironmentTable(TintedTable):
     studio_W_m2_sr: Length | None = None
     """Mean radiance of a photographer's studio: soft boxes, a horizon and a pale floor, for steel
     to mirror; instead of sky and ground or a file."""
-    studio = SI[float]("W_m2_sr", without=0.0)
     scale_W_m2_sr: Length = 1.0
     """Radiance of the value 1 in the file."""
-    scale = SI[float]("W_m2_sr")
     up: Direction = (0.0, 0.0, 1.0)
     """Where the file's first row looks."""
     forward: Direction | None = None

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from .table import (
-    SI,
     Axis,
     Direction,
     Listed,
@@ -57,7 +56,6 @@ class WhereTable(Table):
     """Faces that look this way; for nodes: the nodes of such faces."""
     tolerance_mm: Annotated[float, Field(ge=0)] = 0.001
     """How far outside the bounds still counts as inside."""
-    tolerance = SI[float]("mm")
 
     @property
     def is_everything(self) -> bool:
@@ -125,7 +123,6 @@ class SupportTable(_Driven):
     """The directions in which the nodes are held."""
     displacement_mm: Vector = (0.0, 0.0, 0.0)
     """Where they are held, relative to the unloaded shape; scaled by the load factor."""
-    displacement = SI[Vec3]("mm")
     amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
     """One factor per frame for displacement_mm; without it the analysis' load_factors."""
 
@@ -180,7 +177,6 @@ class ForceTable(_Load):
     type: Literal["force"]
     where: WhereTable
     force_N: Vector
-    force = SI[Vec3]("N")
 
 
 class NodalForceTable(_Load):
@@ -189,7 +185,6 @@ class NodalForceTable(_Load):
     type: Literal["nodal_force"]
     where: WhereTable
     force_N: Vector
-    force = SI[Vec3]("N")
 
 
 class LineForceTable(_Load):
@@ -199,7 +194,6 @@ class LineForceTable(_Load):
     where: WhereTable
     """The nodes of the line: say two bounds, or a named set."""
     force_N: Vector
-    force = SI[Vec3]("N")
 
 
 class PressureTable(_Load):
@@ -208,7 +202,6 @@ class PressureTable(_Load):
     type: Literal["pressure"]
     where: WhereTable
     pressure_MPa: float
-    pressure = SI[float]("MPa")
 
 
 class TractionTable(_Load):
@@ -217,7 +210,6 @@ class TractionTable(_Load):
     type: Literal["traction"]
     where: WhereTable
     traction_MPa: Vector
-    traction = SI[Vec3]("MPa")
 
 
 class GravityTable(_Load):
@@ -225,7 +217,6 @@ class GravityTable(_Load):
 
     type: Literal["gravity"]
     acceleration_m_s2: Vector = (0.0, 0.0, -9.80665)
-    acceleration = SI[Vec3]("m_s2")
 
 
 class CentrifugalTable(_Load):
@@ -234,11 +225,9 @@ class CentrifugalTable(_Load):
     type: Literal["centrifugal"]
     axis_point_mm: Vector = (0.0, 0.0, 0.0)
     """A point on the axis."""
-    axis_point = SI[Vec3]("mm")
     axis: Direction = (0.0, 0.0, 1.0)
     speed_rpm: float
     """Turns per minute; the amplitude scales the force, not the speed."""
-    omega = SI[float]("rpm", "speed_rpm")
 
     @model_validator(mode="after")
     def _check(self) -> CentrifugalTable:
@@ -251,7 +240,6 @@ class ThermalTable(_Load):
 
     type: Literal["thermal"]
     temperature_change_K: float
-    temperature_change = SI[float]("K")
 
 
 Load = (

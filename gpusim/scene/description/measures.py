@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 
 from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
 from .table import (
-    SI,
     Length,
     Listed,
     Name,
@@ -38,7 +37,6 @@ class PublishedTable(Table):
 
     error_percent: Annotated[float, Field(ge=0)]
     """Relative error of the measure's main number: the last marker's displacement."""
-    error = SI[float]("percent")
     source: Annotated[str, Field(min_length=1)]
     """Where it is written."""
 
@@ -57,7 +55,6 @@ class MarkerMeasureTable(MeasureTable):
     """Paints of markers on props: what they move is the motion of the camera, or of the rig."""
     subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
     """Side of the tracked square, odd; without it as large as the marker allows."""
-    subset = SI[int | None]("px")
     published: PublishedTable | None = None
 
     def seconds(self, markers: int, pixels: int, frames: int) -> float:
@@ -148,7 +145,6 @@ class DamageTable(MeasureTable):
     """The [[variant]] that the others are compared with."""
     tolerance_mm: Length = 10.0
     """How far a change of slope may be from the notch that made it."""
-    tolerance = SI[float]("mm")
     significance: Annotated[float, Field(gt=0, lt=1)] = 1e-3
     """Highest p-value at which a change of slope counts."""
     most: Annotated[int, Field(ge=1, le=50)] = 6
@@ -156,7 +152,6 @@ class DamageTable(MeasureTable):
     clearance_mm: Annotated[float, Field(ge=0)] | None = None
     """Markers nearer than this to a change don't count for where it is; the default is the depth of
     the notched member: so far the line is bent by how stress flows round the notch."""
-    clearance = SI[float | None]("mm")
 
 
 def _numbers(value: Any) -> list[float] | None:

@@ -8,19 +8,17 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .table import (
-    SI,
     Axis,
     FileUnit,
     Length,
     Listed,
     SignedAxis,
     Table,
-    Vec3,
     Vector,
     Words,
     fault,
-    in_si,
     known_suffix,
+    metres,
 )
 
 __all__ = [
@@ -74,13 +72,10 @@ class NotchRecipeTable(Table):
 
     position_mm: float
     """Of its middle, along ``axis``."""
-    position = SI[float]("mm")
     width_mm: Length
     """Along ``axis``."""
-    width = SI[float]("mm")
     depth_mm: Length
     """Into the body, from ``side``."""
-    depth = SI[float]("mm")
     axis: Axis = "x"
     side: SignedAxis = "-y"
     """The side that it is cut into; along the third axis it goes right through."""
@@ -117,12 +112,10 @@ class BoxMeshTable(_Notchable):
 
     builder: Literal["box"]
     size_mm: Annotated[tuple[Length, Length, Length], Listed()]
-    size = SI[Vec3]("mm")
     divisions: Divisions
     """Elements along x, y, z (away from notches)."""
     origin_mm: Vector = (0.0, 0.0, 0.0)
     """The corner with the smallest x, y, z."""
-    origin = SI[Vec3]("mm")
 
 
 class BeamMeshTable(_Notchable):
@@ -131,13 +124,10 @@ class BeamMeshTable(_Notchable):
     builder: Literal["beam"]
     length_mm: Length
     """Along x."""
-    length = SI[float]("mm")
     width_mm: Length
     """Along y, from -width/2 to width/2."""
-    width = SI[float]("mm")
     height_mm: Length
     """Along z, from -height/2 to height/2."""
-    height = SI[float]("mm")
     end_width_mm: Length | None = None
     """At the far end, if it tapers."""
     end_height_mm: Length | None = None
@@ -167,26 +157,18 @@ class CraneMeshTable(_Builder):
     builder: Literal["crane"]
     height_mm: Length = 562.0
     """Of the column above its foot."""
-    height = SI[float]("mm")
     foot_mm: Length = 70.0
     """Length of the clamped foot below z = 0."""
-    foot = SI[float]("mm")
     length_mm: Length = 597.0
     """Of the beam, from the column's outer face."""
-    length = SI[float]("mm")
     column_thickness_mm: Length = 6.0
-    column_thickness = SI[float]("mm")
     beam_thickness_mm: Length = 4.0
-    beam_thickness = SI[float]("mm")
     width_mm: Length = 40.0
     """Of both members, along y."""
-    width = SI[float]("mm")
     load_length_mm: Length = 108.0
     """An element edge lies this far from the beam's free end."""
-    load_length = SI[float]("mm")
     element_mm: Length = 3.0
     """About the length of an element along the members."""
-    element = SI[float]("mm")
     through: Count = 2
     """Elements through the thickness of each member."""
     across: Count = 6
@@ -204,7 +186,6 @@ class CraneMeshTable(_Builder):
 
 class _Holed(_Builder):
     hole_diameter_mm: Length
-    hole_diameter = SI[float]("mm")
     around: Annotated[int, Field(ge=8, le=10_000, multiple_of=4)] = 32
     """Elements around a hole."""
     radial: Count = 8
@@ -221,11 +202,8 @@ class PlateMeshTable(_Holed):
 
     builder: Literal["plate_with_hole"]
     length_mm: Length
-    length = SI[float]("mm")
     width_mm: Length
-    width = SI[float]("mm")
     thickness_mm: Length
-    thickness = SI[float]("mm")
 
     @model_validator(mode="after")
     def _check(self) -> PlateMeshTable:
@@ -246,19 +224,13 @@ class BracketMeshTable(_Holed):
 
     builder: Literal["bracket"]
     base_length_mm: Length = 60.0
-    base_length = SI[float]("mm")
     wall_height_mm: Length = 80.0
-    wall_height = SI[float]("mm")
     width_mm: Length = 40.0
     """Along y, from -width/2 to width/2."""
-    width = SI[float]("mm")
     thickness_mm: Length = 5.0
-    thickness = SI[float]("mm")
     fillet_radius_mm: Length = 6.0
     """Inner radius of the bend."""
-    fillet_radius = SI[float]("mm")
     hole_diameter_mm: Length = 12.0
-    hole_diameter = SI[float]("mm")
     radial: Count = 5
     """Elements from a hole to the square around it."""
     bend: Count = 6
@@ -297,7 +269,6 @@ class FileMeshTable(Table):
     """2: elements with midside nodes (straight edges, but for a CAD file's curved faces)."""
     size_mm: Length | None = None
     """Greatest element of a CAD file."""
-    size = SI[float | None]("mm")
     hexahedra: bool = False
     """Bricks only, for a CAD file."""
     hex_dominant: bool = False
@@ -306,7 +277,6 @@ class FileMeshTable(Table):
     """Elements around a full circle, for a CAD file; 0 leaves it to ``size_mm``."""
     time_limit_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 600.0
     """After which a CAD file that isn't meshed yet is given up."""
-    time_limit = SI[float]("s")
 
     @property
     def is_cad(self) -> bool:
@@ -317,7 +287,7 @@ class FileMeshTable(Table):
     def scale(self) -> float:
         """Metres per unit of the file."""
         step = PurePath(self.path).suffix.lower() in (".step", ".stp")
-        return float(in_si("mm" if step else self.unit, "a file's unit"))
+        return metres("mm" if step else self.unit)
 
     @model_validator(mode="after")
     def _check(self) -> FileMeshTable:
@@ -359,7 +329,6 @@ class FieldMeshTable(Table):
     time), .e/.exo (Exodus), .frd (CalculiX, text), .npz."""
     unit: FileUnit = "mm"
     """Of coordinates and displacements in the file."""
-    scale = SI[float]("a file's unit", "unit")
     variable: Annotated[
         Annotated[str, Field(min_length=1, max_length=200)] | None, Field(alias="displacement")
     ] = None
@@ -367,6 +336,11 @@ class FieldMeshTable(Table):
     Without it one with a usual name: displacement, disp, U, DISP."""
     magnify: Annotated[Length, Field(alias="scale")] = 1.0
     """Factor on the displacements, to show them larger than they are."""
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file."""
+        return metres(self.unit)
 
     @model_validator(mode="after")
     def _check(self) -> FieldMeshTable:

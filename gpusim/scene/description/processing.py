@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from .colors import Tint
-from .table import SI, Listed, Name, Table, Words, each_once, fault
+from .table import Listed, Name, Table, Words, each_once, fault
 
 __all__ = [
     "ANALYSIS_TYPES",
@@ -81,7 +81,6 @@ class AnalysisTable(Table):
     you like; frame 0 is the reference."""
     frame_rate_Hz: Annotated[float, Field(gt=0)] | None = None
     """How fast frames follow each other, for what moves while a ``camera.shutter`` is open."""
-    frame_rate = SI[float | None]("Hz")
 
     @property
     def load_factors(self) -> tuple[float, ...]:

@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 from .mesh import MESH_SUFFIXES
 from .paint import MarkersTable, Paint, PaintTable, not_by_uv
 from .table import (
-    SI,
     Direction,
     FileUnit,
     Listed,
@@ -26,6 +25,7 @@ from .table import (
     fault,
     file_unit,
     known_suffix,
+    metres,
     parallel,
     unit,
 )
@@ -53,10 +53,8 @@ class PoseTable(Table):
 
     position_mm: Vector
     """Of the prop's centre (of a mesh prop: of the point that its file's origin is)."""
-    position = SI[Vec3]("mm")
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the world's x, then y, then z axis, from how the prop is described."""
-    rotation = SI[Vec3]("deg")
 
 
 Poses = Annotated[tuple[PoseTable, ...], Listed(1, 10_000)]
@@ -67,23 +65,32 @@ class _Prop(Table):
     name: Name
     poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
-    poses = SI[tuple[PoseTable, ...]]("", "poses_", without=())
+
+    @property
+    def poses(self) -> tuple[PoseTable, ...]:
+        """One per frame; none where it stands still."""
+        return self.poses_ or ()
 
 
-class PlateTable(_Prop):
+class _Centred(_Prop):
+    center_mm: Vector
+
+    @property
+    def origin(self) -> Vec3:
+        """The point (m) that poses turn it about."""
+        return self.center
+
+
+class PlateTable(_Centred):
     """A rigid rectangular plate: a wall, a target. Only its front is seen."""
 
     type: Literal["plate"] = "plate"
     """Needn't be said."""
-    center_mm: Vector
-    center = SI[Vec3]("mm")
-    origin = SI[Vec3]("mm", "center_mm")
     normal: Direction
     """Out of its front."""
     up: Direction = (0.0, 0.0, 1.0)
     size_mm: Annotated[tuple[PropLength, PropLength], Listed()]
     """Width (across ``up``) and height, at most 1e10 mm: beyond, rounding moves what is on it."""
-    size = SI[tuple[float, float]]("mm")
     paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1, 1)]
     """One paint: a plate has one face."""
 
@@ -130,21 +137,16 @@ class _Shaped(_Prop):
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the world's x, then y, then z axis, through the prop's own point; ``poses`` replace
     it."""
-    rotation = SI[Vec3]("deg")
     paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1)]
     """A face belongs to the last entry that matches it; positions are those before any rotation."""
 
 
-class BoxTable(_Shaped):
+class BoxTable(_Centred, _Shaped):
     """A rigid block: a machine's frame, a base. Its sides are the sets "x_min" … "z_max"."""
 
     type: Literal["box"]
-    center_mm: Vector
-    center = SI[Vec3]("mm")
-    origin = SI[Vec3]("mm", "center_mm")
     size_mm: Annotated[tuple[PropLength, PropLength, PropLength], Listed()]
     """Along x, y, z, before rotation, at most 1e10 mm."""
-    size = SI[Vec3]("mm")
 
     @model_validator(mode="after")
     def _check(self) -> BoxTable:
@@ -165,11 +167,14 @@ class ShapeTable(_Shaped):
     """Relative to the scene file. Faces are wound counter-clockwise seen from outside."""
     unit: FileUnit = "mm"
     """Of the file's coordinates; without it those of glTF are metres, as that format says."""
-    scale = SI[float]("a file's unit", "unit")
     position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin is."""
     origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
-    position = SI[Vec3]("mm")
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file."""
+        return metres(self.unit)
 
     @model_validator(mode="before")
     @classmethod

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
+from pydantic import Field, ValidationError, model_validator
 
-from .table import Length, Listed, Seed, Table, fault
+from .table import Length, Listed, Seed, Table, fault, name_and_unit
 
 __all__ = ["CameraSensorTable", "Gains", "SensorTable", "merged"]
 
@@ -14,63 +14,20 @@ Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
 
 
-def _exposure(value: Any) -> Any:
-    number = isinstance(value, float | int) and not isinstance(value, bool)
-    if value == "auto" or (number and 0 < value <= 1e300):
-        return value if value == "auto" else float(value)
-    raise fault("", "not an exposure", value, '"auto" or a number > 0')
-
-
-def _sensitivities(value: Any) -> Any:
-    def numbers(row: Any) -> bool:
-        real = isinstance(row, list | tuple) and len(row) == 3 and all(
-            isinstance(v, float | int) and not isinstance(v, bool) and 0 <= v <= 1e30 for v in row
-        )  # fmt: skip
-        return real and any(row)
-
-    if numbers(value):
-        return tuple(float(v) for v in value)
-    if isinstance(value, list | tuple) and len(value) == 3 and all(map(numbers, value)):
-        return tuple(tuple(float(v) for v in row) for row in value)
-    raise fault("", "no sensitivities", value, "3 numbers from 0, or 3 rows of them, none all zero")
-
-
-def _gamma(value: Any) -> Any:
-    number = isinstance(value, float | int) and not isinstance(value, bool)
-    if value == "srgb" or (number and 0 < value <= 1e30):
-        return value if value == "srgb" else float(value)
-    raise fault("", "not a gamma", value, '"srgb" or a number > 0')
-
-
 Bits = Literal[8, 10, 12, 14, 16]
-Exposure = Annotated[
-    Any,
-    BeforeValidator(_exposure),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
-]
-Gamma = Annotated[
-    Any,
-    BeforeValidator(_gamma),
-    WithJsonSchema({"anyOf": [{"const": "srgb"}, {"type": "number", "exclusiveMinimum": 0}]}),
-]
-_THREE: dict[str, Any] = {"type": "array", "minItems": 3, "maxItems": 3}
-_ROW = _THREE | {"items": {"type": "number", "minimum": 0}}
-Sensitivities = Annotated[
-    Any,
-    BeforeValidator(_sensitivities),
-    WithJsonSchema({"anyOf": [_ROW, _THREE | {"items": _ROW}]}),
-]
+Exposure = Literal["auto"] | Length
+Gamma = Literal["srgb"] | Length
 Preset = Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"]
 Mosaic = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
 Demosaic = Literal["bilinear", "malvar"]
 Share = Annotated[float, Field(ge=0)]
 Gains = Annotated[tuple[Length, Length, Length], Listed()]
 Response = Annotated[tuple[Share, Share, Share], Listed()]
-_NOISE = {
-    "gain_DN_per_e": "gain", "full_well_e": "full_well", "read_noise_e": "read_noise",
-    "dark_current_e_per_s": "dark_current", "dsnu_e": "dsnu", "prnu_percent": "prnu",
-    "black_level_DN": "black_level",
-}  # fmt: skip
+Sensitivities = Response | Annotated[tuple[Response, Response, Response], Listed()]
+_NOISE = (
+    "gain_DN_per_e", "full_well_e", "read_noise_e", "dark_current_e_per_s", "dsnu_e",
+    "prnu_percent", "black_level_DN",
+)  # fmt: skip
 
 
 class SensorTable(Table):
@@ -133,6 +90,9 @@ class SensorTable(Table):
         black = self.black_level_DN
         if black is not None and not black < 2**self.bits - 1:
             raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
+        rows = self.sensitivities
+        if rows is not None and not all(map(any, rows if isinstance(rows[0], tuple) else [rows])):
+            raise fault("sensitivities", "a channel that sees nothing", rows, "none all zero")
         if self.demosaic is not None and self.bayer is None:
             raise fault("demosaic", "no mosaic", self.demosaic, "bayer beside it")
         return self
@@ -150,11 +110,11 @@ class SensorTable(Table):
     @property
     def values(self) -> dict[str, Any]:
         """By name of `gpusim.optics.sensor.sensor.Sensor`, what is given beside the preset."""
-        given = {name: getattr(self, key) for key, name in (*_NOISE.items(), ("gamma", "gamma"))}
-        given["prnu"] = None if self.prnu_percent is None else 0.01 * self.prnu_percent
+        noise = [name_and_unit(key)[0] for key in _NOISE]
+        names = [*noise, "gamma", "demosaic", "sensitivities"]
         if self.bayer is not None:
-            given |= {"bayer": self.bayer, "bayer_response": self.bayer_response}
-        given |= {"demosaic": self.demosaic, "sensitivities": self.sensitivities}
+            names += ["bayer", "bayer_response"]
+        given = {name: getattr(self, name) for name in names}
         return {name: value for name, value in given.items() if value is not None}
 
     @property

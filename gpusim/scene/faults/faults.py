@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError
 from gpusim.printable import printable
-from gpusim.scene.description.table import Words
+from gpusim.scene.description.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, nearest, origin_of
 from .schema_places import Place, expected, locate
@@ -53,18 +53,22 @@ def faults_of(error: ValidationError, origins: Origins) -> tuple[list[Fault], in
     A required key that is missing because it was misspelt is told once: by its wrong spelling.
     """
     found: list[tuple[Keys, Fault]] = []
-    choices: set[Keys] = set()
+    choices: dict[Keys, set[str]] = {}
     respelt: set[Keys] = set()
     missing: set[int] = set()
     entries = error.errors(include_url=False)
-    for entry in entries[:MOST]:
+    places = [locate(entry["loc"]) for entry in entries[:MOST]]
+    for entry, place in zip(entries, places, strict=False):
+        if place.choice:
+            choices.setdefault(place.keys, set()).add(entry["type"])
+    for entry, place in zip(entries, places, strict=False):
         kind, context = entry["type"], entry.get("ctx", {})
-        place = locate(entry["loc"])
         keys = place.keys
-        if len(place.choice):
-            if keys in choices:  # told once, not for each of the types that it may have
-                continue
-            choices.add(keys)
+        if place.choice:  # told once, not for each of the types that it may have
+            kinds = choices.pop(keys, None)
+            if kinds:
+                found.append((keys, _fault_of_choice(entry["input"], kinds, dotted(keys), place)))
+            continue
         if kind == "extra_forbidden":
             near = nearest(str(keys[-1]), place.valid_keys)
             respelt.add((*keys[:-1], near))
@@ -123,13 +127,29 @@ def _fault(
             return Fault(key, "empty", "", "a text")
         return Fault(key, "too long", f"{len(value):,} letters", f"at most {most}")
     if kind in _KINDS:
-        text = _wanted(place, described=False) or _KINDS[kind]
-        if kind == "finite_number":
-            text = text.replace("number", "finite number", 1)
-        if "number" in text and isinstance(value, str):
-            text += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
-        return Fault(key, "wrong type", got, text)
+        wanted = _wanted(place, described=False) or _KINDS[kind]
+        return _of_wrong_type(value, kind == "finite_number", key, wanted)
     return Fault(key, entry["msg"], got)
+
+
+def _fault_of_choice(value: Any, kinds: Set[str], key: str, place: Place) -> Fault:
+    """Of a value that is of none of the types that it may have, for ``kinds`` of reasons."""
+    got, wanted = value_text(value), expected(place.value)
+    if isinstance(value, str) and kinds & {"literal_error", "string_pattern_mismatch"}:
+        return Fault(key, "unknown value", got, wanted)
+    if isinstance(value, list) and kinds & {"too_short", "too_long"}:
+        return Fault(key, "wrong length", f"{len(value)} items", wanted)
+    if kinds & _BOUNDS.keys():
+        return Fault(key, "out of range", got, wanted)
+    return _of_wrong_type(value, "finite_number" in kinds, key, wanted)
+
+
+def _of_wrong_type(value: Any, finite: bool, key: str, wanted: str) -> Fault:
+    if finite:
+        wanted = wanted.replace("number", "finite number", 1)
+    if "number" in wanted and isinstance(value, str):
+        wanted += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
+    return Fault(key, "wrong type", value_text(value), wanted)
 
 
 def _wanted(place: Place, described: bool = True) -> str:
@@ -182,7 +202,7 @@ def unread(error: InputError, key: str, path: Path) -> Fault:
 
 def _has_unit(key: str) -> bool:
     names = [part for part in key.split(".") if not part.isdecimal()]
-    return names[-1].endswith(("_mm", "_px", "_N", "_W", "_GPa", "_MPa", "_kg_m3", "_m_s2"))
+    return name_and_unit(names[-1])[1] != ""
 
 
 def _did_you_mean(name: str) -> str:
