@@ -27,7 +27,10 @@ def crane(checkout: Path) -> Scene:
 
 def test_the_crane_in_si(crane: Scene) -> None:
     body = crane.bodies[0]
-    assert body.material == model.Isotropic("steel", 210e9, 0.3, 7850.0, 0.0)
+    steel = body.material
+    assert steel is not None and (steel.name, steel.type) == ("steel", "isotropic")
+    assert (steel.youngs_modulus, steel.poissons_ratio) == (210e9, 0.3)
+    assert (steel.density, steel.expansion) == (7850.0, 0.0)
     mesh = body.mesh
     assert isinstance(mesh, model.CraneMeshTable)
     assert (mesh.height, mesh.foot, mesh.length, mesh.width) == (0.562, 0.070, 0.597, 0.040)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpusim import mesh
-from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
@@ -152,9 +152,7 @@ def surface_faces_of(points: Float, faces: Int, where: m.WhereTable, told: str) 
     if where.set is not None:
         raise InputError(f"{told}: where; got set {where.set!r}; expected bounds or a normal: a "
                          "file of faces has no sets")  # fmt: skip
-    low = np.array(where.lower) - where.tolerance
-    high = np.array(where.upper) + where.tolerance
-    inside = np.asarray((points >= low) & (points <= high)).all(axis=1).reshape(-1)
+    inside = _within(points, where)
     keep = (inside[np.maximum(faces, 0)] | (faces < 0)).all(axis=1)
     if where.normal is not None:
         normals = face_normals(points, faces)
@@ -167,13 +165,11 @@ def surface_faces_of(points: Float, faces: Int, where: m.WhereTable, told: str) 
 
 def cells_of(grid: Mesh, where: m.WhereTable) -> Long:
     """Global numbers of the cells whose middle is there. Raises InputError if there are none."""
-    low = np.array(where.lower) - where.tolerance
-    high = np.array(where.upper) + where.tolerance
     keep = np.zeros(grid.cell_count, dtype=bool)
     for kind, first, block in grid.blocks():
         corners = block[:, : mesh.CELL_TYPES[kind].corners]
         middle = grid.points[corners].mean(axis=1)
-        keep[first : first + len(block)] = ((middle >= low) & (middle <= high)).all(axis=1)
+        keep[first : first + len(block)] = _within(middle, where)
     if where.set is not None:
         if where.set not in grid.cell_sets:
             known = ", ".join(by_number(grid.cell_sets))
@@ -186,6 +182,12 @@ def cells_of(grid: Mesh, where: m.WhereTable) -> Long:
     if not found.size:
         raise _none_found("elements", where, grid.points)
     return found
+
+
+def _within(points: Float, where: m.WhereTable) -> Bool:
+    low = np.array(where.lower) - where.tolerance
+    high = np.array(where.upper) + where.tolerance
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
 def _none_found(what: str, where: m.WhereTable, points: Float) -> InputError:

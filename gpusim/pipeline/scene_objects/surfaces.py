@@ -62,11 +62,11 @@ def build_frame(
     where: str,
 ) -> Frame:
     """Paint coordinates of the faces that are a paint's ``own`` (F,); ``where`` names it."""
-    if paint.wrap is None:
-        return plane_frame(points, faces[own], where, paint.up)
-    if paint.wrap.axis is None or paint.wrap.axis_point is None:
+    if paint.mapping == "unfold":
         return Atlas.unfold(points, faces, own, paint.up)
-    return CylinderFrame.fit(points, faces[own], paint.wrap.axis_point, paint.wrap.axis, where)
+    if paint.axis is not None and paint.axis_point is not None:
+        return CylinderFrame.fit(points, faces[own], paint.axis_point, paint.axis, where)
+    return plane_frame(points, faces[own], where, paint.up)
 
 
 def finish_of(paint: m.Paint) -> dict[str, Any]:

@@ -25,8 +25,6 @@ from .table import (
     parallel,
 )
 
-__all__ = ["CameraTable"]
-
 PIXEL_SQUARE = 1e-3
 Side = Annotated[int, Field(ge=1, le=65535)]
 

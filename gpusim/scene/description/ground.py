@@ -28,8 +28,6 @@ from .table import (
     parallel,
 )
 
-__all__ = ["Bump", "Finish", "PaintedTable", "PatternedTable", "Wrap"]
-
 _STEEPEST = 0.35
 _PLACES = {"positions_mm", "origin_mm", "path"}
 
@@ -51,13 +49,6 @@ class Finish(NamedTuple):
     roughness: float
     metallic: float
     bump: Bump | None
-
-
-class Wrap(NamedTuple):
-    """How a pattern lies on faces that aren't plane: round an axis, or unfolded if that is None."""
-
-    axis_point: Vec3 | None
-    axis: Vec3 | None
 
 
 class PaintedTable(Table):
@@ -165,11 +156,6 @@ class PatternedTable(PaintedTable):
             name: in_si(getattr(self, key), name_and_unit(key)[1]) for name, key in names.items()
         }
         return {**values, "ground": self.albedo}
-
-    @property
-    def wrap(self) -> Wrap | None:
-        """None: on plane faces only."""
-        return None if self.mapping in ("plane", "uv") else Wrap(self.axis_point, self.axis)
 
     @model_validator(mode="after")
     def _check_mapping(self) -> PatternedTable:

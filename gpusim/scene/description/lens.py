@@ -8,8 +8,6 @@ from pydantic import Field, model_validator
 
 from .table import Length, Listed, Numbers, Table, Words, fault
 
-__all__ = ["LensTable", "Psf", "ShutterTable", "VignettingTable"]
-
 Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 
 

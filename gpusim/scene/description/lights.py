@@ -25,18 +25,6 @@ from .table import (
     parallel,
 )
 
-__all__ = [
-    "PANORAMA_SUFFIXES",
-    "AmbientTable",
-    "AreaTable",
-    "EnvironmentTable",
-    "Light",
-    "LightTable",
-    "PointTable",
-    "SpotTable",
-    "SunTable",
-]
-
 LUMENS_PER_WATT = 683.0
 # The endings that the reader knows; said here too, because a plan loads no numerics.
 PANORAMA_SUFFIXES = (".hdr", ".pic", ".exr", ".tif", ".tiff", ".npy")

@@ -21,22 +21,6 @@ from .table import (
     not_zero,
 )
 
-__all__ = [
-    "Amplitude",
-    "CentrifugalTable",
-    "ForceTable",
-    "GravityTable",
-    "LineForceTable",
-    "Load",
-    "LoadTable",
-    "NodalForceTable",
-    "PressureTable",
-    "SupportTable",
-    "ThermalTable",
-    "TractionTable",
-    "WhereTable",
-]
-
 Amplitude = tuple[float, ...]
 Factors = Annotated[Amplitude, Listed(1, 10_000)]
 

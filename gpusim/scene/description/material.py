@@ -23,8 +23,6 @@ from .table import (
     unit,
 )
 
-__all__ = ["MaterialTable"]
-
 Several = float | Vector
 SeveralPositive = Length | Annotated[tuple[Length, Length, Length], Listed()]
 

@@ -22,15 +22,6 @@ from .table import (
     norm,
 )
 
-__all__ = [
-    "AnyMeasure",
-    "DamageTable",
-    "DeflectionTable",
-    "MarkerMeasureTable",
-    "PublishedTable",
-    "StereoTable",
-]
-
 
 class PublishedTable(Table):
     """What somebody else reached; the report sets it beside this run's error."""

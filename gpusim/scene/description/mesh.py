@@ -21,24 +21,6 @@ from .table import (
     metres,
 )
 
-__all__ = [
-    "CAD_SUFFIXES",
-    "FIELD_SUFFIXES",
-    "MESH_SUFFIXES",
-    "NOTCHABLE",
-    "SETS",
-    "BeamMeshTable",
-    "BoxMeshTable",
-    "BracketMeshTable",
-    "CraneMeshTable",
-    "FieldMeshTable",
-    "FileMeshTable",
-    "MeshRecipe",
-    "MeshTable",
-    "NotchRecipeTable",
-    "PlateMeshTable",
-]
-
 _SIDES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 # What `where = { set = … }` may name, by builder; checked before a mesh is built.
 SETS = {

@@ -39,20 +39,6 @@ from .targets import (
     StarTable,
 )
 
-__all__ = [
-    "CheckerTable",
-    "DotsTable",
-    "Marker",
-    "MarkersTable",
-    "Paint",
-    "PaintTable",
-    "Pattern",
-    "PictureTable",
-    "PlainTable",
-    "SpeckleTable",
-    "not_by_uv",
-]
-
 
 class PlainTable(PaintedTable):
     """One even colour."""

@@ -12,16 +12,6 @@ from pydantic import BeforeValidator, Field, model_validator
 from .colors import Tint
 from .table import Listed, Name, Table, Words, each_once, fault
 
-__all__ = [
-    "ANALYSIS_TYPES",
-    "AnalysisTable",
-    "AnalysisType",
-    "OutputTable",
-    "RenderTable",
-    "SolverTable",
-    "VariantTable",
-]
-
 TruthLayer = Literal[
     "reference",
     "displacement",

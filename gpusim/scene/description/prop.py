@@ -30,17 +30,6 @@ from .table import (
     unit,
 )
 
-__all__ = [
-    "SURFACE_SUFFIXES",
-    "BoxTable",
-    "CalibrationTable",
-    "PlateTable",
-    "PoseTable",
-    "Prop",
-    "PropTable",
-    "ShapeTable",
-]
-
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
 TEXTURED_SUFFIXES = (".obj", ".glb", ".gltf")

@@ -27,8 +27,6 @@ from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
 from .table import Listed, Name, Table, Words, fault
 
-__all__ = ["Body", "Part", "SceneTable"]
-
 
 @dataclass(frozen=True)
 class Part:

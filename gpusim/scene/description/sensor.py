@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
-from .table import Length, Listed, Seed, Table, fault, name_and_unit
-
-__all__ = ["CameraSensorTable", "Gains", "SensorTable", "merged"]
+from .table import Length, Listed, Seed, Table, add_descriptions, fault, name_and_unit
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
@@ -30,13 +36,7 @@ _NOISE = (
 )  # fmt: skip
 
 
-class SensorTable(Table):
-    """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
-
-    Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
-    normal, and pixels differ in offset and gain.
-    """
-
+class _Electronics(Table):
     bits: Bits = 8
     """More than 8 are stored as 16-bit numbers, not scaled up: viewers show 12-bit pictures nearly
     black (full scale is 4095 of 65535), unless ``upper_bits`` is true."""
@@ -45,12 +45,6 @@ class SensorTable(Table):
     show full scale as white. Reports and measurements are the same."""
     exposure_: Annotated[Exposure, Field(alias="exposure")] = "auto"
     """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
-    format: Literal["png", "tiff"] = "png"
-    seed: Seed = 0
-    """Of the noise; every camera and frame has its own, independent of the others."""
-    series: Annotated[int, Field(ge=0, lt=100_000)] = 0
-    """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
-    series 0, 1, 2 … unless they say otherwise."""
     preset: Preset | None = None
     """A real camera's values; keys given beside it replace them."""
     gain_DN_per_e: Most = None
@@ -79,6 +73,21 @@ class SensorTable(Table):
     sensitivities: Sensitivities | None = None
     """In the bands red, green, blue: 3 numbers of a mono camera (by default a third each), or 3
     rows of them, for the red, green and blue channel (by default each sees its band)."""
+
+
+class SensorTable(_Electronics):
+    """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
+
+    Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
+    normal, and pixels differ in offset and gain.
+    """
+
+    format: Literal["png", "tiff"] = "png"
+    seed: Seed = 0
+    """Of the noise; every camera and frame has its own, independent of the others."""
+    series: Annotated[int, Field(ge=0, lt=100_000)] = 0
+    """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
+    series 0, 1, 2 … unless they say otherwise."""
 
     @model_validator(mode="after")
     def _check(self) -> SensorTable:
@@ -132,44 +141,26 @@ class SensorTable(Table):
         ]
 
 
-class CameraSensorTable(Table):
+def _without_defaults(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    add_descriptions(schema, table)
+    for value in schema["properties"].values():
+        del value["default"]
+
+
+class CameraSensorTable(_Electronics):
     """What is another sensor in one camera: keys given here replace those of [sensor].
 
     A ``preset`` given here replaces all that [sensor] says of gain, noise and black level.
     """
 
-    bits: Bits | None = None
-    """Of its images."""
-    upper_bits: bool | None = None
-    """As in [sensor]."""
-    exposure: Exposure | None = None
-    """Fraction of full scale per unit of radiance, or "auto"."""
-    preset: Preset | None = None
-    """A real camera's values."""
-    gain_DN_per_e: Most = None
-    """Overall system gain."""
-    full_well_e: Most = None
-    """Saturation capacity in electrons."""
-    read_noise_e: Some = None
-    """Temporal dark noise."""
-    dark_current_e_per_s: Some = None
-    """Gathers during the exposure."""
-    dsnu_e: Some = None
-    """Spread of the pixels' offsets."""
-    prnu_percent: Some = None
-    """Spread of the pixels' gains."""
-    black_level_DN: Some = None
-    """Grey value of a dark pixel."""
-    gamma: Gamma | None = None
-    """As in [sensor]."""
-    bayer: Mosaic | None = None
-    """A colour mosaic."""
-    bayer_response: Response | None = None
-    """Of red, green and blue pixels."""
-    demosaic: Demosaic | None = None
-    """How it becomes a picture in colour."""
-    sensitivities: Sensitivities | None = None
-    """In the bands red, green, blue."""
+    model_config = ConfigDict(json_schema_extra=_without_defaults)
+
+    @model_serializer(mode="wrap")
+    def _given(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is said, without what is as in [sensor]."""
+        fields = type(self).model_fields
+        given = {fields[name].alias or name for name in self.model_fields_set}
+        return {key: value for key, value in write(self).items() if key in given}
 
 
 def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTable:
@@ -177,7 +168,7 @@ def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTab
     values = common.model_dump(by_alias=True, exclude_none=True)
     if own.preset is not None:
         values = {key: value for key, value in values.items() if key not in _NOISE}
-    values |= own.model_dump(exclude_none=True)
+    values |= own.model_dump(by_alias=True)
     try:
         return SensorTable.model_validate(values)
     except ValidationError as error:

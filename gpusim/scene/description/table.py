@@ -159,7 +159,8 @@ def _field_texts(module: str) -> dict[str, dict[str, str]]:
     }
 
 
-def _add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
+def add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    """Enter the texts of the fields in a table's JSON schema."""
     texts = descriptions(table)
     for name, info in table.model_fields.items():
         if name in texts:
@@ -180,7 +181,7 @@ class Table(BaseModel):
         strict=True,
         frozen=True,
         allow_inf_nan=False,
-        json_schema_extra=_add_descriptions,
+        json_schema_extra=add_descriptions,
     )
 
     if TYPE_CHECKING:  # scripts/mypy_si.py knows of which type

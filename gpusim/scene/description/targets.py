@@ -11,15 +11,6 @@ from .colors import Shade
 from .ground import PatternedTable
 from .table import Count, Length, Listed, Vec3, Vector, fault
 
-__all__ = [
-    "ArucoTable",
-    "CharucoTable",
-    "CirclesTable",
-    "LinesTable",
-    "RingCodesTable",
-    "StarTable",
-]
-
 Places = Annotated[tuple[Vector, ...], Listed(1)]
 Codes = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Listed()]
 

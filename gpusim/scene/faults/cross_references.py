@@ -104,7 +104,11 @@ class _Checks:
         self.found.append((keys, Fault(dotted(keys), problem, value_text(got), expected, hint)))
 
     def refer(self, keys: Keys, value: Any, names: Names | None, what: str) -> None:
-        """A reference to one of ``names``, which may be unknown (None)."""
+        """A reference, or a list of them, to one of ``names``, which may be unknown (None)."""
+        if isinstance(value, list):
+            for place, one in enumerate(value):
+                self.refer((*keys, place), one, names, what)
+            return
         if names is None or not isinstance(value, str) or value in names:
             return
         near = nearest(value, list(names)) if len(self.found) < _HINTS else ""
@@ -175,12 +179,7 @@ class _Checks:
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
                 else:
                     named = names[what]
-                value = measure.get(key)
-                if isinstance(value, list):
-                    for place, one in enumerate(value):
-                        self.refer((*at, key, place), one, named, what)
-                else:
-                    self.refer((*at, key), value, named, what)
+                self.refer((*at, key), measure.get(key), named, what)
             for keys, *fault in table.faults(measure, self.document):
                 self.add((*at, *keys), *fault)
 
@@ -272,13 +271,7 @@ class _Checks:
             ("show", _names(self.props), "prop"),
         )
         for key, names, what in known:
-            value = calibration.get(key)
-            for place, name in enumerate(value if isinstance(value, list) else [value]):
-                at: Keys = ("calibration", key)
-                at = (*at, place) if isinstance(value, list) else at
-                if isinstance(name, str) and names is not None and name not in names:
-                    wanted = f"one of {listed(names)}" if names else f"a {what}"
-                    self.add(at, f"no such {what}", name, wanted)
+            self.refer(("calibration", key), calibration.get(key), names, what)
         if not self.cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("calibration",), "needs a camera", got, wanted)

@@ -42,7 +42,7 @@ def told(scene: Scene, path: str, value: Any) -> str:
     [
         ("prop.0.paint.0.albedo", ..., "prop.wall.paint.static.albedo: missing; got neither "
          "albedo nor color; expected a number from 0 to 1, or a colour (of the ground, outside"),
-        ("body.0.paint.1.albedo", "#c0a08", 'crane.paint.column.albedo: unknown value; got "#c0a08"; '
+        ("body.0.paint.1.albedo", "#c0a08", 'paint.column.albedo: unknown value; got "#c0a08"; '
          'expected a number from 0 to 1, a list of 3 numbers from 0 to 1 (red, green, blue), '
          'or a text like "#c0a080"'),
         ("body.0.paint.1.color", 0.4, "body.crane.paint.column.color: beside albedo, which is the "
