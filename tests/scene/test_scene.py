@@ -184,7 +184,7 @@ def test_other_paints_lights_and_loads() -> None:
     assert isinstance(body.mesh, model.BoxMeshTable)
     assert (body.mesh.size, body.mesh.divisions) == ((0.01, 0.02, 0.03), (1, 2, 3))
     assert body.mesh.origin == (0.0, 0.0, 0.0)
-    assert body.supports[0].axes == ("x", "z")
+    assert body.supports[0].fix == ("z", "x")
     assert body.supports[0].displacement == (0.0, 0.0, 0.002)
     assert body.supports[0].where.tolerance == 0.0005
     pressure, traction, nodal, gravity = body.loads

@@ -214,8 +214,7 @@ def _conditions(where: m.WhereTable) -> dict[str, Any]:
 
 
 def _bounds(where: m.WhereTable) -> dict[str, float]:
-    """Only the finite limits."""
-    limits = {}
-    for axis, low, high in zip("xyz", where.lower, where.upper, strict=True):
-        limits[f"{axis}_min"], limits[f"{axis}_max"] = low, high
-    return {key: value for key, value in limits.items() if np.isfinite(value)}
+    """Those that are given."""
+    names = [f"{axis}_{end}" for axis in "xyz" for end in ("min", "max")]
+    limits = {name: getattr(where, name) for name in names}
+    return {name: value for name, value in limits.items() if value is not None}

@@ -133,11 +133,11 @@ def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
         where = f"body {body.name!r}, support {support.name!r}"
         chosen = np.zeros((grid.node_count, 3), bool)
         with _naming_place(where):
-            if support.symmetry:
+            if support.type == "symmetry":
                 chosen = fem.symmetry(grid, faces_of(grid, parts.skin.faces, support.where))
             else:
                 nodes = nodes_of(grid, support.where)
-                for name in support.axes:
+                for name in support.fix:
                     chosen[nodes, "xyz".index(name)] = True
         wanted = np.broadcast_to(np.array(support.displacement), place.shape)
         other = chosen & (owner >= 0)

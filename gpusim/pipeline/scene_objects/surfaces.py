@@ -71,8 +71,12 @@ def build_frame(
 
 def finish_of(paint: m.Paint) -> dict[str, Any]:
     """Roughness, metallic share and relief of any paint, as its class takes them."""
-    bump = paint.finish.bump
-    return {**paint.finish._asdict(), "bump": None if bump is None else paints.Bump(*bump)}
+    values: dict[str, Any] = {"roughness": paint.roughness, "metallic": paint.metallic}
+    if paint.bump > 0.0:
+        values["bump"] = paints.Bump(
+            paint.bump, paint.bump_length, paint.bump_along, paint.bump_stretch, paint.bump_seed
+        )
+    return values
 
 
 def build_pattern(
@@ -330,9 +334,11 @@ def _by_uv(
     return picture, Atlas(st)
 
 
-def posed(surface: Surface, prop: m.Prop, pose: m.PoseTable | Placed | None = None) -> Surface:
+def posed(
+    surface: Surface, prop: m.Prop, pose: m.Prop | m.PoseTable | Placed | None = None
+) -> Surface:
     """The prop's surface in a pose (None: as it stands); its paint goes with it."""
-    pose = pose or prop.stand
+    pose = pose or prop
     if pose.position == prop.origin and not any(pose.rotation):
         return surface
     points = (surface.rest - np.array(prop.origin)) @ rotation(pose.rotation).T

@@ -263,7 +263,7 @@ class CameraTable(Table):
             if not norm(view) > 0:
                 raise fault("target_mm", "is where the camera is", self.target_mm, "another point")
             if parallel(view, self.up):
-                raise fault("up", "is along the view, or zero", self.up, "a vector across it")
+                raise fault("up", "is along the view", self.up, "a vector across it")
         elif self.calibration is None:
             raise fault("position_mm", "the camera's pose is missing", Words("nothing"),
                         "position_mm and target_mm, or a rotation and translation_mm")  # fmt: skip

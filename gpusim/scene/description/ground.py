@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import sqrt
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import Field, model_validator
 
@@ -24,31 +24,11 @@ from .table import (
     fault,
     in_si,
     name_and_unit,
-    not_zero,
     parallel,
 )
 
 _STEEPEST = 0.35
 _PLACES = {"positions_mm", "origin_mm", "path"}
-
-
-class Bump(NamedTuple):
-    """A fine relief of RMS ``height`` and correlation ``length`` (m), ``stretch`` times longer
-    ``along`` a direction."""
-
-    height: float
-    length: float
-    along: Vec3 | None
-    stretch: float
-    seed: int
-
-
-class Finish(NamedTuple):
-    """Roughness, metallic share and relief."""
-
-    roughness: float
-    metallic: float
-    bump: Bump | None
 
 
 class PaintedTable(Table):
@@ -93,15 +73,6 @@ class PaintedTable(Table):
             raise fault("color", "beside albedo, which is the same", self.color, "one of them")
         return self
 
-    @property
-    def finish(self) -> Finish:
-        """How the ground shines, in SI."""
-        bump = None
-        if self.bump_um > 0.0:
-            height, length = in_si(self.bump_um, "um"), in_si(self.bump_length_mm, "mm")
-            bump = Bump(height, length, self.bump_along, self.bump_stretch, self.bump_seed)
-        return Finish(self.roughness, self.metallic, bump)
-
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, given: Any) -> Any:
@@ -115,7 +86,6 @@ class PaintedTable(Table):
         if not slope <= _STEEPEST:
             expected = f"at most {_STEEPEST / sqrt(2.0) * self.bump_length_mm * 1e3:.3g}"
             raise fault("bump_um", "too steep for a fine relief", self.bump_um, expected)
-        not_zero("bump_along", self.bump_along, "a vector not zero")
         if (self.bump_stretch != 1.0) != (self.bump_along is not None):
             got = Words("none") if self.bump_along is None else self.bump_along
             raise fault("bump_along", "goes with bump_stretch", got, "both or neither")
@@ -166,7 +136,6 @@ class PatternedTable(PaintedTable):
                     (Words("none"), "one") if round_an_axis else (getattr(self, key), "none")
                 )
                 raise fault(key, f"with mapping {self.mapping!r}", got, wanted)
-        not_zero("axis", self.axis)
         if self.mapping == "unfold" and not self.unfolds:
             raise fault("mapping", "a pattern with places", Words("unfold"), "plane or cylinder")
         if self.mapping == "uv" and not self.has_texels:
@@ -177,7 +146,6 @@ class PatternedTable(PaintedTable):
     def _check_up(self) -> PatternedTable:
         if self.up is None:
             return self
-        not_zero("up", self.up)
         normal = self.where.normal
         x, y, z = (float(normal is not None and axis == normal[1]) for axis in "xyz")
         if normal is not None and parallel(self.up, (x, y, z)):

@@ -21,7 +21,6 @@ from .table import (
     fault,
     known_suffix,
     norm,
-    not_zero,
     parallel,
 )
 
@@ -106,11 +105,6 @@ class SunTable(_Lamp):
     diameter_deg: Annotated[float, Field(ge=0, le=10)] = 0.533
     """How large it looks: the softness of its shadows."""
 
-    @model_validator(mode="after")
-    def _check(self) -> SunTable:
-        not_zero("direction", self.direction, "one that isn't zero")
-        return self
-
 
 class AmbientTable(TintedTable):
     """What the surroundings send back, equally from every direction."""
@@ -152,27 +146,24 @@ class EnvironmentTable(TintedTable):
 
     @model_validator(mode="after")
     def _check(self) -> EnvironmentTable:
-        not_zero("up", self.up, "one that isn't zero")
-        if self.studio_W_m2_sr is not None:
-            for key, value in (("sky_W_m2_sr", self.sky_W_m2_sr), ("file", self.path),
-                               ("ground_W_m2_sr", self.ground_W_m2_sr)):  # fmt: skip
-                if value is not None:
-                    raise fault(key, "beside studio_W_m2_sr", value, "one of them")
-        elif self.path is None:
-            for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
-                if getattr(self, key) is None:
-                    raise fault(key, "missing", Words("neither file nor both radiances"),
-                                "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
-            if self.forward is not None:
-                raise fault("forward", "without file", self.forward, "a file beside it")
-            return self
+        studio = self.studio_W_m2_sr is not None
+        picture = "studio_W_m2_sr" if studio else "file" if self.path is not None else ""
+        if studio and self.path is not None:
+            raise fault("file", f"beside {picture}", self.path, "one of them")
         for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
-            if getattr(self, key) is not None:
-                raise fault(key, "beside file", getattr(self, key), "one of them")
+            value = getattr(self, key)
+            if picture and value is not None:
+                raise fault(key, f"beside {picture}", value, "one of them")
+            if not picture and value is None:
+                raise fault(key, "missing", Words("neither file nor both radiances"),
+                            "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
         if self.path is not None:
             known_suffix("picture", self.path, PANORAMA_SUFFIXES)
-        if self.forward is not None and parallel(self.up, self.forward):
-            raise fault("forward", "is along up, or zero", self.forward, "a vector across it")
+        if self.forward is not None:
+            if not picture:
+                raise fault("forward", "without file", self.forward, "a file beside it")
+            if parallel(self.up, self.forward):
+                raise fault("forward", "is along up", self.forward, "a vector across it")
         return self
 
 

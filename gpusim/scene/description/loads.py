@@ -16,9 +16,7 @@ from .table import (
     Vec3,
     Vector,
     Words,
-    each_once,
     fault,
-    not_zero,
 )
 
 Amplitude = tuple[float, ...]
@@ -103,26 +101,15 @@ class SupportTable(_Driven):
     type: Literal["fixed", "symmetry"] = "fixed"
     """"symmetry": flat faces don't move along their normal, which is x, y or z."""
     where: WhereTable
-    fix: Annotated[tuple[Axis, ...], Listed(1, 3)] = ("x", "y", "z")
+    fix: Annotated[tuple[Axis, ...], Listed(1, 3, different=True)] = ("x", "y", "z")
     """The directions in which the nodes are held."""
     displacement_mm: Vector = (0.0, 0.0, 0.0)
     """Where they are held, relative to the unloaded shape; scaled by the load factor."""
     amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
     """One factor per frame for displacement_mm; without it the analysis' load_factors."""
 
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """The directions in which the nodes are held, in order."""
-        return tuple(axis for axis in "xyz" if axis in self.fix)
-
-    @property
-    def symmetry(self) -> bool:
-        """Whether the faces' nodes are held along the faces' normal instead."""
-        return self.type == "symmetry"
-
     @model_validator(mode="after")
     def _check(self) -> SupportTable:
-        each_once("fix", "a direction twice", self.fix, "each of x, y, z at most once")
         if self.where.is_everything:
             raise fault(
                 "where", "selects the whole body", Words("{}"), "a set, a bound or a normal"
@@ -130,7 +117,7 @@ class SupportTable(_Driven):
         if self.amplitude_ is not None and not any(self.displacement_mm):
             raise fault("amplitude", "of a support that doesn't move", self.amplitude_,
                         "a displacement_mm that isn't zero")  # fmt: skip
-        if self.symmetry:
+        if self.type == "symmetry":
             for key in ("fix", "displacement_mm"):
                 if getattr(self, key) != type(self).model_fields[key].default:
                     raise fault(key, "given for a symmetry support", getattr(self, key),
@@ -155,20 +142,21 @@ class _Load(_Driven):
     """One factor per frame for this load; without it the analysis' load_factors."""
 
 
-class ForceTable(_Load):
+class _Force(_Load):
+    where: WhereTable
+    force_N: Vector
+
+
+class ForceTable(_Force):
     """A total force, spread evenly over the area of the faces."""
 
     type: Literal["force"]
-    where: WhereTable
-    force_N: Vector
 
 
-class NodalForceTable(_Load):
+class NodalForceTable(_Force):
     """The same force on every node."""
 
     type: Literal["nodal_force"]
-    where: WhereTable
-    force_N: Vector
 
 
 class LineForceTable(_Load):
@@ -212,11 +200,6 @@ class CentrifugalTable(_Load):
     axis: Direction = (0.0, 0.0, 1.0)
     speed_rpm: float
     """Turns per minute; the amplitude scales the force, not the speed."""
-
-    @model_validator(mode="after")
-    def _check(self) -> CentrifugalTable:
-        not_zero("axis", self.axis)
-        return self
 
 
 class ThermalTable(_Load):

@@ -18,7 +18,6 @@ from .table import (
     across,
     cross,
     fault,
-    not_zero,
     parallel,
     unit,
 )
@@ -79,8 +78,6 @@ class MaterialTable(Table):
         if self.shear_modulus_GPa is None:
             raise fault("shear_modulus_GPa", "missing", Words("nothing"),
                         "[G12, G23, G31] of the orthotropic material")  # fmt: skip
-        for key in ("axis_1", "axis_2"):
-            not_zero(key, getattr(self, key))
         if parallel(self.axis_1, self.axis_2):
             raise fault("axis_2", "parallel to axis_1", self.axis_2, "another direction")
         scaled = []

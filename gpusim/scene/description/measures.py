@@ -17,7 +17,6 @@ from .table import (
     SignedAxis,
     Table,
     Words,
-    each_once,
     fault,
     norm,
 )
@@ -56,9 +55,6 @@ class MarkerMeasureTable(MeasureTable):
     def _check(self) -> MarkerMeasureTable:
         if self.subset_px is not None and self.subset_px % 2 == 0:
             raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
-        for key, what in self.references.items():
-            if key != "camera":
-                each_once(key, f"the same {what} twice", getattr(self, key))
         return self
 
 
@@ -103,7 +99,7 @@ class StereoTable(MarkerMeasureTable):
     references = {"cameras": "camera", **MarkerMeasureTable.references}
     uses_calibration = True
 
-    cameras: Annotated[tuple[Name, ...], Listed(2)]
+    cameras: Annotated[tuple[Name, ...], Listed(2, different=True)]
     """The first one's coordinates are the rig's."""
     lens: Literal[
         "pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"

@@ -233,7 +233,16 @@ class BracketMeshTable(_Holed):
         return self
 
 
-class FileMeshTable(Table):
+class InFileUnitsTable(Table):
+    unit: FileUnit = "mm"
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file."""
+        return metres(self.unit)
+
+
+class FileMeshTable(InFileUnitsTable):
     """A mesh from a file, or a CAD file to be meshed (needs gmsh).
 
     Groups of the file are sets: Gmsh's physical groups, sets of Abaqus and Exodus, MED's groups;
@@ -265,12 +274,6 @@ class FileMeshTable(Table):
         """Whether the file has to be meshed."""
         return PurePath(self.path).suffix.lower() in CAD_SUFFIXES
 
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the file."""
-        step = PurePath(self.path).suffix.lower() in (".step", ".stp")
-        return metres("mm" if step else self.unit)
-
     @model_validator(mode="after")
     def _check(self) -> FileMeshTable:
         suffix = known_suffix("mesh file", self.path, MESH_SUFFIXES + CAD_SUFFIXES)
@@ -299,7 +302,7 @@ MeshTable = Annotated[
 ]
 
 
-class FieldMeshTable(Table):
+class FieldMeshTable(InFileUnitsTable):
     """Mesh and nodal displacements of a result file; nothing is solved.
 
     Frames between its times are interpolated linearly; a file whose first time is above 0 is taken
@@ -318,11 +321,6 @@ class FieldMeshTable(Table):
     Without it one with a usual name: displacement, disp, U, DISP."""
     magnify: Annotated[Length, Field(alias="scale")] = 1.0
     """Factor on the displacements, to show them larger than they are."""
-
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the file."""
-        return metres(self.unit)
 
     @model_validator(mode="after")
     def _check(self) -> FieldMeshTable:

@@ -8,7 +8,7 @@ horizontal.
 """
 
 from .camera import CameraTable
-from .ground import Bump, Finish, PaintedTable, PatternedTable
+from .ground import PaintedTable, PatternedTable
 from .lens import LensTable, Psf, ShutterTable, VignettingTable
 from .lights import (
     AmbientTable,

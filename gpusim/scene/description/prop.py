@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .mesh import MESH_SUFFIXES
+from .mesh import MESH_SUFFIXES, InFileUnitsTable
 from .paint import MarkersTable, Paint, PaintTable, not_by_uv
 from .table import (
     Direction,
@@ -21,11 +21,9 @@ from .table import (
     Words,
     across,
     cross,
-    each_once,
     fault,
     file_unit,
     known_suffix,
-    metres,
     parallel,
     unit,
 )
@@ -50,7 +48,8 @@ Poses = Annotated[tuple[PoseTable, ...], Listed(1, 10_000)]
 
 
 class _Prop(Table):
-    # it is built as described; `stand` is how it then stands, `origin` the point of poses (m)
+    # it is built as described; `position` and `rotation` say how it stands, as those of a pose do,
+    # and `origin` which point of it poses are about
     name: Name
     poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
@@ -65,9 +64,11 @@ class _Centred(_Prop):
     center_mm: Vector
 
     @property
-    def origin(self) -> Vec3:
-        """The point (m) that poses turn it about."""
+    def position(self) -> Vec3:
+        """Where it stands (m)."""
         return self.center
+
+    origin = position
 
 
 class PlateTable(_Centred):
@@ -75,6 +76,7 @@ class PlateTable(_Centred):
 
     type: Literal["plate"] = "plate"
     """Needn't be said."""
+    rotation: ClassVar[Vec3] = (0.0, 0.0, 0.0)
     normal: Direction
     """Out of its front."""
     up: Direction = (0.0, 0.0, 1.0)
@@ -88,15 +90,10 @@ class PlateTable(_Centred):
         """The one paint."""
         return self.paints[0]
 
-    @property
-    def stand(self) -> PoseTable:
-        """The pose in which it stands."""
-        return PoseTable.model_construct(position_mm=self.center_mm)
-
     @model_validator(mode="after")
     def _check(self) -> PlateTable:
         if parallel(self.normal, self.up):
-            raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
+            raise fault("up", "is along the normal", self.up, "a vector across it")
         not_by_uv(self.paints)
         paint = self.paint
         if not paint.where.is_everything:
@@ -142,13 +139,8 @@ class BoxTable(_Centred, _Shaped):
         not_by_uv(self.paints)
         return self
 
-    @property
-    def stand(self) -> PoseTable:
-        """The pose in which it stands."""
-        return PoseTable.model_construct(position_mm=self.center_mm, rotation_deg=self.rotation_deg)
 
-
-class ShapeTable(_Shaped):
+class ShapeTable(_Shaped, InFileUnitsTable):
     """A rigid thing of any shape: a mesh or a file of faces (.stl .ply .obj .off .glb .gltf)."""
 
     type: Literal["mesh"]
@@ -159,11 +151,6 @@ class ShapeTable(_Shaped):
     position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin is."""
     origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
-
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the file."""
-        return metres(self.unit)
 
     @model_validator(mode="before")
     @classmethod
@@ -177,13 +164,6 @@ class ShapeTable(_Shaped):
         if suffix not in TEXTURED_SUFFIXES:
             not_by_uv(self.paints)
         return self
-
-    @property
-    def stand(self) -> PoseTable:
-        """The pose in which it stands."""
-        return PoseTable.model_construct(
-            position_mm=self.position_mm, rotation_deg=self.rotation_deg
-        )
 
 
 Prop = PlateTable | BoxTable | ShapeTable
@@ -217,8 +197,6 @@ class CalibrationTable(Table):
 
     @model_validator(mode="after")
     def _check(self) -> CalibrationTable:
-        for key, names in (("cameras", self.cameras), ("show", self.show)):
-            each_once(key, "a name twice", names)
         if self.board in self.show:
             raise fault("show", "names the board, which is shown", self.show, "other props")
         return self

@@ -18,7 +18,14 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    model_validator,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 _SMALLEST, _LARGEST = 1e-30, 1e30
@@ -45,12 +52,30 @@ _WITH_UNIT = re.compile(rf"(.+?)_({'|'.join(UNITS)})")
 Vec3 = tuple[float, float, float]
 
 
-class Listed:
-    """Marks a tuple that is a list in the file, with the ``least`` and ``most`` items it may have;
-    a tuple of a fixed length says that itself."""
+class Words(str):
+    """What was got where it is no value of the file: "neither", "2 cameras"."""
 
-    def __init__(self, least: int | None = None, most: int | None = None) -> None:
-        self.least, self.most = least, most
+
+def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
+    """A fault between keys of one table; ``key`` is the one that is blamed ("": what is looked at,
+    the table or a value)."""
+    context = {"key": key, "problem": problem, "got": got, "expected": expected}
+    return PydanticCustomError("scene_fault", "{problem}", context)
+
+
+class Listed:
+    """Marks a tuple that is a list in the file, with the ``least`` and ``most`` items it may have
+    (a tuple of a fixed length says that itself), each once if they are ``different``."""
+
+    def __init__(
+        self, least: int | None = None, most: int | None = None, different: bool = False
+    ) -> None:
+        self.least, self.most, self.different = least, most, different
+
+    def _tuple(self, items: list[Any]) -> tuple[Any, ...]:
+        if self.different and len(set(items)) != len(items):
+            raise fault("", "has one twice", items, "each once")
+        return tuple(items)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -63,7 +88,7 @@ class Listed:
             max_length=fixed or self.most,
         )
         return core_schema.no_info_after_validator_function(
-            tuple,
+            self._tuple,
             listed,
             serialization=core_schema.wrap_serializer_function_ser_schema(
                 # of several types that a value may have, each is asked
@@ -73,16 +98,22 @@ class Listed:
         )
 
 
+def _with_direction(vector: Vec3) -> Vec3:
+    if not norm(vector) > 0:
+        raise fault("", "has no direction", vector, "a vector that isn't zero")
+    return vector
+
+
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
-Names = Annotated[tuple[Name, ...], Listed()]
-SeveralNames = Annotated[tuple[Name, ...], Listed(1)]
+Names = Annotated[tuple[Name, ...], Listed(different=True)]
+SeveralNames = Annotated[tuple[Name, ...], Listed(1, different=True)]
 Length = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=100_000)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Numbers = Annotated[tuple[float, ...], Listed()]
 Vector = Annotated[Vec3, Listed()]
-Direction = Vector
+Direction = Annotated[Vec3, Listed(), AfterValidator(_with_direction)]
 Pair = Annotated[tuple[float, float], Listed()]
 PositivePair = Annotated[tuple[Length, Length], Listed()]
 Axis = Literal["x", "y", "z"]
@@ -210,16 +241,6 @@ class Table(BaseModel):
         return self
 
 
-class Words(str):
-    """What was got where it is no value of the file: "neither", "2 cameras"."""
-
-
-def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
-    """A fault between keys of one table; ``key`` is the one that is blamed ("" for the table)."""
-    context = {"key": key, "problem": problem, "got": got, "expected": expected}
-    return PydanticCustomError("scene_fault", "{problem}", context)
-
-
 def _numbers(value: object) -> Iterator[float]:
     """The numbers of a value or of nested lists."""
     if isinstance(value, float | int):
@@ -227,18 +248,6 @@ def _numbers(value: object) -> Iterator[float]:
     elif isinstance(value, list | tuple):
         for item in value:
             yield from _numbers(item)
-
-
-def not_zero(key: str, direction: Vec3 | None, expected: str = "a vector that isn't zero") -> None:
-    """Raise a fault for a direction, if one is given, that is none."""
-    if direction is not None and not norm(direction) > 0:
-        raise fault(key, "has no direction", direction, expected)
-
-
-def each_once(key: str, problem: str, names: Collection[str], expected: str = "each once") -> None:
-    """Raise a fault for names of which one stands there twice."""
-    if len(set(names)) != len(names):
-        raise fault(key, problem, names, expected)
 
 
 def known_suffix(kind: str, file: str, known: Collection[str]) -> str:

@@ -22,6 +22,7 @@ from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.frames import frame_word
+from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.content.body_state import BodyState
@@ -57,9 +58,9 @@ class Content:
     _models: dict[int, Model] = field(default_factory=dict)
 
     @property
-    def background(self) -> float:
+    def background(self) -> Color:
         """Radiance where no surface is."""
-        return 0.0 if self.objects is None else self.objects.scene.render.background
+        return 0.0 if self.objects is None else color(self.objects.scene.render.background)
 
     def lens(self, number: int) -> Lens | None:
         """Of a camera of the scene."""

@@ -146,10 +146,10 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         ("camera.0.resolution_px.0", 5000, "camera.0.resolution_px", "aren't square"),
         ("camera.0.target_mm", [300.0, -1020.0, 290.0], "camera.0.target_mm", "is where"),
         ("camera.0.up", [0.0, -3.0, 0.0], "camera.0.up", "along the view"),
-        ("camera.0.up", [0.0, 0.0, 0.0], "camera.0.up", "along the view"),
+        ("camera.0.up", [0.0, 0.0, 0.0], "camera.0.up", "no direction"),
         ("light.0.target_mm", [-500.0, -2000.0, 100.0], "light.0.target_mm", "is where"),
         ("prop.0.up", [0.0, 2.0, 0.0], "prop.0.up", "along the normal"),
-        ("prop.0.normal", [0.0, 0.0, 0.0], "prop.0.up", "along the normal"),
+        ("prop.0.normal", [0.0, 0.0, 0.0], "prop.0.normal", "no direction"),
         ("prop.0.paint.0.where", {"normal": "-y"}, "prop.0.paint.0.where", "one face"),
         ("prop.0.paint.0.positions_mm.3.1", 149.0, "prop.0.paint.0.positions_mm.3", "off the"),
         ("prop.0.paint.0.positions_mm.4.0", 1198.0, "prop.0.paint.0.positions_mm.4", "edge"),
@@ -248,7 +248,7 @@ def test_gravity_needs_density(crane: Document) -> None:
 def test_support_moves_only_what_it_holds(crane: Document) -> None:
     changed = with_value(crane, "body.0.support.0.fix", ["z"])
     changed["body"][0]["support"][0]["displacement_mm"] = [0.0, 0.0, -5.0]
-    assert Scene.from_document(changed).bodies[0].supports[0].axes == ("z",)
+    assert Scene.from_document(changed).bodies[0].supports[0].fix == ("z",)
     changed["body"][0]["support"][0]["displacement_mm"] = [1.0, 0.0, -5.0]
     assert set(faults(changed)) == {"body.0.support.0.displacement_mm"}
 
