@@ -172,23 +172,19 @@ class CameraTable(Table):
 
     def _check_blur(self) -> None:
         """What blurs needs lengths on the sensor."""
-        focus = None if self.lens is None else self.lens.focus_distance_mm
-        size = self.size_mm()
-        pitch = None if size is None else size[0] / self.resolution_px[0]
-        focal = self.focal_mm
-        if focal is None and self.fx_px is not None and pitch is not None:
-            focal = self.fx_px * pitch
-        named = None if self.lens is None else self.lens.focal_mm
-        if focus is not None and focal is None and named is None:
-            # a calibration file says fx in pixels
-            if self.calibration is None or pitch is None:
-                raise fault("lens.focus_distance_mm", "needs the width of the aperture", focus,
-                            "lens.focal_mm as it stands on the lens, or pixel_um")  # fmt: skip
-        focal = focal if named is None else named
-        if focus is not None and focal is not None and not focus > focal:
-            raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
-        spread = None if self.lens is None else self.lens.psf
-        if getattr(spread, "type", "") == "airy" and pitch is None:
+        if self.lens is None:
+            return
+        focus = self.lens.focus_distance
+        focal, width = self.lens.focal or self.focal, self.sensor[0]
+        # a calibration file says fx in pixels
+        if focus is not None and not focal and not (self.calibration is not None and width):
+            raise fault("lens.focus_distance_mm", "needs the width of the aperture",
+                        self.lens.focus_distance_mm,
+                        "lens.focal_mm as it stands on the lens, or pixel_um")  # fmt: skip
+        if focus is not None and focal and not focus > focal:
+            raise fault("lens.focus_distance_mm", "inside the lens", self.lens.focus_distance_mm,
+                        "more than focal_mm")  # fmt: skip
+        if self.lens.psf is not None and self.lens.psf.type == "airy" and not width:
             raise fault(
                 "lens.psf", "needs lengths on the sensor", Words("airy"), "sensor_mm or pixel_um"
             )

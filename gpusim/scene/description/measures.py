@@ -19,6 +19,7 @@ from .table import (
     Words,
     fault,
     norm,
+    tables_of,
 )
 
 
@@ -73,9 +74,9 @@ class DeflectionTable(MarkerMeasureTable):
         cls, entry: Mapping[str, Any], document: Mapping[str, Any]
     ) -> Iterator[MeasureFault]:
         """One camera can't measure along its own axis."""
-        direction, cameras = entry.get("direction"), document.get("camera")
-        for camera in cameras if isinstance(cameras, list) else ():
-            if not isinstance(camera, Mapping) or camera.get("name") != entry.get("camera"):
+        direction = entry.get("direction")
+        for _, camera in tables_of(document, "camera"):
+            if camera.get("name") != entry.get("camera"):
                 continue
             ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
             if not (ends[0] and ends[1]) or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):

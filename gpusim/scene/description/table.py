@@ -12,7 +12,7 @@ import inspect
 import math
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import PurePath
@@ -248,6 +248,14 @@ def _numbers(value: object) -> Iterator[float]:
     elif isinstance(value, list | tuple):
         for item in value:
             yield from _numbers(item)
+
+
+def tables_of(document: Mapping[str, Any], key: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    """The tables of a list in a plain document, with their places; what is none is left out."""
+    items = document.get(key)
+    for place, item in enumerate(items if isinstance(items, list) else ()):
+        if isinstance(item, dict):
+            yield place, item
 
 
 def known_suffix(kind: str, file: str, known: Collection[str]) -> str:
