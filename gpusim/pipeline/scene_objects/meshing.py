@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,15 @@ BUILDERS: dict[type, Callable[..., Mesh]] = {
     m.PlateMeshTable: mesh.plate_with_hole,
     m.BracketMeshTable: mesh.bracket,
 }
+
+
+@contextmanager
+def naming_place(where: str) -> Iterator[None]:
+    """Say of which entry of the scene an error is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
@@ -144,14 +154,14 @@ def faces_of(grid: Mesh, faces: Faces, where: m.WhereTable) -> Faces:
         raise _none_found("faces", where, grid.points) from error
 
 
-def surface_faces_of(points: Float, faces: Int, where: m.WhereTable, told: str) -> Long:
+def surface_faces_of(points: Float, faces: Int, where: m.WhereTable) -> Long:
     """Numbers of the faces (F, 4) of a surface without solids, by bounds and outward normal.
 
     Raises InputError if there are none, or the surface is asked for a named set.
     """
     if where.set is not None:
-        raise InputError(f"{told}: where; got set {where.set!r}; expected bounds or a normal: a "
-                         "file of faces has no sets")  # fmt: skip
+        raise InputError(f"where; got set {where.set!r}; expected bounds or a normal: a file of "
+                         "faces has no sets")  # fmt: skip
     inside = _within(points, where)
     keep = (inside[np.maximum(faces, 0)] | (faces < 0)).all(axis=1)
     if where.normal is not None:
@@ -159,7 +169,7 @@ def surface_faces_of(points: Float, faces: Int, where: m.WhereTable, told: str) 
         along = normals[:, "xyz".index(where.normal[1])] * (1 if where.normal[0] == "+" else -1)
         keep &= along >= np.cos(_FACING) * np.linalg.norm(normals, axis=1)
     if not keep.any():
-        raise InputError(f"{told}: {_none_found('faces', where, points)}")
+        raise _none_found("faces", where, points)
     return np.flatnonzero(keep)
 
 

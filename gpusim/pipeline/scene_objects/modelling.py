@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +12,7 @@ from gpusim import fem
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.model.supports import check_supports
-from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, nodes_of
+from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, naming_place, nodes_of
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
@@ -87,7 +86,7 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
     for case, group in enumerate(groups):
         for index, factor in group.loads:
             load = body.loads[index]
-            with _naming_place(f"body {body.name!r}, load {load.name!r}"):
+            with naming_place(f"body {body.name!r}, load {load.name!r}"):
                 forces[case] += factor * _load(parts, materials, of_cell, load)
         for index, factor in group.supports:
             mine = held.support == index
@@ -101,7 +100,7 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
         prescribed=prescribed[0] if one else prescribed,
         forces=forces[0] if one else forces,
     )
-    with _naming_place(f"body {body.name!r}"):
+    with naming_place(f"body {body.name!r}"):
         check_supports(model)
     return BodyModel(model, held.support)
 
@@ -115,15 +114,6 @@ def temperature(body: m.Body, frame: int | None) -> float:
     )
 
 
-@contextmanager
-def _naming_place(where: str) -> Iterator[None]:
-    """Say of which entry of the scene an error is."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
     """``moves``: equal for supports that move alike."""
     body, grid = parts.body, parts.mesh
@@ -132,7 +122,7 @@ def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
     for number, support in enumerate(body.supports):
         where = f"body {body.name!r}, support {support.name!r}"
         chosen = np.zeros((grid.node_count, 3), bool)
-        with _naming_place(where):
+        with naming_place(where):
             if support.type == "symmetry":
                 chosen = fem.symmetry(grid, faces_of(grid, parts.skin.faces, support.where))
             else:
@@ -168,7 +158,7 @@ def _materials(parts: MeshedBody) -> tuple[list[fem.Material], Int]:
     materials: list[fem.Material] = [build_material(body.material)]
     of_cell = np.zeros(parts.mesh.cell_count, np.int32)
     for number, part in enumerate(body.parts):
-        with _naming_place(f"body {body.name!r}, part {number} of {part.material.name!r}"):
+        with naming_place(f"body {body.name!r}, part {number} of {part.material.name!r}"):
             cells = cells_of(parts.mesh, part.where)
         of_cell[cells] = len(materials)
         materials.append(build_material(part.material))

@@ -22,6 +22,7 @@ from gpusim.mesh.formats.textures import FileMaterial, TexturedSurface
 from gpusim.pipeline.scene_objects.meshing import (
     build_mesh,
     faces_of,
+    naming_place,
     read_given_field,
     surface_faces_of,
 )
@@ -83,38 +84,31 @@ def build_pattern(
     paint: m.Pattern, frame: Frame, where: str, read: Reader = read_input
 ) -> paints.Paint:
     """The paint of a region; ``where`` names it in errors, ``read`` reads its picture."""
-    try:
-        return _pattern(paint, frame, where, read)
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
+    with naming_place(where):
+        values = {**paint.values, **finish_of(paint)}
+        if isinstance(paint, m.SpeckleTable):
+            return paints.Speckle(**values)
+        assert not isinstance(frame, Atlas)  # nothing but speckle is unfolded
+        if isinstance(paint, m.MarkersTable):
+            _check_markers(paint, frame)
+        places = frame.coordinates(np.array(paint.places))
+        if paint.type in MIDDLES:
+            return MIDDLES[paint.type](places, **values)
+        s, t = (float(value) for value in places[0])
+        if isinstance(paint, m.PictureTable):
+            assert paint.path is not None  # it isn't laid by UV
+            return paints.Image.read(read(paint.path), origin=(s, t), **values)
+        return CORNERS[paint.type](origin=(s, t), **values)
 
 
-def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints.Paint:
-    values = {**paint.values, **finish_of(paint)}
-    if isinstance(paint, m.SpeckleTable):
-        return paints.Speckle(**values)
-    assert not isinstance(frame, Atlas)  # nothing but speckle is unfolded
-    if isinstance(paint, m.MarkersTable):
-        _check_markers(paint, frame, where)
-    places = frame.coordinates(np.array(paint.places))
-    if paint.type in MIDDLES:
-        return MIDDLES[paint.type](places, **values)
-    s, t = (float(value) for value in places[0])
-    if isinstance(paint, m.PictureTable):
-        assert paint.path is not None  # it isn't laid by UV
-        return paints.Image.read(read(paint.path), origin=(s, t), **values)
-    return CORNERS[paint.type](origin=(s, t), **values)
-
-
-def _check_markers(paint: m.MarkersTable, frame: PaintFrame | CylinderFrame, where: str) -> None:
+def _check_markers(paint: m.MarkersTable, frame: PaintFrame | CylinderFrame) -> None:
     """Raise InputError for a marker that isn't on the painted faces."""
     off = _distance(frame, np.array(paint.places))
     bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
     if len(bad):
         marker = paint.markers[bad[0]]
         raise InputError(
-            f"{where}: marker {marker.name!r}; got position {list(marker.position)} m, "
+            f"marker {marker.name!r}; got position {list(marker.position)} m, "
             f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
         )
 
@@ -173,11 +167,8 @@ def _painted_skin(
     """The painted surface, of that ``name``, of a skin; ``where`` says in errors what it is of."""
     region = np.zeros(len(skin.faces), np.int32)
     for number, paint in enumerate(patterns, start=1):
-        try:
-            painted = faces_of(skin.mesh, skin.faces, paint.where)
-        except InputError as error:
-            raise InputError(f"{where}, paint {paint.name!r}: {error}") from None
-        region[skin.numbers(painted)] = number
+        with naming_place(f"{where}, paint {paint.name!r}"):
+            region[skin.numbers(faces_of(skin.mesh, skin.faces, paint.where))] = number
     rest, pieces = skin.at_vertices(skin.mesh.points), region[skin.face_of_piece]
     found, frames = _painted(where, patterns, rest, skin.pieces, pieces, read)
     return skin.surface(found, region, frames, name)
@@ -254,8 +245,8 @@ def _faces(prop: m.ShapeTable, read: Reader) -> Surface:
     points = points * prop.scale
     region, where = np.zeros(len(faces), np.int32), f"prop {prop.name!r}"
     for number, paint in enumerate(prop.paints, start=1):
-        place = f"{where}, paint {paint.name!r}"
-        region[surface_faces_of(points, faces, paint.where, place)] = number
+        with naming_place(f"{where}, paint {paint.name!r}"):
+            region[surface_faces_of(points, faces, paint.where)] = number
     found, frames = _painted(where, prop.paints, points, faces, region, read)
     for paint in by_uv:
         assert look is not None
@@ -320,15 +311,13 @@ def _by_uv(
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
     wanted = np.isin(source, own)
-    try:
+    with naming_place(where):
         picture = paints.Image.read(
             material.picture, 1.0, dark=dark, light=light, ground=paint.albedo, gamma=paint.gamma,
             channels=paint.channels, **finish,
         )  # fmt: skip
         uv = surface.uv.reshape(-1, 2)[triangles[wanted]]
         picture, places = textured(picture, uv, material.wrap)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     st = np.full((len(triangles), 3, 2), np.nan)
     st[wanted] = places
     return picture, Atlas(st)
