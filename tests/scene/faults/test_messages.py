@@ -52,7 +52,7 @@ def told(scene: Scene, path: str, value: Any) -> str:
         ("body.0.paint.1.albedo", [0.1, 0.2, 1.5], "albedo: out of range; got [0.1, 0.2, 1.5]"),
         ("body.0.paint.1.albedo", [0.1, 0.2, True], "albedo: wrong type; got [0.1, 0.2, true]"),
         ("light.0.temperature_K", 700.0, "light.lamp-near.temperature_K: out of range; got 700.0; "
-         "expected >= 800"),
+         "expected a number from 800 to 40000"),
         ("light.0.temperature", 3000.0, "temperature: unknown key (did you mean temperature_K?)"),
         ("light.0.color", "#000000", "light.lamp-near.color: no light at all; got \"#000000\""),
         ("render.background", [0.1, -0.2, 0.1], "render.background: out of range; got [0.1, -0.2, "
