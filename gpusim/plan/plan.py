@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from gpusim.graph.stage import digest
 from gpusim.plan.decision import Decision, PublicStage, decide, states_of
 from gpusim.plan.machine_speed import Speed, Workload
+from gpusim.plan.scene_stages import TARGET
 from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
@@ -84,6 +83,7 @@ class _ScenePlan:
         self.scene, self.place, self.decision = scene, place, decision
         self.speed, self.compiled = speed, compiled
         self.frames = decision.stages[place].frames
+        self.seen: set[str] = set()  # radiances of the pictures before
         self.cost = cost_of.estimate(scene)
         self.details = cost_of.describe(scene)
         states = [state for shown in (one.shown for one in self.frames) for state in shown.states]
@@ -92,22 +92,7 @@ class _ScenePlan:
             self.details["solve"] += f", {cases} load cases"
 
     def plan(self) -> Plan:
-        public = self.decision.public(self.place)
-        cameras = {camera.name: camera for camera in self.scene.cameras}
-        stages = [self._stage(one) for one in public if not one.name.startswith("render/")]
-        pictures: list[PlannedStage] = []
-        for name, camera in cameras.items():
-            pictures += self._pictures(camera, [
-                one for one in public
-                if one.name.startswith(f"render/{name}/") and not _is_target(one.name)
-            ])  # fmt: skip
-        for name, camera in cameras.items():
-            pictures += self._targets(camera, [
-                one for one in public
-                if one.name.startswith(f"render/{name}/") and _is_target(one.name)
-            ])  # fmt: skip
-        before = next((k for k, one in enumerate(stages) if one.name == "truth"), len(stages))
-        stages[before:before] = pictures
+        stages = [self._stage(one) for one in self.decision.public(self.place)]
         everything = [stage.key for stage in stages]
         _, seconds = self.cost["report"]
         stages.append(
@@ -120,32 +105,36 @@ class _ScenePlan:
             stages = timed(stages, works, self.speed)
         return Plan(self.scene.name, "", tuple(stages), works=tuple(works.values()))
 
-    def _stage(self, public: PublicStage, **picture: Any) -> PlannedStage:
-        """With its cost, which counts only if it is run; of a ``picture``: which."""
-        kind = public.name.split("/")[0]
+    def _stage(self, public: PublicStage) -> PlannedStage:
+        """With its cost, which counts only if it is run."""
+        kind, *picture = public.name.split("/")
         memory, seconds = self.cost[kind] if public.runs else (0, 0.0)
         detail = self.details.get(kind, "") if public.runs else ""
         key = digest([public.name, [task.key for task in public.tasks]])
-        return PlannedStage(
-            public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds,
-            **picture,
-        )  # fmt: skip
+        stage = PlannedStage(
+            public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds
+        )
+        return self._picture(stage, *picture) if picture else stage
 
-    def _pictures(self, camera: CameraTable, public: Sequence[PublicStage]) -> list[PlannedStage]:
-        effects, seen, stages = cost_of.effects(self.scene, camera), set[str](), []
-        radiance = self.decision.graph.records[self.place][f"radiance/{camera.name}"]
-        columns, rows = camera.resolution
-        for number, one in enumerate(public):
-            stage = self._stage(one, camera=camera.name, frame=number)
-            if stage.runs:
-                what, seconds = self._words(self.frames[number].shown, number), stage.seconds
-                if radiance[number] in seen and self.decision.options.skip:
-                    what += " as before: exposed again"
-                    seconds = 0.05 + 5e-8 * columns * rows
-                stage = self._described(stage, camera, seconds, f"{effects}, {what}")
-            seen.add(radiance[number])
-            stages.append(stage)
-        return stages
+    def _picture(self, stage: PlannedStage, name: str, number: str) -> PlannedStage:
+        """Of a frame, or of a calibration target, by the camera of that ``name``."""
+        camera = next(one for one in self.scene.cameras if one.name == name)
+        if number.startswith(TARGET):
+            stage = replace(stage, camera=name, pose=int(number.removeprefix(TARGET)))
+            what = "target and its corners" if self.scene.measures_space else "target"
+            seconds = cost_of.target_seconds(camera)
+            return self._described(stage, camera, seconds, what) if stage.runs else stage
+        frame = int(number)
+        radiance = self.decision.graph.records[self.place][f"radiance/{name}"][frame]
+        what, seconds = self._words(self.frames[frame].shown, frame), stage.seconds
+        if radiance in self.seen and self.decision.options.skip:
+            what += " as before: exposed again"
+            columns, rows = camera.resolution
+            seconds = 0.05 + 5e-8 * columns * rows
+        self.seen.add(radiance)
+        stage = replace(stage, camera=name, frame=frame)
+        what = f"{cost_of.effects(self.scene, camera)}, {what}"
+        return self._described(stage, camera, seconds, what) if stage.runs else stage
 
     def _words(self, shown: Shown, number: int) -> str:
         """The different weights of a frame, in the order in which bodies have them."""
@@ -153,16 +142,6 @@ class _ScenePlan:
         weights = list(dict.fromkeys(weights)) or [self.frames[number].factor]
         word = "time" if kind_of(self.scene).type.given else "load x"
         return f"{word} {', '.join(f'{weight:g}' for weight in weights)}"
-
-    def _targets(self, camera: CameraTable, public: Sequence[PublicStage]) -> list[PlannedStage]:
-        stages = []
-        for pose, one in enumerate(public):
-            stage = self._stage(one, camera=camera.name, pose=pose)
-            if stage.runs:
-                what = "target and its corners" if self.scene.measures_space else "target"
-                stage = self._described(stage, camera, cost_of.target_seconds(camera), what)
-            stages.append(stage)
-        return stages
 
     def _described(
         self, stage: PlannedStage, camera: CameraTable, seconds: float, what: str
@@ -197,7 +176,3 @@ class _ScenePlan:
         ]
         measures = [type(measure).__name__ for measure in scene.measures]
         return "; ".join([*self.details.values(), *cameras, *measures, str(len(self.frames))])
-
-
-def _is_target(name: str) -> bool:
-    return name.rsplit("/", 1)[-1].startswith("calib-")

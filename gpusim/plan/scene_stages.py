@@ -24,6 +24,8 @@ PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
 )  # fmt: skip
 """Kinds of stages that plans and reports show, in their order; a report ends them."""
+TARGET = "calib-"
+"""How numbers of a calibration target's pictures begin."""
 _NONE = "not asked for"
 _SEEN = ("camera", "light", "prop", "body", "analysis", "measure", "calibration", "sensor.response")
 
@@ -112,8 +114,8 @@ def _targets(build: StageBuilder, camera: str) -> Iterator[Stage]:
     ]
     sections = [f"camera.{camera}", "light", "render", "prop.still", "sensor.response"]
     yield build.stage(f"target/{camera}", "images:target", sections, {"props": first}, rows,
-                      f"render/{camera}/calib-{{:04d}}", on_device=True)  # fmt: skip
-    yield from _exposed(build, camera, f"target/{camera}", len(rows), "calib-")
+                      f"render/{camera}/{TARGET}{{:04d}}", on_device=True)  # fmt: skip
+    yield from _exposed(build, camera, f"target/{camera}", len(rows), TARGET)
 
 
 def _exposed(
@@ -169,7 +171,7 @@ def _measured(
         frames.setdefault(f"picture/{camera}", []).append(frame)
     needs = whole | {stage: partial(_these, numbers) for stage, numbers in frames.items()}
     if spec.uses_calibration:
-        needs = needs | {f"calib-picture/{camera}": None for camera in spec.views}
+        needs = needs | {f"{TARGET}picture/{camera}": None for camera in spec.views}
     yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
                       "measure", keeps=True)  # fmt: skip
 

@@ -59,7 +59,7 @@ def describe(scene: Scene) -> dict[str, str]:
     lit += f", shadows of {casting}" if casting else ", no shadows" if lights else ""
     if any(getattr(light, "occlusion", False) for light in scene.lights):
         lit += ", surroundings hidden by surfaces"
-    if lights and any(paint.finish.bump for paint in _paints(scene)):
+    if lights and any(paint.bump for paint in _paints(scene)):
         lit += ", fine relief"
     if in_color(scene):
         lit += ", light and paint in colour"
@@ -90,8 +90,8 @@ def compiled_for(scene: Scene, camera: CameraTable) -> dict[str, float]:
         "drawing": True,
         "light": bool(scene.lights),
         "shadows": any(getattr(light, "shadows", False) for light in scene.lights),
-        "gloss": bool(scene.lights) and any(paint.finish.roughness < 1.0 for paint in paints),
-        "bump": bool(scene.lights) and any(paint.finish.bump for paint in paints),
+        "gloss": bool(scene.lights) and any(paint.roughness < 1.0 for paint in paints),
+        "bump": bool(scene.lights) and any(paint.bump for paint in paints),
         "lens": camera.lens is not None,
         "occlusion": any(getattr(light, "occlusion", False) for light in scene.lights),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from gpusim.files.input_file import (
     read_input,
     read_series,
 )
+from gpusim.scene.description.table import tables_of
 from gpusim.scene.faults.faults import unread
 from gpusim.scene.faults.key_paths import Keys, dotted
 
@@ -31,7 +32,7 @@ def find_files(
     What isn't of the right shape is left to the schema.
     """
     files = _Files(folder, known)
-    for index, body in _tables(document, "body"):
+    for index, body in tables_of(document, "body"):
         files.enter_pictures(body, ("body", index))
         for key, expected in (("mesh", "a mesh or CAD file"), ("field", "a result file")):
             table = body.get(key)
@@ -42,23 +43,16 @@ def find_files(
                 if table["builder"] != "file":
                     continue
             files.enter(table, ("body", index, key, "file"), expected)
-    for index, prop in _tables(document, "prop"):
+    for index, prop in tables_of(document, "prop"):
         files.enter_pictures(prop, ("prop", index))
         prop.setdefault("type", "plate")
         if prop["type"] == "mesh":
             files.enter(prop, ("prop", index, "file"), "a file of faces or a mesh")
-    for index, camera in _tables(document, "camera"):
+    for index, camera in tables_of(document, "camera"):
         files.enter(camera, ("camera", index, "calibration"), "a calibration file")
-    for index, light in _tables(document, "light"):
+    for index, light in tables_of(document, "light"):
         files.enter(light, ("light", index, "file"), "a picture of radiances")
     return files.faults, tuple(sorted(files.hashes.items()))
-
-
-def _tables(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, dict[str, Any]]]:
-    items = table.get(key)
-    for index, item in enumerate(items if isinstance(items, list) else ()):
-        if isinstance(item, dict):
-            yield index, item
 
 
 class _Files:
@@ -83,7 +77,7 @@ class _Files:
 
     def enter_pictures(self, painted: dict[str, Any], keys: Keys) -> None:
         """The bitmaps that a body or prop is painted with."""
-        for place, paint in _tables(painted, "paint"):
+        for place, paint in tables_of(painted, "paint"):
             self.enter(paint, (*keys, "paint", place, "file"), "a PNG or TIFF")
 
     def _hash(self, path: Path, expected: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from gpusim.errors import InputError
 from gpusim.scene.description.measure_table import TABLES, MeasureTable
 from gpusim.scene.description.scene_table import SceneTable
+from gpusim.scene.description.table import tables_of
 from gpusim.scene.faults import schema_places
 
 GROUP = "gpusim.measurements"
@@ -34,9 +35,8 @@ def add_kind(table: type[MeasureTable]) -> None:
 
 def load_kinds(document: Mapping[str, Any]) -> None:
     """Import what registers the types of a scene's measures that aren't known yet."""
-    measures = document.get("measure")
-    for entry in measures if isinstance(measures, list) else ():
-        kind = entry.get("type") if isinstance(entry, Mapping) else None
+    for _, entry in tables_of(document, "measure"):
+        kind = entry.get("type")
         if isinstance(kind, str) and kind not in TABLES:
             for point in entry_points(group=GROUP, name=kind):
                 point.load()

@@ -16,14 +16,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from gpusim.scene.description.model import Body, CameraTable, OutputTable, SensorTable
-from gpusim.scene.scene import Scene
+from gpusim.scene.scene import SECTIONS, Scene
 
-_WHOLE = {
-    "name": "name", "analysis": "analysis", "solver": "solver", "light": "lights",
-    "render": "render", "sensor": "sensor", "camera": "cameras", "prop": "props", "body": "bodies",
-    "calibration": "calibration", "output": "output", "measure": "measures", "variant": "variants",
-}  # fmt: skip
-"""Sections of the file, and what a `Scene` calls them."""
 _OF_BODY = {
     "mesh": ("mesh",),
     "paint": ("paints",),
@@ -77,7 +71,7 @@ class SceneParts:
         known["files"] = self._scene.files if is_read else ()
         for section, value in values.items():
             head = section.split(".")[0]
-            _enter(known, _WHOLE[head], value)
+            _enter(known, SECTIONS[head], value)
         for name, value in known.items():
             object.__setattr__(part, name, value)
         return Part(part, {section: self._digest(text) for section, text in texts.items()})
@@ -93,7 +87,7 @@ class SceneParts:
 
     def _value(self, section: str, sections: tuple[str, ...]) -> Any:
         head, *rest = section.split(".")
-        whole = getattr(self._scene, _WHOLE[head])
+        whole = getattr(self._scene, SECTIONS[head])
         if section == "sensor.response":
             return _response(whole)
         if section == "prop.still":

@@ -60,15 +60,10 @@ def _warnings(scene: Scene) -> Iterator[str]:
         yield from _camera(camera)
 
 
-def _material(material: m.Material) -> Iterator[str]:
+def _material(material: m.MaterialTable) -> Iterator[str]:
     name = f"material {material.name}"
-    if isinstance(material, m.Isotropic):
-        moduli: tuple[float, ...] = (material.youngs_modulus,)
-        expansions: tuple[float, ...] = (material.expansion,)
-    else:
-        moduli = (*material.youngs_moduli, *material.shear_moduli)
-        expansions = material.expansion
-    for modulus in moduli:
+    expansions = _each(material.expansion)
+    for modulus in (*_each(material.youngs_modulus), *(material.shear_modulus or ())):
         if not _MODULUS[0] <= modulus <= _MODULUS[1]:
             yield (
                 f"{name}: no material has a modulus of {modulus / 1e9:g} GPa (they have "
@@ -122,7 +117,8 @@ def _loads(body: m.Body, size: m.Vec3) -> Iterator[str]:
     Estimates from the body's bounding box: they are low, bending strains more.
     """
     materials = [body.material, *(part.material for part in body.parts)]
-    stiffness = max((_modulus(one) for one in materials if one is not None), default=0.0)
+    moduli = [max(_each(one.youngs_modulus)) for one in materials if one is not None]
+    stiffness = max(moduli, default=0.0)
     if not stiffness > 0.0:
         return
     density = max(one.density for one in materials if one is not None)
@@ -146,7 +142,7 @@ def _loads(body: m.Body, size: m.Vec3) -> Iterator[str]:
             stress, what = density * g * longest, f"{g:.3g} m/s2"
         elif isinstance(load, m.CentrifugalTable):
             # about an axis that may be far away: the body's own length is the least radius
-            stress, what = density * (load.omega * longest) ** 2 * most, f"{load.omega:.3g} rad/s"
+            stress, what = density * (load.speed * longest) ** 2 * most, f"{load.speed:.3g} rad/s"
         elif isinstance(load, m.PressureTable):
             stress, what = abs(load.pressure) * most, f"{load.pressure * most / 1e6:.3g} MPa"
         elif isinstance(load, m.TractionTable):
@@ -174,10 +170,9 @@ def _most(amplitude: m.Amplitude) -> float:
     return max(map(abs, amplitude), default=0.0)
 
 
-def _modulus(material: m.Material) -> float:
-    if isinstance(material, m.Isotropic):
-        return material.youngs_modulus
-    return max(material.youngs_moduli)
+def _each(value: float | m.Vec3) -> tuple[float, ...]:
+    """Along each axis of a material, or along any."""
+    return value if isinstance(value, tuple) else (value,)
 
 
 def _camera(camera: m.CameraTable) -> Iterator[str]:

@@ -41,6 +41,14 @@ from .toml_text import document_fault, parse_toml, size_fault, toml_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+SECTIONS = {
+    "name": "name", "description": "description", "material": "materials", "body": "bodies",
+    "prop": "props", "analysis": "analysis", "solver": "solver", "camera": "cameras",
+    "light": "lights", "render": "render", "sensor": "sensor", "measure": "measures",
+    "variant": "variants", "output": "output", "calibration": "calibration",
+}  # fmt: skip
+"""Sections of the file, and what a `Scene` calls them."""
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -59,7 +67,7 @@ class Scene:
 
     name: str
     description: str
-    materials: tuple[model.Material, ...]
+    materials: tuple[model.MaterialTable, ...]
     bodies: tuple[model.Body, ...]
     props: tuple[model.Prop, ...]
     analysis: model.AnalysisTable
@@ -132,29 +140,12 @@ class Scene:
     @classmethod
     def _of_table(cls, table: SceneTable, source: str, files: tuple[tuple[str, str], ...]) -> Scene:
         """What a table without faults says, bodies with the materials that they name."""
-        materials = {entry.name: entry.resolved() for entry in table.material}
+        materials = {entry.name: entry for entry in table.material}
         factors = table.analysis.load_factors
+        said = {name: getattr(table, section) for section, name in SECTIONS.items()}
+        said["bodies"] = tuple(entry.resolved(materials, factors) for entry in table.body)
         content = table.model_dump(mode="json", by_alias=True, exclude_none=True)
-        return cls(
-            name=table.name,
-            description=table.description,
-            materials=tuple(materials.values()),
-            bodies=tuple(entry.resolved(materials, factors) for entry in table.body),
-            props=table.prop,
-            analysis=table.analysis,
-            solver=table.solver,
-            cameras=table.camera,
-            lights=table.light,
-            render=table.render,
-            sensor=table.sensor,
-            measures=table.measure,
-            variants=table.variant,
-            output=table.output,
-            calibration=table.calibration,
-            content=json.dumps(content),
-            source=source,
-            files=files,
-        )
+        return cls(**said, content=json.dumps(content), source=source, files=files)
 
     def _repr_html_(self) -> str | None:
         return notebook_html("scene", self)

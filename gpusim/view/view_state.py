@@ -16,6 +16,7 @@ from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.scene.description.table import FileUnit
+from gpusim.surface.color import Color
 from gpusim.view.camera_marks import defocus_tint
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content
@@ -287,7 +288,7 @@ class ViewState:
             return
         camera, _, _ = self.camera()
         lights: Sequence[Light] = headlight(camera.camera_from_world[:3, :3])
-        background = BACKDROP
+        background: Color = BACKDROP
         if self.shown["light"] and self.content.lights is not None:
             lights, background = self.content.lights, self.content.background
             if self.through is None:  # no black void around what is walked round

@@ -27,7 +27,10 @@ def crane(checkout: Path) -> Scene:
 
 def test_the_crane_in_si(crane: Scene) -> None:
     body = crane.bodies[0]
-    assert body.material == model.Isotropic("steel", 210e9, 0.3, 7850.0, 0.0)
+    steel = body.material
+    assert steel is not None and (steel.name, steel.type) == ("steel", "isotropic")
+    assert (steel.youngs_modulus, steel.poissons_ratio) == (210e9, 0.3)
+    assert (steel.density, steel.expansion) == (7850.0, 0.0)
     mesh = body.mesh
     assert isinstance(mesh, model.CraneMeshTable)
     assert (mesh.height, mesh.foot, mesh.length, mesh.width) == (0.562, 0.070, 0.597, 0.040)
@@ -181,7 +184,7 @@ def test_other_paints_lights_and_loads() -> None:
     assert isinstance(body.mesh, model.BoxMeshTable)
     assert (body.mesh.size, body.mesh.divisions) == ((0.01, 0.02, 0.03), (1, 2, 3))
     assert body.mesh.origin == (0.0, 0.0, 0.0)
-    assert body.supports[0].axes == ("x", "z")
+    assert body.supports[0].fix == ("z", "x")
     assert body.supports[0].displacement == (0.0, 0.0, 0.002)
     assert body.supports[0].where.tolerance == 0.0005
     pressure, traction, nodal, gravity = body.loads

@@ -12,6 +12,7 @@ import pytest
 import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.scene.toml_text import toml_text
+from gpusim.surface.color import color
 from gpusim.view.content.loading import load_content
 from gpusim.view.keys import KEYS
 from gpusim.view.picture.moving_picture import moving_picture
@@ -41,6 +42,18 @@ def test_a_screenshot_is_what_render_shows(viewer: Viewer) -> None:
     difference = np.abs(picture[free].astype(float) - wanted[free][..., None])
     assert wanted[free].std() > 20.0
     assert (difference <= 1.0).mean() > 0.999 and difference.max() <= 3.0
+
+
+def test_a_background_may_be_said_in_hexadecimal_digits(device: Device, tmp_path: Path) -> None:
+    path = tmp_path / "bar.toml"
+    document = {**DOCUMENT, "light": LIGHT, "render": {"background": "#204060"}}
+    path.write_text(toml_text(document), encoding="utf-8")
+    viewer = Viewer(device, path, SIZE, solve=False)
+    viewer.look_through(0)
+    screenshot(viewer)
+    shot = viewer.picture.shot
+    assert viewer.fault == "" and shot is not None and shot.background == color("#204060")
+    viewer.close()
 
 
 def test_looking_through_a_camera_of_the_scene(viewer: Viewer) -> None:

@@ -31,14 +31,9 @@ def board_of(scene: Scene) -> Board | None:
     paint = prop.paints[0] if prop.paints else None
     if isinstance(paint, m.CheckerTable):
         return measure.Chessboard(paint.columns, paint.rows, MM * paint.cell)
-    if isinstance(paint, m.TargetTable) and paint.kind == "charuco":
-        values: dict[str, Any] = dict(paint.values)
+    if isinstance(paint, m.CharucoTable):
         return measure.CharucoBoard(
-            values["columns"],
-            values["rows"],
-            MM * values["square"],
-            MM * values["marker"],
-            values["dictionary"],
+            paint.columns, paint.rows, MM * paint.square, MM * paint.marker, paint.dictionary
         )
     return None
 

@@ -2,6 +2,7 @@
 
 In the order in which data passes:
 
+- `arguments`: Arguments of a function, or of a class, that a scene's table has under their names.
 - `meshing`: A scene's mesh recipe turned into a mesh; its ``where`` as nodes, faces and cells of
   that.
 - `surfaces`: Bodies and props of a scene as painted surfaces.

@@ -19,6 +19,7 @@ from gpusim.optics.lens.thin_lens import Lens, Vignetting
 from gpusim.optics.light.blackbody import blackbody
 from gpusim.optics.sensor.channels import Weights, check_sensitivities
 from gpusim.optics.sensor.sensor import Sensor
+from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
 
@@ -34,7 +35,7 @@ def build_camera(camera: m.CameraTable, read: Reader = read_input) -> Camera:
     """
     columns, rows = camera.resolution
     if camera.calibration:
-        found = _calibrated(camera, read)
+        found = _calibrated(camera, camera.calibration, read)
         pose = _pose(camera)
         return found if pose is None else replace(found, camera_from_world=pose)
     bent = np.array(camera.distortion) if camera.distortion else None
@@ -81,10 +82,10 @@ def _pose(camera: m.CameraTable) -> Float | None:
     return pose
 
 
-def _calibrated(camera: m.CameraTable, read: Reader) -> Camera:
+def _calibrated(camera: m.CameraTable, path: str, read: Reader) -> Camera:
     which = camera.calibration_camera
-    where = f"camera {camera.name!r} calibration {camera.calibration}"
-    file = read(camera.calibration)
+    where = f"camera {camera.name!r} calibration {path}"
+    file = read(path)
     # read from its bytes, so that no second file beside it is: a run knows the hash of this one
     cameras, metres = read_rig(file, camera.resolution)
     names = [found.name for found in cameras]
@@ -131,31 +132,25 @@ def build_lens(camera: m.CameraTable, read: Reader = read_input) -> Lens | None:
                 f"calibration, {1e3 * distance:.4g} mm"
             )
         focal = distance * spec.focus_distance / (distance + spec.focus_distance)
-    fall = spec.vignetting
-    return Lens(
-        psf=None if spec.psf is None else _psf(spec.psf, camera),
-        fill_factor=spec.fill_factor,
-        f_number=spec.f_number,
-        focal_length=focal,
-        focus_distance=spec.focus_distance,
-        blades=spec.blades,
-        positions=spec.positions,
-        vignetting=None
-        if fall is None
-        else Vignetting(
-            fall.cos4, fall.polynomial, None if fall.map is None else np.array(fall.map)
-        ),
-    )
+    values = {**arguments_of(Lens, spec), "focal_length": focal}
+    if spec.psf is not None:
+        values["psf"] = _psf(spec.psf, camera)
+    if spec.vignetting is not None:
+        fall = arguments_of(Vignetting, spec.vignetting)
+        if "map" in fall:
+            fall["map"] = np.array(fall["map"])
+        values["vignetting"] = Vignetting(**fall)
+    return Lens(**values)
 
 
 def _psf(spec: m.Psf, camera: m.CameraTable) -> psf.Psf:
     if spec.type == "gaussian":
-        return psf.Gaussian(spec.size)
+        return psf.Gaussian(spec.sigma)
     if spec.type == "airy":
-        return psf.Airy(spec.wavelength, spec.size, _pitch(camera))
+        return psf.Airy(spec.wavelength, spec.f_number, _pitch(camera))
     if spec.type == "disc":
-        return psf.Disc(spec.size)
-    return psf.MeasuredPsf(np.array(spec.kernel), spec.size)
+        return psf.Disc(spec.radius)
+    return psf.MeasuredPsf(np.array(spec.kernel), spec.samples_per_px)
 
 
 def _pitch(camera: m.CameraTable) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +19,17 @@ from gpusim.optics.light.lights import (
     SunLight,
 )
 from gpusim.optics.light.studio import studio
+from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
+
+LAMPS: dict[type, Callable[..., Light]] = {
+    m.PointTable: PointLight,
+    m.SpotTable: SpotLight,
+    m.AreaTable: AreaLight,
+    m.SunTable: SunLight,
+    m.AmbientTable: AmbientLight,
+}
 
 
 def build_lights(scene: Scene) -> list[Light] | None:
@@ -34,32 +44,19 @@ def _tinted(light: m.Light, read: Reader) -> Light:
 
 
 def _light(light: m.Light, read: Reader) -> Light:
-    if isinstance(light, m.AmbientTable):
-        return AmbientLight(light.radiance, light.occlusion)
     if isinstance(light, m.EnvironmentTable):
-        along_y = abs(light.up[1]) > 0.999999 * float(np.linalg.norm(light.up))
-        forward = light.forward or ((1.0, 0.0, 0.0) if along_y else (0.0, 1.0, 0.0))
-        if light.path:
-            return EnvironmentLight.read(
-                read(light.path), scale=light.scale, up=light.up, forward=forward,
-                occlusion=light.occlusion, channels=light.channels,
-            )  # fmt: skip
-        if light.studio:
-            return EnvironmentLight(
-                image=light.studio * studio(), up=light.up, forward=forward,
-                occlusion=light.occlusion,
-            )  # fmt: skip
-        return EnvironmentLight(
-            light.sky, light.ground, up=light.up, forward=forward, occlusion=light.occlusion
-        )
-    if isinstance(light, m.PointTable):
-        return PointLight(light.position, light.power, light.shadows)
-    if isinstance(light, m.SpotTable):
-        return SpotLight(
-            light.position, light.target, light.power, light.cone, light.penumbra, light.shadows
-        )
-    if isinstance(light, m.AreaTable):
-        return AreaLight(
-            light.position, light.target, light.size, light.power, light.shape, light.shadows
-        )
-    return SunLight(light.direction, light.irradiance, light.diameter, light.shadows)
+        return _surroundings(light, read)
+    kind = LAMPS[type(light)]
+    return kind(**arguments_of(kind, light))
+
+
+def _surroundings(light: m.EnvironmentTable, read: Reader) -> EnvironmentLight:
+    along_y = abs(light.up[1]) > 0.999999 * float(np.linalg.norm(light.up))
+    forward = light.forward or ((1.0, 0.0, 0.0) if along_y else (0.0, 1.0, 0.0))
+    make = EnvironmentLight.read if light.path else EnvironmentLight
+    values = {**arguments_of(make, light), "forward": forward}
+    if light.path:
+        return EnvironmentLight.read(**{**values, "path": read(light.path)})
+    if light.studio:
+        values["image"] = light.studio * studio()
+    return EnvironmentLight(**values)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gpusim import mesh
-from gpusim.arrays.array_types import Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
 from gpusim.files.input_file import Reader, read_input
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.formats.cad_cache import cached_cad_mesh
 from gpusim.mesh.selection import EmptySelection
+from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
@@ -34,6 +35,15 @@ BUILDERS: dict[type, Callable[..., Mesh]] = {
 }
 
 
+@contextmanager
+def naming_place(where: str) -> Iterator[None]:
+    """Say of which entry of the scene an error is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
 def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
     """The mesh that a recipe describes, in m; ``read``: how its file is read.
 
@@ -44,9 +54,9 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
     if isinstance(recipe, m.FileMeshTable):
         return _from_file(recipe, read)
     builder = BUILDERS[type(recipe)]
-    values = _values_for(builder, recipe)
+    values = arguments_of(builder, recipe)
     if isinstance(recipe, m.BoxMeshTable | m.BeamMeshTable):
-        notches = [_values_for(mesh.Notch, notch) for notch in recipe.notches]
+        notches = [arguments_of(mesh.Notch, notch) for notch in recipe.notches]
         values["notches"] = [mesh.Notch(**notch) for notch in notches]
     if isinstance(recipe, m.CraneMeshTable):
         values["element_size"] = recipe.element
@@ -54,12 +64,6 @@ def build_mesh(recipe: m.MeshRecipe, read: Reader = read_input) -> Mesh:
         # midside nodes of bricks lie on the curves
         values["element"] = recipe.cells if recipe.cells in ("hex20", "hex27") else "hex8"
     return _of_cells(builder(**values), recipe.cells)
-
-
-def _values_for(function: Callable[..., Any], recipe: object) -> dict[str, Any]:
-    """What a recipe has under the names of a function's arguments."""
-    names = inspect.signature(function).parameters
-    return {name: getattr(recipe, name) for name in names if hasattr(recipe, name)}
 
 
 def read_given_field(recipe: m.FieldMeshTable, read: Reader = read_input) -> Field:
@@ -82,7 +86,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
 def _from_file(recipe: m.FileMeshTable, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
-        return cached_cad_mesh(**{**_values_for(mesh.mesh_cad, recipe), "path": file})
+        return cached_cad_mesh(**{**arguments_of(mesh.mesh_cad, recipe), "path": file})
     grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:
@@ -150,36 +154,32 @@ def faces_of(grid: Mesh, faces: Faces, where: m.WhereTable) -> Faces:
         raise _none_found("faces", where, grid.points) from error
 
 
-def surface_faces_of(points: Float, faces: Int, where: m.WhereTable, told: str) -> Long:
+def surface_faces_of(points: Float, faces: Int, where: m.WhereTable) -> Long:
     """Numbers of the faces (F, 4) of a surface without solids, by bounds and outward normal.
 
     Raises InputError if there are none, or the surface is asked for a named set.
     """
     if where.set is not None:
-        raise InputError(f"{told}: where; got set {where.set!r}; expected bounds or a normal: a "
-                         "file of faces has no sets")  # fmt: skip
-    low = np.array(where.lower) - where.tolerance
-    high = np.array(where.upper) + where.tolerance
-    inside = np.asarray((points >= low) & (points <= high)).all(axis=1).reshape(-1)
+        raise InputError(f"where; got set {where.set!r}; expected bounds or a normal: a file of "
+                         "faces has no sets")  # fmt: skip
+    inside = _within(points, where)
     keep = (inside[np.maximum(faces, 0)] | (faces < 0)).all(axis=1)
     if where.normal is not None:
         normals = face_normals(points, faces)
         along = normals[:, "xyz".index(where.normal[1])] * (1 if where.normal[0] == "+" else -1)
         keep &= along >= np.cos(_FACING) * np.linalg.norm(normals, axis=1)
     if not keep.any():
-        raise InputError(f"{told}: {_none_found('faces', where, points)}")
+        raise _none_found("faces", where, points)
     return np.flatnonzero(keep)
 
 
 def cells_of(grid: Mesh, where: m.WhereTable) -> Long:
     """Global numbers of the cells whose middle is there. Raises InputError if there are none."""
-    low = np.array(where.lower) - where.tolerance
-    high = np.array(where.upper) + where.tolerance
     keep = np.zeros(grid.cell_count, dtype=bool)
     for kind, first, block in grid.blocks():
         corners = block[:, : mesh.CELL_TYPES[kind].corners]
         middle = grid.points[corners].mean(axis=1)
-        keep[first : first + len(block)] = ((middle >= low) & (middle <= high)).all(axis=1)
+        keep[first : first + len(block)] = _within(middle, where)
     if where.set is not None:
         if where.set not in grid.cell_sets:
             known = ", ".join(by_number(grid.cell_sets))
@@ -192,6 +192,12 @@ def cells_of(grid: Mesh, where: m.WhereTable) -> Long:
     if not found.size:
         raise _none_found("elements", where, grid.points)
     return found
+
+
+def _within(points: Float, where: m.WhereTable) -> Bool:
+    low = np.array(where.lower) - where.tolerance
+    high = np.array(where.upper) + where.tolerance
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
 def _none_found(what: str, where: m.WhereTable, points: Float) -> InputError:
@@ -218,8 +224,7 @@ def _conditions(where: m.WhereTable) -> dict[str, Any]:
 
 
 def _bounds(where: m.WhereTable) -> dict[str, float]:
-    """Only the finite limits."""
-    limits = {}
-    for axis, low, high in zip("xyz", where.lower, where.upper, strict=True):
-        limits[f"{axis}_min"], limits[f"{axis}_max"] = low, high
-    return {key: value for key, value in limits.items() if np.isfinite(value)}
+    """Those that are given."""
+    names = [f"{axis}_{end}" for axis in "xyz" for end in ("min", "max")]
+    limits = {name: getattr(where, name) for name in names}
+    return {name: value for name, value in limits.items() if value is not None}

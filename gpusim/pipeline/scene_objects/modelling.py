@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +12,7 @@ from gpusim import fem
 from gpusim.arrays.array_types import Float, Int
 from gpusim.errors import InputError
 from gpusim.fem.model.supports import check_supports
-from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, nodes_of
+from gpusim.pipeline.scene_objects.meshing import cells_of, faces_of, naming_place, nodes_of
 from gpusim.pipeline.scene_objects.surfaces import MeshedBody
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
@@ -27,16 +26,17 @@ class _Supports:
     displacement: Float
 
 
-def build_material(material: m.Material) -> fem.Isotropic | fem.Orthotropic:
+def build_material(material: m.MaterialTable) -> fem.Isotropic | fem.Orthotropic:
     """The material of a scene, SI."""
-    if isinstance(material, m.Isotropic):
-        return fem.Isotropic(
-            material.youngs_modulus, material.poissons_ratio, material.density, material.expansion
-        )
-    return fem.Orthotropic(
-        material.youngs_moduli, material.poissons_ratios, material.shear_moduli,
-        density=material.density, expansion=material.expansion, axes=material.axes,
-    )  # fmt: skip
+    E: Any = material.youngs_modulus
+    nu: Any = material.poissons_ratio
+    G: Any = material.shear_modulus
+    expansion: Any = material.expansion
+    if material.type == "isotropic":
+        return fem.Isotropic(E, nu, material.density, expansion)
+    if not isinstance(expansion, tuple):
+        expansion = (expansion,) * 3
+    return fem.Orthotropic(E, nu, G, material.density, expansion, material.axes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
     for case, group in enumerate(groups):
         for index, factor in group.loads:
             load = body.loads[index]
-            with _naming_place(f"body {body.name!r}, load {load.name!r}"):
+            with naming_place(f"body {body.name!r}, load {load.name!r}"):
                 forces[case] += factor * _load(parts, materials, of_cell, load)
         for index, factor in group.supports:
             mine = held.support == index
@@ -100,7 +100,7 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
         prescribed=prescribed[0] if one else prescribed,
         forces=forces[0] if one else forces,
     )
-    with _naming_place(f"body {body.name!r}"):
+    with naming_place(f"body {body.name!r}"):
         check_supports(model)
     return BodyModel(model, held.support)
 
@@ -114,15 +114,6 @@ def temperature(body: m.Body, frame: int | None) -> float:
     )
 
 
-@contextmanager
-def _naming_place(where: str) -> Iterator[None]:
-    """Say of which entry of the scene an error is."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
     """``moves``: equal for supports that move alike."""
     body, grid = parts.body, parts.mesh
@@ -131,12 +122,12 @@ def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
     for number, support in enumerate(body.supports):
         where = f"body {body.name!r}, support {support.name!r}"
         chosen = np.zeros((grid.node_count, 3), bool)
-        with _naming_place(where):
-            if support.symmetry:
+        with naming_place(where):
+            if support.type == "symmetry":
                 chosen = fem.symmetry(grid, faces_of(grid, parts.skin.faces, support.where))
             else:
                 nodes = nodes_of(grid, support.where)
-                for name in support.axes:
+                for name in support.fix:
                     chosen[nodes, "xyz".index(name)] = True
         wanted = np.broadcast_to(np.array(support.displacement), place.shape)
         other = chosen & (owner >= 0)
@@ -167,7 +158,7 @@ def _materials(parts: MeshedBody) -> tuple[list[fem.Material], Int]:
     materials: list[fem.Material] = [build_material(body.material)]
     of_cell = np.zeros(parts.mesh.cell_count, np.int32)
     for number, part in enumerate(body.parts):
-        with _naming_place(f"body {body.name!r}, part {number} of {part.material.name!r}"):
+        with naming_place(f"body {body.name!r}, part {number} of {part.material.name!r}"):
             cells = cells_of(parts.mesh, part.where)
         of_cell[cells] = len(materials)
         materials.append(build_material(part.material))
@@ -181,7 +172,7 @@ def _load(parts: MeshedBody, materials: list[fem.Material], of_cell: Int, load: 
     if isinstance(load, m.GravityTable):
         return fem.body_force(grid, density, load.acceleration)
     if isinstance(load, m.CentrifugalTable):
-        return fem.centrifugal(grid, density, load.axis_point, load.axis, load.omega)
+        return fem.centrifugal(grid, density, load.axis_point, load.axis, load.speed)
     if isinstance(load, m.ThermalTable):
         return fem.thermal(
             grid, materials, load.temperature_change, of_cell, formulation=body.formulation

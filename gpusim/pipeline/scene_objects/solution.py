@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,17 +72,8 @@ class SceneSolution:
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """What ``np.savez`` keeps: ``u<body>`` and the like, and a JSON summary."""
-        summary = {
-            "unknowns": self.unknowns,
-            "iterations": self.iterations,
-            "converged": self.converged,
-            "error_estimate": self.error_estimate,
-            "residuals": self.residuals,
-            "facts": self.facts,
-            "energy_balance": self.energy_balance,
-            "warnings": self.warnings,
-            "bodies": len(self.u),
-        }
+        names = [one.name for one in fields(self) if one.name not in _ARRAYS]
+        summary = {name: getattr(self, name) for name in names} | {"bodies": len(self.u)}
         arrays: dict[str, npt.NDArray[Any]] = {}
         for name in _ARRAYS:
             arrays |= {f"{name}{i}": array for i, array in enumerate(getattr(self, name))}

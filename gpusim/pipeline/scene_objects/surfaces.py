@@ -22,6 +22,7 @@ from gpusim.mesh.formats.textures import FileMaterial, TexturedSurface
 from gpusim.pipeline.scene_objects.meshing import (
     build_mesh,
     faces_of,
+    naming_place,
     read_given_field,
     surface_faces_of,
 )
@@ -38,15 +39,20 @@ from gpusim.surface.texture import MOST_TEXELS, textured
 
 Frame = PaintFrame | CylinderFrame | Atlas
 DEFAULT_ALBEDO = 0.5
-FINISH = ("roughness", "metallic", "bump")
 MIDDLES: dict[str, Callable[..., Paint]] = {
+    "markers": paints.Markers,
     "circles": paints.Circles,
     "aruco": paints.Aruco,
     "ring_codes": paints.RingCodes,
     "star": paints.Star,
 }
-"""Targets that are placed by their middles, and by their lower left corner."""
-CORNERS: dict[str, Callable[..., Paint]] = {"charuco": paints.Charuco, "lines": paints.Lines}
+"""What is placed by its middles, and by its lower left corner."""
+CORNERS: dict[str, Callable[..., Paint]] = {
+    "checker": paints.Checker,
+    "dots": paints.Dots,
+    "charuco": paints.Charuco,
+    "lines": paints.Lines,
+}
 
 
 def build_frame(
@@ -57,83 +63,54 @@ def build_frame(
     where: str,
 ) -> Frame:
     """Paint coordinates of the faces that are a paint's ``own`` (F,); ``where`` names it."""
-    if paint.wrap is None:
-        return plane_frame(points, faces[own], where, paint.up)
-    if paint.wrap.axis is None or paint.wrap.axis_point is None:
+    if paint.mapping == "unfold":
         return Atlas.unfold(points, faces, own, paint.up)
-    return CylinderFrame.fit(points, faces[own], paint.wrap.axis_point, paint.wrap.axis, where)
+    if paint.axis is not None and paint.axis_point is not None:
+        return CylinderFrame.fit(points, faces[own], paint.axis_point, paint.axis, where)
+    return plane_frame(points, faces[own], where, paint.up)
 
 
-def finish_of(paint: m.Paint) -> tuple[float, float, paints.Bump | None]:
-    """Roughness, metallic share and relief of any paint."""
-    roughness, metallic, bump = paint.finish
-    if bump is None:
-        return roughness, metallic, None
-    relief = paints.Bump(bump.height, bump.length, bump.along, bump.stretch, bump.seed)
-    return roughness, metallic, relief
+def finish_of(paint: m.Paint) -> dict[str, Any]:
+    """Roughness, metallic share and relief of any paint, as its class takes them."""
+    values: dict[str, Any] = {"roughness": paint.roughness, "metallic": paint.metallic}
+    if paint.bump > 0.0:
+        values["bump"] = paints.Bump(
+            paint.bump, paint.bump_length, paint.bump_along, paint.bump_stretch, paint.bump_seed
+        )
+    return values
 
 
 def build_pattern(
     paint: m.Pattern, frame: Frame, where: str, read: Reader = read_input
 ) -> paints.Paint:
     """The paint of a region; ``where`` names it in errors, ``read`` reads its picture."""
-    try:
-        return _pattern(paint, frame, where, read)
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if text.startswith(where) else f"{where}: {text}") from None
-
-
-def _pattern(paint: m.Pattern, frame: Frame, where: str, read: Reader) -> paints.Paint:
-    if isinstance(paint, m.SpeckleTable):
-        return paints.Speckle(
-            paint.diameter, paint.coverage, paint.softness, paint.size_law, paint.spread,
-            paint.arrangement, paint.seed, paint.dot, paint.albedo, *finish_of(paint),
-        )  # fmt: skip
-    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
-    if isinstance(frame, Atlas):
-        raise InputError(f"{where}; got mapping 'unfold'; expected it for speckle only")
-    if isinstance(paint, m.MarkersTable):
-        positions = np.array([marker.position for marker in paint.markers])
-        off = _distance(frame, positions)
-        bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
-        if len(bad):
-            marker = paint.markers[bad[0]]
-            raise InputError(
-                f"{where}: marker {marker.name!r}; got position {list(marker.position)} m, "
-                f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
-            )
-        return paints.Markers(
-            frame.coordinates(positions), paint.size, paint.dark, paint.light, paint.albedo,
-            **finish,
-        )  # fmt: skip
-    if isinstance(paint, m.TargetTable):
-        return _target(paint, frame.coordinates(np.array(paint.places)))
-    s, t = (float(value) for value in frame.coordinates(np.array(paint.origin)))
-    if isinstance(paint, m.PictureTable):
-        assert paint.path is not None and paint.texel is not None  # it isn't laid by UV
-        return paints.Image.read(
-            read(paint.path), paint.texel, origin=(s, t), dark=paint.dark, light=paint.light,
-            ground=paint.albedo, gamma=paint.gamma, channels=paint.channels, **finish,
-        )  # fmt: skip
-    if isinstance(paint, m.CheckerTable):
-        return paints.Checker(
-            paint.cell, paint.columns, paint.rows, (s, t), paint.dark, paint.light, paint.albedo,
-            *finish_of(paint),
-        )  # fmt: skip
-    return paints.Dots(
-        paint.diameter, paint.pitch, paint.columns, paint.rows, (s, t), paint.dot, paint.albedo,
-        *finish_of(paint),
-    )  # fmt: skip
-
-
-def _target(paint: m.TargetTable, places: Float) -> paints.Paint:
-    values: dict[str, Any] = dict(paint.values)
-    values |= zip(FINISH, finish_of(paint), strict=True)
-    if paint.kind in CORNERS:
+    with naming_place(where):
+        values = {**paint.values, **finish_of(paint)}
+        if isinstance(paint, m.SpeckleTable):
+            return paints.Speckle(**values)
+        assert not isinstance(frame, Atlas)  # nothing but speckle is unfolded
+        if isinstance(paint, m.MarkersTable):
+            _check_markers(paint, frame)
+        places = frame.coordinates(np.array(paint.places))
+        if paint.type in MIDDLES:
+            return MIDDLES[paint.type](places, **values)
         s, t = (float(value) for value in places[0])
-        return CORNERS[paint.kind](origin=(s, t), **values)
-    return MIDDLES[paint.kind](places, **values)
+        if isinstance(paint, m.PictureTable):
+            assert paint.path is not None  # it isn't laid by UV
+            return paints.Image.read(read(paint.path), origin=(s, t), **values)
+        return CORNERS[paint.type](origin=(s, t), **values)
+
+
+def _check_markers(paint: m.MarkersTable, frame: PaintFrame | CylinderFrame) -> None:
+    """Raise InputError for a marker that isn't on the painted faces."""
+    off = _distance(frame, np.array(paint.places))
+    bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
+    if len(bad):
+        marker = paint.markers[bad[0]]
+        raise InputError(
+            f"marker {marker.name!r}; got position {list(marker.position)} m, "
+            f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
+        )
 
 
 def _distance(frame: PaintFrame | CylinderFrame, points: Float) -> Float:
@@ -190,11 +167,8 @@ def _painted_skin(
     """The painted surface, of that ``name``, of a skin; ``where`` says in errors what it is of."""
     region = np.zeros(len(skin.faces), np.int32)
     for number, paint in enumerate(patterns, start=1):
-        try:
-            painted = faces_of(skin.mesh, skin.faces, paint.where)
-        except InputError as error:
-            raise InputError(f"{where}, paint {paint.name!r}: {error}") from None
-        region[skin.numbers(painted)] = number
+        with naming_place(f"{where}, paint {paint.name!r}"):
+            region[skin.numbers(faces_of(skin.mesh, skin.faces, paint.where))] = number
     rest, pieces = skin.at_vertices(skin.mesh.points), region[skin.face_of_piece]
     found, frames = _painted(where, patterns, rest, skin.pieces, pieces, read)
     return skin.surface(found, region, frames, name)
@@ -214,7 +188,7 @@ def _painted(
     found: dict[str, Paint] = {without: Plain(DEFAULT_ALBEDO)}
     frames: dict[str, Frame] = {}
     for number, paint in enumerate(patterns, start=1):
-        found[paint.name] = Plain(paint.albedo, *finish_of(paint))
+        found[paint.name] = Plain(paint.albedo, **finish_of(paint))
         if isinstance(paint, m.PlainTable) or paint.mapping == "uv":
             continue
         own, place = region == number, f"{where}, paint {paint.name!r}"
@@ -255,7 +229,7 @@ def _plate(prop: m.PlateTable, read: Reader) -> Surface:
     faces = np.array([[0, 1, 2, 3]], np.int32)
     where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
     if isinstance(prop.paint, m.PlainTable):
-        plain = Plain(prop.paint.albedo, *finish_of(prop.paint))
+        plain = Plain(prop.paint.albedo, **finish_of(prop.paint))
         return Surface(points, faces, plain, name=prop.name)
     frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
     name = prop.paint.name
@@ -271,8 +245,8 @@ def _faces(prop: m.ShapeTable, read: Reader) -> Surface:
     points = points * prop.scale
     region, where = np.zeros(len(faces), np.int32), f"prop {prop.name!r}"
     for number, paint in enumerate(prop.paints, start=1):
-        place = f"{where}, paint {paint.name!r}"
-        region[surface_faces_of(points, faces, paint.where, place)] = number
+        with naming_place(f"{where}, paint {paint.name!r}"):
+            region[surface_faces_of(points, faces, paint.where)] = number
     found, frames = _painted(where, prop.paints, points, faces, region, read)
     for paint in by_uv:
         assert look is not None
@@ -329,7 +303,7 @@ def _by_uv(
     where: str,
 ) -> tuple[Paint, Atlas | None]:
     """The paint of faces ``own`` (n,), and where it lies on them."""
-    finish: dict[str, Any] = dict(zip(FINISH, finish_of(paint), strict=True))
+    finish = finish_of(paint)
     if material.picture is None:
         return Plain(material.color, **finish), None
     factor = material.color if paint.channels == "rgb" else np.dot(LUMA, material.color)
@@ -337,23 +311,23 @@ def _by_uv(
     corner = np.where(surface.faces < 0, -1, np.arange(surface.faces.size).reshape(-1, 4))
     triangles, source = triangulate(corner.astype(np.int32))
     wanted = np.isin(source, own)
-    try:
+    with naming_place(where):
         picture = paints.Image.read(
             material.picture, 1.0, dark=dark, light=light, ground=paint.albedo, gamma=paint.gamma,
             channels=paint.channels, **finish,
         )  # fmt: skip
         uv = surface.uv.reshape(-1, 2)[triangles[wanted]]
         picture, places = textured(picture, uv, material.wrap)
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
     st = np.full((len(triangles), 3, 2), np.nan)
     st[wanted] = places
     return picture, Atlas(st)
 
 
-def posed(surface: Surface, prop: m.Prop, pose: m.PoseTable | Placed | None = None) -> Surface:
+def posed(
+    surface: Surface, prop: m.Prop, pose: m.Prop | m.PoseTable | Placed | None = None
+) -> Surface:
     """The prop's surface in a pose (None: as it stands); its paint goes with it."""
-    pose = pose or prop.stand
+    pose = pose or prop
     if pose.position == prop.origin and not any(pose.rotation):
         return surface
     points = (surface.rest - np.array(prop.origin)) @ rotation(pose.rotation).T

@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 from .lens import LensTable, ShutterTable
 from .sensor import CameraSensorTable, Gains, SensorTable, merged
 from .table import (
-    SI,
     Direction,
     Length,
     Listed,
@@ -18,7 +17,6 @@ from .table import (
     Pair,
     PositivePair,
     Table,
-    Vec3,
     Vector,
     Words,
     between,
@@ -26,8 +24,6 @@ from .table import (
     norm,
     parallel,
 )
-
-__all__ = ["CameraTable"]
 
 PIXEL_SQUARE = 1e-3
 Side = Annotated[int, Field(ge=1, le=65535)]
@@ -46,7 +42,6 @@ class CameraTable(Table):
     pixel_um: Length | None = None
     """Side of its pixels, in place of ``sensor_mm``."""
     resolution_px: Annotated[tuple[Side, Side], Listed()]
-    resolution = SI[tuple[int, int]]("px")
     focal_mm: Length | None = None
     fx_px: Length | None = None
     """Focal length in columns; the pixel in column i and row j is centred at (i, j)."""
@@ -60,20 +55,16 @@ class CameraTable(Table):
     """Entry (1, 2) of the camera matrix."""
     distortion: Numbers = ()
     """OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tau_x tau_y]]]]; tau in rad."""
-    calibration_: Annotated[str | None, Field(alias="calibration")] = None
+    calibration: str | None = None
     """File of OpenCV, Kalibr, MatchID (.caldat), VIC (.xml) or DICe (.xml)."""
-    calibration = SI[str]("", "calibration_", without="")
     calibration_camera: str | Annotated[int, Field(ge=0)] = 0
     """Which camera of the file: its name, or its number from 0 on."""
     calibration_unit_mm: Length | None = None
     """Length of the file's unit; by default 1, and 1000 for Kalibr."""
-    calibration_unit = SI[float]("mm", without=0.0)
     position_mm: Vector | None = None
     """The centre of projection."""
-    position = SI[Vec3 | None]("mm")
     target_mm: Vector | None = None
     """A point on the optical axis."""
-    target = SI[Vec3 | None]("mm")
     up: Direction = (0.0, 0.0, 1.0)
     """Roughly up in the image."""
     rotation_vector: Vector | None = None
@@ -82,10 +73,8 @@ class CameraTable(Table):
     """The same as three rows; camera axes are x right, y down, z forward."""
     translation_mm: Vector | None = None
     """T of X_camera = R X + T."""
-    translation = SI[Vec3 | None]("mm")
     principal_point_offset_mm: Pair = (0.0, 0.0)
     """Where the optical axis meets the sensor: right and down from the image's centre."""
-    principal_point_offset = SI[tuple[float, float]]("mm")
     square_pixels: bool = True
     """Set to false to say that pixels of unequal sides are meant."""
     lens: LensTable | None = None
@@ -183,23 +172,19 @@ class CameraTable(Table):
 
     def _check_blur(self) -> None:
         """What blurs needs lengths on the sensor."""
-        focus = None if self.lens is None else self.lens.focus_distance_mm
-        size = self.size_mm()
-        pitch = None if size is None else size[0] / self.resolution_px[0]
-        focal = self.focal_mm
-        if focal is None and self.fx_px is not None and pitch is not None:
-            focal = self.fx_px * pitch
-        named = None if self.lens is None else self.lens.focal_mm
-        if focus is not None and focal is None and named is None:
-            # a calibration file says fx in pixels
-            if self.calibration_ is None or pitch is None:
-                raise fault("lens.focus_distance_mm", "needs the width of the aperture", focus,
-                            "lens.focal_mm as it stands on the lens, or pixel_um")  # fmt: skip
-        focal = focal if named is None else named
-        if focus is not None and focal is not None and not focus > focal:
-            raise fault("lens.focus_distance_mm", "inside the lens", focus, "more than focal_mm")
-        spread = None if self.lens is None else self.lens.psf
-        if getattr(spread, "type", "") == "airy" and pitch is None:
+        if self.lens is None:
+            return
+        focus = self.lens.focus_distance
+        focal, width = self.lens.focal or self.focal, self.sensor[0]
+        # a calibration file says fx in pixels
+        if focus is not None and not focal and not (self.calibration is not None and width):
+            raise fault("lens.focus_distance_mm", "needs the width of the aperture",
+                        self.lens.focus_distance_mm,
+                        "lens.focal_mm as it stands on the lens, or pixel_um")  # fmt: skip
+        if focus is not None and focal and not focus > focal:
+            raise fault("lens.focus_distance_mm", "inside the lens", self.lens.focus_distance_mm,
+                        "more than focal_mm")  # fmt: skip
+        if self.lens.psf is not None and self.lens.psf.type == "airy" and not width:
             raise fault(
                 "lens.psf", "needs lengths on the sensor", Words("airy"), "sensor_mm or pixel_um"
             )
@@ -214,7 +199,7 @@ class CameraTable(Table):
     def _check_lens(self) -> None:
         inner = {key: getattr(self, key) for key in ("fx_px", "fy_px", "cx_px", "cy_px")}
         given = [key for key, value in inner.items() if value is not None]
-        ways = [self.calibration_ is not None, bool(given), self.focal_mm is not None]
+        ways = [self.calibration is not None, bool(given), self.focal_mm is not None]
         if sum(ways) != 1:
             expected = "focal_mm with sensor_mm, or fx_px, fy_px, cx_px, cy_px, or calibration"
             raise fault(
@@ -233,7 +218,7 @@ class CameraTable(Table):
                         self.principal_point_offset_mm, "cx_px and cy_px")  # fmt: skip
         if not given and self.skew_px != 0.0:
             raise fault("skew_px", "goes with fx_px … cy_px only", self.skew_px, "no skew_px")
-        if self.calibration_ is not None and self.distortion:
+        if self.calibration is not None and self.distortion:
             raise fault("distortion", "stands in the calibration file", self.distortion, "nothing")
         if len(self.distortion) not in (0, 4, 5, 8, 12, 14):
             got = Words(f"{len(self.distortion)} numbers")
@@ -274,7 +259,7 @@ class CameraTable(Table):
             if not norm(view) > 0:
                 raise fault("target_mm", "is where the camera is", self.target_mm, "another point")
             if parallel(view, self.up):
-                raise fault("up", "is along the view, or zero", self.up, "a vector across it")
-        elif self.calibration_ is None:
+                raise fault("up", "is along the view", self.up, "a vector across it")
+        elif self.calibration is None:
             raise fault("position_mm", "the camera's pose is missing", Words("nothing"),
                         "position_mm and target_mm, or a rotation and translation_mm")  # fmt: skip

@@ -6,54 +6,19 @@ curve) where the scene is built.
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import Field, model_validator
 
-from .table import Table, Vec3, Words, fault
+from .table import Listed, Share, Table, Vec3, fault
 
 SceneColor = float | Vec3 | str
-
-_HEX = "^#[0-9A-Fa-f]{6}$"
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _checked(most: float, numbers: str) -> PlainValidator:
-    """A grey number or a list of three, from 0 to ``most``, or a text of `_HEX`."""
-    expected = f'{numbers}, a list of 3 of them (red, green, blue), or "#rrggbb"'
-
-    def check(value: Any) -> SceneColor:
-        if isinstance(value, str):
-            if not re.fullmatch(_HEX, value):
-                raise fault("", "no colour", value, expected)
-            return value
-        items = value if isinstance(value, list) else [value]
-        if not all(map(_is_number, items)):
-            raise fault("", "wrong type", value, expected)
-        if len(items) != 3 and items is value:
-            raise fault("", "wrong length", Words(f"{len(items)} items"), expected)
-        if not all(0.0 <= item <= most for item in items):
-            raise fault("", "out of range", value, expected)
-        numbers = tuple(map(float, items))
-        return (numbers[0], numbers[1], numbers[2]) if items is value else numbers[0]
-
-    return PlainValidator(check)
-
-
-def _schema(**limits: float) -> WithJsonSchema:
-    number = {"type": "number", "minimum": 0, **limits}
-    three = {"type": "array", "items": number, "minItems": 3, "maxItems": 3}
-    text = {"type": "string", "pattern": _HEX, "examples": ["#c0a080"]}
-    return WithJsonSchema({"anyOf": [number, three, text]})
-
-
-Shade = Annotated[Any, _checked(1.0, "a number from 0 to 1"), _schema(maximum=1)]
+_Radiance = Annotated[float, Field(ge=0)]
+_Hex = Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$", examples=["#c0a080"])]
+_Bands = Field(title="red, green, blue")
+Shade = Share | Annotated[tuple[Share, Share, Share], Listed(), _Bands] | _Hex
 """Albedo: the share of light that is reflected."""
-Tint = Annotated[Any, _checked(1e30, "a number >= 0"), _schema()]
+Tint = _Radiance | Annotated[tuple[_Radiance, _Radiance, _Radiance], Listed(), _Bands] | _Hex
 """Radiance, or a share of it."""
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import sqrt
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, cast
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import Field, model_validator
 
@@ -11,7 +12,6 @@ from .colors import SceneColor, Shade
 from .finishes import FINISHES, FinishName
 from .loads import WhereTable
 from .table import (
-    SI,
     Direction,
     Length,
     Name,
@@ -23,39 +23,12 @@ from .table import (
     Words,
     fault,
     in_si,
-    not_zero,
+    name_and_unit,
     parallel,
 )
 
-__all__ = ["Bump", "Finish", "PaintedTable", "PatternedTable", "Wrap"]
-
 _STEEPEST = 0.35
-
-
-class Bump(NamedTuple):
-    """A fine relief of RMS ``height`` and correlation ``length`` (m), ``stretch`` times longer
-    ``along`` a direction."""
-
-    height: float
-    length: float
-    along: Vec3 | None
-    stretch: float
-    seed: int
-
-
-class Finish(NamedTuple):
-    """Roughness, metallic share and relief."""
-
-    roughness: float
-    metallic: float
-    bump: Bump | None
-
-
-class Wrap(NamedTuple):
-    """How a pattern lies on faces that aren't plane: round an axis, or unfolded if that is None."""
-
-    axis_point: Vec3 | None
-    axis: Vec3 | None
+_PLACES = {"positions_mm", "origin_mm", "path"}
 
 
 class PaintedTable(Table):
@@ -100,15 +73,6 @@ class PaintedTable(Table):
             raise fault("color", "beside albedo, which is the same", self.color, "one of them")
         return self
 
-    @property
-    def finish(self) -> Finish:
-        """How the ground shines, in SI."""
-        bump = None
-        if self.bump_um > 0.0:
-            height, length = in_si(self.bump_um, "um"), in_si(self.bump_length_mm, "mm")
-            bump = Bump(height, length, self.bump_along, self.bump_stretch, self.bump_seed)
-        return Finish(self.roughness, self.metallic, bump)
-
     @model_validator(mode="before")
     @classmethod
     def _fill(cls, given: Any) -> Any:
@@ -122,7 +86,6 @@ class PaintedTable(Table):
         if not slope <= _STEEPEST:
             expected = f"at most {_STEEPEST / sqrt(2.0) * self.bump_length_mm * 1e3:.3g}"
             raise fault("bump_um", "too steep for a fine relief", self.bump_um, expected)
-        not_zero("bump_along", self.bump_along, "a vector not zero")
         if (self.bump_stretch != 1.0) != (self.bump_along is not None):
             got = Words("none") if self.bump_along is None else self.bump_along
             raise fault("bump_along", "goes with bump_stretch", got, "both or neither")
@@ -130,6 +93,10 @@ class PaintedTable(Table):
 
 
 class PatternedTable(PaintedTable):
+    """A pattern that is drawn by the class of its ``type`` in `gpusim.surface.paint`: its own keys
+    are that class's parameters, by their names without unit unless ``called`` otherwise there."""
+
+    type: str
     up: Direction | None = None
     """Roughly up on the surface; without it +z, on horizontal faces +y."""
     mapping: Literal["plane", "cylinder", "unfold", "uv"] = "plane"
@@ -138,16 +105,27 @@ class PatternedTable(PaintedTable):
     by the texture coordinates of the prop's file (pictures only)."""
     axis_point_mm: Vector | None = None
     """A point on the axis of the cylinder."""
-    axis_point = SI[Vec3 | None]("mm")
     axis: Direction | None = None
     """The cylinder's axis, which is up."""
+    called: ClassVar[Mapping[str, str]] = {}
     unfolds: ClassVar[bool] = False
     has_texels: ClassVar[bool] = False
 
     @property
-    def wrap(self) -> Wrap | None:
-        """None: on plane faces only."""
-        return None if self.mapping in ("plane", "uv") else Wrap(self.axis_point, self.axis)
+    def places(self) -> tuple[Vec3, ...]:
+        """Centres, or the one lower left corner (m)."""
+        corner = getattr(self, "origin", None)
+        return getattr(self, "positions", ()) if corner is None else (corner,)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameters of the class that draws it, but for where and how it shines, in SI."""
+        own = set(type(self).model_fields) - set(PatternedTable.model_fields) - _PLACES
+        names = {self.called.get(key, name_and_unit(key)[0]): key for key in sorted(own)}
+        values = {
+            name: in_si(getattr(self, key), name_and_unit(key)[1]) for name, key in names.items()
+        }
+        return {**values, "ground": self.albedo}
 
     @model_validator(mode="after")
     def _check_mapping(self) -> PatternedTable:
@@ -158,7 +136,6 @@ class PatternedTable(PaintedTable):
                     (Words("none"), "one") if round_an_axis else (getattr(self, key), "none")
                 )
                 raise fault(key, f"with mapping {self.mapping!r}", got, wanted)
-        not_zero("axis", self.axis)
         if self.mapping == "unfold" and not self.unfolds:
             raise fault("mapping", "a pattern with places", Words("unfold"), "plane or cylinder")
         if self.mapping == "uv" and not self.has_texels:
@@ -169,7 +146,6 @@ class PatternedTable(PaintedTable):
     def _check_up(self) -> PatternedTable:
         if self.up is None:
             return self
-        not_zero("up", self.up)
         normal = self.where.normal
         x, y, z = (float(normal is not None and axis == normal[1]) for axis in "xyz")
         if normal is not None and parallel(self.up, (x, y, z)):

@@ -6,9 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from .table import SI, Length, Listed, Numbers, Table, Words, fault
-
-__all__ = ["LensTable", "Psf", "ShutterTable", "VignettingTable"]
+from .table import Length, Listed, Numbers, Table, Words, fault
 
 Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 
@@ -19,7 +17,6 @@ class GaussianTable(Table):
     type: Literal["gaussian"]
     sigma_px: Annotated[float, Field(gt=0, le=30)]
     """Standard deviation."""
-    size = SI[float]("px", "sigma_px")
 
 
 class AiryTable(Table):
@@ -27,9 +24,7 @@ class AiryTable(Table):
 
     type: Literal["airy"]
     f_number: Annotated[float, Field(gt=0, le=256)]
-    size = SI[float]("", "f_number")
     wavelength_nm: Annotated[float, Field(gt=0, le=20_000)] = 550.0
-    wavelength = SI[float]("nm")
 
 
 class DiscTable(Table):
@@ -37,7 +32,6 @@ class DiscTable(Table):
 
     type: Literal["disc"]
     radius_px: Annotated[float, Field(gt=0, le=30)]
-    size = SI[float]("px", "radius_px")
 
 
 class MeasuredTable(Table):
@@ -47,7 +41,6 @@ class MeasuredTable(Table):
     kernel: Rows
     """Rows of one odd length, an odd number of them; scaled to sum 1, centred on the middle."""
     samples_per_px: Annotated[float, Field(gt=0, le=64)] = 1.0
-    size = SI[float]("", "samples_per_px")
 
     @model_validator(mode="after")
     def _check(self) -> MeasuredTable:
@@ -63,6 +56,12 @@ class MeasuredTable(Table):
 
 
 Psf = GaussianTable | AiryTable | DiscTable | MeasuredTable
+_WIDTHS = {
+    "gaussian": ("sigma_px", " px"),
+    "airy": ("f_number", ""),
+    "disc": ("radius_px", " px"),
+    "measured": ("samples_per_px", ""),
+}
 PsfTable = Annotated[Psf, Field(discriminator="type")]
 
 
@@ -101,10 +100,8 @@ class LensTable(Table):
     focal_mm: Length | None = None
     """Focal length as it stands on the lens, for the width of the aperture; without it it follows
     from the image distance. A camera with ``fx_px`` or ``calibration`` needs it, or the pixel."""
-    focal = SI[float | None]("mm")
     focus_distance_mm: Length | None = None
     """Along the optical axis, from the camera's position."""
-    focus_distance = SI[float | None]("mm")
     blades: Annotated[int, Field(ge=0, le=24)] = 0
     """Of the iris; 0 for a round one."""
     positions: Annotated[int, Field(ge=1, le=4096)] | None = None
@@ -129,8 +126,8 @@ class LensTable(Table):
         """What it does."""
         done = []
         if self.psf is not None:
-            unit = {"gaussian": " px", "disc": " px"}.get(self.psf.type, "")
-            done.append(f"{self.psf.type} point spread {self.psf.size:g}{unit}")
+            key, unit = _WIDTHS[self.psf.type]
+            done.append(f"{self.psf.type} point spread {getattr(self.psf, key):g}{unit}")
         if self.fill_factor != 1.0:
             done.append(f"fill factor {self.fill_factor:g}")
         if self.f_number is not None:
@@ -145,10 +142,8 @@ class ShutterTable(Table):
 
     exposure_ms: Annotated[float, Field(ge=0)] = 0.0
     """What moves during it is blurred; dark current gathers during it."""
-    exposure = SI[float]("ms")
     line_time_us: float = 0.0
     """Rolling shutter: from the read-out of a row to that of the next. 0: all rows at once."""
-    line_time = SI[float]("us")
     samples: Annotated[int, Field(ge=1, le=4096)] | None = None
     """Moments that the exposure is averaged over; without it as many, up to 256, as the motion
     needs to show no steps."""

@@ -11,33 +11,18 @@ from pydantic import Field, model_validator
 
 from .colors import TintedTable
 from .table import (
-    SI,
     Direction,
     Length,
     Name,
     PositivePair,
-    Vec3,
     Vector,
     Words,
     between,
     fault,
     known_suffix,
     norm,
-    not_zero,
     parallel,
 )
-
-__all__ = [
-    "PANORAMA_SUFFIXES",
-    "AmbientTable",
-    "AreaTable",
-    "EnvironmentTable",
-    "Light",
-    "LightTable",
-    "PointTable",
-    "SpotTable",
-    "SunTable",
-]
 
 LUMENS_PER_WATT = 683.0
 # The endings that the reader knows; said here too, because a plan loads no numerics.
@@ -54,7 +39,6 @@ class _Lamp(TintedTable):
 class _Powered(_Lamp):
     position_mm: Vector
     """Its centre."""
-    position = SI[Vec3]("mm")
     power_W: Length | None = None
     """Radiant flux; or give power_lm."""
     power_lm: Length | None = None
@@ -83,7 +67,6 @@ class PointTable(_Powered):
 
 class _Aimed(_Powered):
     target_mm: Vector
-    target = SI[Vec3]("mm")
 
     @model_validator(mode="after")
     def _check_aim(self) -> _Aimed:
@@ -98,7 +81,6 @@ class SpotTable(_Aimed):
     type: Literal["spot"]
     cone_deg: Annotated[float, Field(gt=0, lt=180)] = 60.0
     """The full angle of the beam."""
-    cone = SI[float]("deg")
     penumbra: Annotated[float, Field(ge=0, le=1)] = 0.2
     """Share of the half angle over which the beam fades (nothing to do with shadows)."""
 
@@ -109,7 +91,6 @@ class AreaTable(_Aimed):
     type: Literal["area"]
     size_mm: PositivePair
     """Width (level) and height: how soft its shadows are."""
-    size = SI[tuple[float, float]]("mm")
     shape: Literal["rectangle", "ellipse"] = "rectangle"
 
 
@@ -121,15 +102,8 @@ class SunTable(_Lamp):
     """The way the light goes."""
     irradiance_W_m2: Length
     """On a face square to it."""
-    irradiance = SI[float]("W_m2")
     diameter_deg: Annotated[float, Field(ge=0, le=10)] = 0.533
     """How large it looks: the softness of its shadows."""
-    diameter = SI[float]("deg")
-
-    @model_validator(mode="after")
-    def _check(self) -> SunTable:
-        not_zero("direction", self.direction, "one that isn't zero")
-        return self
 
 
 class AmbientTable(TintedTable):
@@ -139,7 +113,6 @@ class AmbientTable(TintedTable):
     type: Literal["ambient"]
     radiance_W_m2_sr: Length
     """Radiance of the surroundings."""
-    radiance = SI[float]("W_m2_sr")
     occlusion: bool = False
     """Whether bodies and props hide it from each other (ambient occlusion)."""
 
@@ -152,10 +125,8 @@ class EnvironmentTable(TintedTable):
     type: Literal["environment"]
     sky_W_m2_sr: Radiance | None = None
     """Radiance above the horizon; or give file."""
-    sky = SI[float]("W_m2_sr", without=0.0)
     ground_W_m2_sr: Radiance | None = None
     """Radiance below it."""
-    ground = SI[float]("W_m2_sr", without=0.0)
     path: Annotated[Annotated[str, Field(min_length=1)] | None, Field(alias="file")] = None
     """Equirectangular picture of radiances (.hdr, .exr, .tif of floats, .npy), relative to the
     scene file."""
@@ -164,10 +135,8 @@ class EnvironmentTable(TintedTable):
     studio_W_m2_sr: Length | None = None
     """Mean radiance of a photographer's studio: soft boxes, a horizon and a pale floor, for steel
     to mirror; instead of sky and ground or a file."""
-    studio = SI[float]("W_m2_sr", without=0.0)
     scale_W_m2_sr: Length = 1.0
     """Radiance of the value 1 in the file."""
-    scale = SI[float]("W_m2_sr")
     up: Direction = (0.0, 0.0, 1.0)
     """Where the file's first row looks."""
     forward: Direction | None = None
@@ -177,27 +146,24 @@ class EnvironmentTable(TintedTable):
 
     @model_validator(mode="after")
     def _check(self) -> EnvironmentTable:
-        not_zero("up", self.up, "one that isn't zero")
-        if self.studio_W_m2_sr is not None:
-            for key, value in (("sky_W_m2_sr", self.sky_W_m2_sr), ("file", self.path),
-                               ("ground_W_m2_sr", self.ground_W_m2_sr)):  # fmt: skip
-                if value is not None:
-                    raise fault(key, "beside studio_W_m2_sr", value, "one of them")
-        elif self.path is None:
-            for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
-                if getattr(self, key) is None:
-                    raise fault(key, "missing", Words("neither file nor both radiances"),
-                                "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
-            if self.forward is not None:
-                raise fault("forward", "without file", self.forward, "a file beside it")
-            return self
+        studio = self.studio_W_m2_sr is not None
+        picture = "studio_W_m2_sr" if studio else "file" if self.path is not None else ""
+        if studio and self.path is not None:
+            raise fault("file", f"beside {picture}", self.path, "one of them")
         for key in ("sky_W_m2_sr", "ground_W_m2_sr"):
-            if getattr(self, key) is not None:
-                raise fault(key, "beside file", getattr(self, key), "one of them")
+            value = getattr(self, key)
+            if picture and value is not None:
+                raise fault(key, f"beside {picture}", value, "one of them")
+            if not picture and value is None:
+                raise fault(key, "missing", Words("neither file nor both radiances"),
+                            "sky_W_m2_sr and ground_W_m2_sr, or file")  # fmt: skip
         if self.path is not None:
             known_suffix("picture", self.path, PANORAMA_SUFFIXES)
-        if self.forward is not None and parallel(self.up, self.forward):
-            raise fault("forward", "is along up, or zero", self.forward, "a vector across it")
+        if self.forward is not None:
+            if not picture:
+                raise fault("forward", "without file", self.forward, "a file beside it")
+            if parallel(self.up, self.forward):
+                raise fault("forward", "is along up", self.forward, "a vector across it")
         return self
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from .table import (
-    SI,
     Axis,
     Direction,
     Listed,
@@ -17,26 +16,8 @@ from .table import (
     Vec3,
     Vector,
     Words,
-    each_once,
     fault,
-    not_zero,
 )
-
-__all__ = [
-    "Amplitude",
-    "CentrifugalTable",
-    "ForceTable",
-    "GravityTable",
-    "LineForceTable",
-    "Load",
-    "LoadTable",
-    "NodalForceTable",
-    "PressureTable",
-    "SupportTable",
-    "ThermalTable",
-    "TractionTable",
-    "WhereTable",
-]
 
 Amplitude = tuple[float, ...]
 Factors = Annotated[Amplitude, Listed(1, 10_000)]
@@ -57,7 +38,6 @@ class WhereTable(Table):
     """Faces that look this way; for nodes: the nodes of such faces."""
     tolerance_mm: Annotated[float, Field(ge=0)] = 0.001
     """How far outside the bounds still counts as inside."""
-    tolerance = SI[float]("mm")
 
     @property
     def is_everything(self) -> bool:
@@ -121,27 +101,15 @@ class SupportTable(_Driven):
     type: Literal["fixed", "symmetry"] = "fixed"
     """"symmetry": flat faces don't move along their normal, which is x, y or z."""
     where: WhereTable
-    fix: Annotated[tuple[Axis, ...], Listed(1, 3)] = ("x", "y", "z")
+    fix: Annotated[tuple[Axis, ...], Listed(1, 3, different=True)] = ("x", "y", "z")
     """The directions in which the nodes are held."""
     displacement_mm: Vector = (0.0, 0.0, 0.0)
     """Where they are held, relative to the unloaded shape; scaled by the load factor."""
-    displacement = SI[Vec3]("mm")
     amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
     """One factor per frame for displacement_mm; without it the analysis' load_factors."""
 
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """The directions in which the nodes are held, in order."""
-        return tuple(axis for axis in "xyz" if axis in self.fix)
-
-    @property
-    def symmetry(self) -> bool:
-        """Whether the faces' nodes are held along the faces' normal instead."""
-        return self.type == "symmetry"
-
     @model_validator(mode="after")
     def _check(self) -> SupportTable:
-        each_once("fix", "a direction twice", self.fix, "each of x, y, z at most once")
         if self.where.is_everything:
             raise fault(
                 "where", "selects the whole body", Words("{}"), "a set, a bound or a normal"
@@ -149,7 +117,7 @@ class SupportTable(_Driven):
         if self.amplitude_ is not None and not any(self.displacement_mm):
             raise fault("amplitude", "of a support that doesn't move", self.amplitude_,
                         "a displacement_mm that isn't zero")  # fmt: skip
-        if self.symmetry:
+        if self.type == "symmetry":
             for key in ("fix", "displacement_mm"):
                 if getattr(self, key) != type(self).model_fields[key].default:
                     raise fault(key, "given for a symmetry support", getattr(self, key),
@@ -174,22 +142,21 @@ class _Load(_Driven):
     """One factor per frame for this load; without it the analysis' load_factors."""
 
 
-class ForceTable(_Load):
+class _Force(_Load):
+    where: WhereTable
+    force_N: Vector
+
+
+class ForceTable(_Force):
     """A total force, spread evenly over the area of the faces."""
 
     type: Literal["force"]
-    where: WhereTable
-    force_N: Vector
-    force = SI[Vec3]("N")
 
 
-class NodalForceTable(_Load):
+class NodalForceTable(_Force):
     """The same force on every node."""
 
     type: Literal["nodal_force"]
-    where: WhereTable
-    force_N: Vector
-    force = SI[Vec3]("N")
 
 
 class LineForceTable(_Load):
@@ -199,7 +166,6 @@ class LineForceTable(_Load):
     where: WhereTable
     """The nodes of the line: say two bounds, or a named set."""
     force_N: Vector
-    force = SI[Vec3]("N")
 
 
 class PressureTable(_Load):
@@ -208,7 +174,6 @@ class PressureTable(_Load):
     type: Literal["pressure"]
     where: WhereTable
     pressure_MPa: float
-    pressure = SI[float]("MPa")
 
 
 class TractionTable(_Load):
@@ -217,7 +182,6 @@ class TractionTable(_Load):
     type: Literal["traction"]
     where: WhereTable
     traction_MPa: Vector
-    traction = SI[Vec3]("MPa")
 
 
 class GravityTable(_Load):
@@ -225,7 +189,6 @@ class GravityTable(_Load):
 
     type: Literal["gravity"]
     acceleration_m_s2: Vector = (0.0, 0.0, -9.80665)
-    acceleration = SI[Vec3]("m_s2")
 
 
 class CentrifugalTable(_Load):
@@ -234,16 +197,9 @@ class CentrifugalTable(_Load):
     type: Literal["centrifugal"]
     axis_point_mm: Vector = (0.0, 0.0, 0.0)
     """A point on the axis."""
-    axis_point = SI[Vec3]("mm")
     axis: Direction = (0.0, 0.0, 1.0)
     speed_rpm: float
     """Turns per minute; the amplitude scales the force, not the speed."""
-    omega = SI[float]("rpm", "speed_rpm")
-
-    @model_validator(mode="after")
-    def _check(self) -> CentrifugalTable:
-        not_zero("axis", self.axis)
-        return self
 
 
 class ThermalTable(_Load):
@@ -251,7 +207,6 @@ class ThermalTable(_Load):
 
     type: Literal["thermal"]
     temperature_change_K: float
-    temperature_change = SI[float]("K")
 
 
 Load = (

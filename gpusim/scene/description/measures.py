@@ -9,7 +9,6 @@ from pydantic import Field, model_validator
 
 from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
 from .table import (
-    SI,
     Length,
     Listed,
     Name,
@@ -18,19 +17,10 @@ from .table import (
     SignedAxis,
     Table,
     Words,
-    each_once,
     fault,
     norm,
+    tables_of,
 )
-
-__all__ = [
-    "AnyMeasure",
-    "DamageTable",
-    "DeflectionTable",
-    "MarkerMeasureTable",
-    "PublishedTable",
-    "StereoTable",
-]
 
 
 class PublishedTable(Table):
@@ -38,7 +28,6 @@ class PublishedTable(Table):
 
     error_percent: Annotated[float, Field(ge=0)]
     """Relative error of the measure's main number: the last marker's displacement."""
-    error = SI[float]("percent")
     source: Annotated[str, Field(min_length=1)]
     """Where it is written."""
 
@@ -57,7 +46,6 @@ class MarkerMeasureTable(MeasureTable):
     """Paints of markers on props: what they move is the motion of the camera, or of the rig."""
     subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
     """Side of the tracked square, odd; without it as large as the marker allows."""
-    subset = SI[int | None]("px")
     published: PublishedTable | None = None
 
     def seconds(self, markers: int, pixels: int, frames: int) -> float:
@@ -68,9 +56,6 @@ class MarkerMeasureTable(MeasureTable):
     def _check(self) -> MarkerMeasureTable:
         if self.subset_px is not None and self.subset_px % 2 == 0:
             raise fault("subset_px", "even", self.subset_px, "an odd number of pixels")
-        for key, what in self.references.items():
-            if key != "camera":
-                each_once(key, f"the same {what} twice", getattr(self, key))
         return self
 
 
@@ -89,9 +74,9 @@ class DeflectionTable(MarkerMeasureTable):
         cls, entry: Mapping[str, Any], document: Mapping[str, Any]
     ) -> Iterator[MeasureFault]:
         """One camera can't measure along its own axis."""
-        direction, cameras = entry.get("direction"), document.get("camera")
-        for camera in cameras if isinstance(cameras, list) else ():
-            if not isinstance(camera, Mapping) or camera.get("name") != entry.get("camera"):
+        direction = entry.get("direction")
+        for _, camera in tables_of(document, "camera"):
+            if camera.get("name") != entry.get("camera"):
                 continue
             ends = [_numbers(camera.get(key)) for key in ("position_mm", "target_mm")]
             if not (ends[0] and ends[1]) or direction not in ("+x", "-x", "+y", "-y", "+z", "-z"):
@@ -115,7 +100,7 @@ class StereoTable(MarkerMeasureTable):
     references = {"cameras": "camera", **MarkerMeasureTable.references}
     uses_calibration = True
 
-    cameras: Annotated[tuple[Name, ...], Listed(2)]
+    cameras: Annotated[tuple[Name, ...], Listed(2, different=True)]
     """The first one's coordinates are the rig's."""
     lens: Literal[
         "pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"
@@ -148,7 +133,6 @@ class DamageTable(MeasureTable):
     """The [[variant]] that the others are compared with."""
     tolerance_mm: Length = 10.0
     """How far a change of slope may be from the notch that made it."""
-    tolerance = SI[float]("mm")
     significance: Annotated[float, Field(gt=0, lt=1)] = 1e-3
     """Highest p-value at which a change of slope counts."""
     most: Annotated[int, Field(ge=1, le=50)] = 6
@@ -156,7 +140,6 @@ class DamageTable(MeasureTable):
     clearance_mm: Annotated[float, Field(ge=0)] | None = None
     """Markers nearer than this to a change don't count for where it is; the default is the depth of
     the notched member: so far the line is bent by how stress flows round the notch."""
-    clearance = SI[float | None]("mm")
 
 
 def _numbers(value: Any) -> list[float] | None:

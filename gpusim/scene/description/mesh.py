@@ -8,38 +8,18 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from .table import (
-    SI,
     Axis,
     FileUnit,
     Length,
     Listed,
     SignedAxis,
     Table,
-    Vec3,
     Vector,
     Words,
     fault,
-    in_si,
     known_suffix,
+    metres,
 )
-
-__all__ = [
-    "CAD_SUFFIXES",
-    "FIELD_SUFFIXES",
-    "MESH_SUFFIXES",
-    "NOTCHABLE",
-    "SETS",
-    "BeamMeshTable",
-    "BoxMeshTable",
-    "BracketMeshTable",
-    "CraneMeshTable",
-    "FieldMeshTable",
-    "FileMeshTable",
-    "MeshRecipe",
-    "MeshTable",
-    "NotchRecipeTable",
-    "PlateMeshTable",
-]
 
 _SIDES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 # What `where = { set = … }` may name, by builder; checked before a mesh is built.
@@ -74,13 +54,10 @@ class NotchRecipeTable(Table):
 
     position_mm: float
     """Of its middle, along ``axis``."""
-    position = SI[float]("mm")
     width_mm: Length
     """Along ``axis``."""
-    width = SI[float]("mm")
     depth_mm: Length
     """Into the body, from ``side``."""
-    depth = SI[float]("mm")
     axis: Axis = "x"
     side: SignedAxis = "-y"
     """The side that it is cut into; along the third axis it goes right through."""
@@ -117,12 +94,10 @@ class BoxMeshTable(_Notchable):
 
     builder: Literal["box"]
     size_mm: Annotated[tuple[Length, Length, Length], Listed()]
-    size = SI[Vec3]("mm")
     divisions: Divisions
     """Elements along x, y, z (away from notches)."""
     origin_mm: Vector = (0.0, 0.0, 0.0)
     """The corner with the smallest x, y, z."""
-    origin = SI[Vec3]("mm")
 
 
 class BeamMeshTable(_Notchable):
@@ -131,13 +106,10 @@ class BeamMeshTable(_Notchable):
     builder: Literal["beam"]
     length_mm: Length
     """Along x."""
-    length = SI[float]("mm")
     width_mm: Length
     """Along y, from -width/2 to width/2."""
-    width = SI[float]("mm")
     height_mm: Length
     """Along z, from -height/2 to height/2."""
-    height = SI[float]("mm")
     end_width_mm: Length | None = None
     """At the far end, if it tapers."""
     end_height_mm: Length | None = None
@@ -167,26 +139,18 @@ class CraneMeshTable(_Builder):
     builder: Literal["crane"]
     height_mm: Length = 562.0
     """Of the column above its foot."""
-    height = SI[float]("mm")
     foot_mm: Length = 70.0
     """Length of the clamped foot below z = 0."""
-    foot = SI[float]("mm")
     length_mm: Length = 597.0
     """Of the beam, from the column's outer face."""
-    length = SI[float]("mm")
     column_thickness_mm: Length = 6.0
-    column_thickness = SI[float]("mm")
     beam_thickness_mm: Length = 4.0
-    beam_thickness = SI[float]("mm")
     width_mm: Length = 40.0
     """Of both members, along y."""
-    width = SI[float]("mm")
     load_length_mm: Length = 108.0
     """An element edge lies this far from the beam's free end."""
-    load_length = SI[float]("mm")
     element_mm: Length = 3.0
     """About the length of an element along the members."""
-    element = SI[float]("mm")
     through: Count = 2
     """Elements through the thickness of each member."""
     across: Count = 6
@@ -204,7 +168,6 @@ class CraneMeshTable(_Builder):
 
 class _Holed(_Builder):
     hole_diameter_mm: Length
-    hole_diameter = SI[float]("mm")
     around: Annotated[int, Field(ge=8, le=10_000, multiple_of=4)] = 32
     """Elements around a hole."""
     radial: Count = 8
@@ -221,11 +184,8 @@ class PlateMeshTable(_Holed):
 
     builder: Literal["plate_with_hole"]
     length_mm: Length
-    length = SI[float]("mm")
     width_mm: Length
-    width = SI[float]("mm")
     thickness_mm: Length
-    thickness = SI[float]("mm")
 
     @model_validator(mode="after")
     def _check(self) -> PlateMeshTable:
@@ -246,19 +206,13 @@ class BracketMeshTable(_Holed):
 
     builder: Literal["bracket"]
     base_length_mm: Length = 60.0
-    base_length = SI[float]("mm")
     wall_height_mm: Length = 80.0
-    wall_height = SI[float]("mm")
     width_mm: Length = 40.0
     """Along y, from -width/2 to width/2."""
-    width = SI[float]("mm")
     thickness_mm: Length = 5.0
-    thickness = SI[float]("mm")
     fillet_radius_mm: Length = 6.0
     """Inner radius of the bend."""
-    fillet_radius = SI[float]("mm")
     hole_diameter_mm: Length = 12.0
-    hole_diameter = SI[float]("mm")
     radial: Count = 5
     """Elements from a hole to the square around it."""
     bend: Count = 6
@@ -279,7 +233,16 @@ class BracketMeshTable(_Holed):
         return self
 
 
-class FileMeshTable(Table):
+class InFileUnitsTable(Table):
+    unit: FileUnit = "mm"
+
+    @property
+    def scale(self) -> float:
+        """Metres per unit of the file."""
+        return metres(self.unit)
+
+
+class FileMeshTable(InFileUnitsTable):
     """A mesh from a file, or a CAD file to be meshed (needs gmsh).
 
     Groups of the file are sets: Gmsh's physical groups, sets of Abaqus and Exodus, MED's groups;
@@ -297,7 +260,6 @@ class FileMeshTable(Table):
     """2: elements with midside nodes (straight edges, but for a CAD file's curved faces)."""
     size_mm: Length | None = None
     """Greatest element of a CAD file."""
-    size = SI[float | None]("mm")
     hexahedra: bool = False
     """Bricks only, for a CAD file."""
     hex_dominant: bool = False
@@ -306,18 +268,11 @@ class FileMeshTable(Table):
     """Elements around a full circle, for a CAD file; 0 leaves it to ``size_mm``."""
     time_limit_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 600.0
     """After which a CAD file that isn't meshed yet is given up."""
-    time_limit = SI[float]("s")
 
     @property
     def is_cad(self) -> bool:
         """Whether the file has to be meshed."""
         return PurePath(self.path).suffix.lower() in CAD_SUFFIXES
-
-    @property
-    def scale(self) -> float:
-        """Metres per unit of the file."""
-        step = PurePath(self.path).suffix.lower() in (".step", ".stp")
-        return float(in_si("mm" if step else self.unit, "a file's unit"))
 
     @model_validator(mode="after")
     def _check(self) -> FileMeshTable:
@@ -347,7 +302,7 @@ MeshTable = Annotated[
 ]
 
 
-class FieldMeshTable(Table):
+class FieldMeshTable(InFileUnitsTable):
     """Mesh and nodal displacements of a result file; nothing is solved.
 
     Frames between its times are interpolated linearly; a file whose first time is above 0 is taken
@@ -359,7 +314,6 @@ class FieldMeshTable(Table):
     time), .e/.exo (Exodus), .frd (CalculiX, text), .npz."""
     unit: FileUnit = "mm"
     """Of coordinates and displacements in the file."""
-    scale = SI[float]("a file's unit", "unit")
     variable: Annotated[
         Annotated[str, Field(min_length=1, max_length=200)] | None, Field(alias="displacement")
     ] = None

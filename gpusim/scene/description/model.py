@@ -7,19 +7,78 @@ plane of the faces it falls on, seen from outside) is None for +z, or +y on a pl
 horizontal.
 """
 
-from .camera import *
-from .ground import *
-from .lens import *
-from .lights import *
-from .loads import *
-from .material import *
-from .measure_table import MeasureTable as MeasureTable
-from .measures import *
-from .mesh import *
-from .paint import *
-from .processing import *
-from .prop import *
-from .scene_table import *
-from .sensor import *
-from .table import Vec3 as Vec3
-from .targets import *
+from .camera import CameraTable
+from .ground import PaintedTable, PatternedTable
+from .lens import LensTable, Psf, ShutterTable, VignettingTable
+from .lights import (
+    AmbientTable,
+    AreaTable,
+    EnvironmentTable,
+    Light,
+    LightTable,
+    PointTable,
+    SpotTable,
+    SunTable,
+)
+from .loads import (
+    Amplitude,
+    CentrifugalTable,
+    ForceTable,
+    GravityTable,
+    LineForceTable,
+    Load,
+    LoadTable,
+    NodalForceTable,
+    PressureTable,
+    SupportTable,
+    ThermalTable,
+    TractionTable,
+    WhereTable,
+)
+from .material import MaterialTable
+from .measure_table import MeasureTable
+from .measures import (
+    AnyMeasure,
+    DamageTable,
+    DeflectionTable,
+    MarkerMeasureTable,
+    PublishedTable,
+    StereoTable,
+)
+from .mesh import (
+    BeamMeshTable,
+    BoxMeshTable,
+    BracketMeshTable,
+    CraneMeshTable,
+    FieldMeshTable,
+    FileMeshTable,
+    MeshRecipe,
+    MeshTable,
+    NotchRecipeTable,
+    PlateMeshTable,
+)
+from .paint import (
+    CheckerTable,
+    DotsTable,
+    Marker,
+    MarkersTable,
+    Paint,
+    PaintTable,
+    Pattern,
+    PictureTable,
+    PlainTable,
+    SpeckleTable,
+)
+from .processing import (
+    AnalysisTable,
+    AnalysisType,
+    OutputTable,
+    RenderTable,
+    SolverTable,
+    VariantTable,
+)
+from .prop import BoxTable, CalibrationTable, PlateTable, PoseTable, Prop, PropTable, ShapeTable
+from .scene_table import Body, Part, SceneTable
+from .sensor import CameraSensorTable, Gains, SensorTable
+from .table import Vec3
+from .targets import ArucoTable, CharucoTable, CirclesTable, LinesTable, RingCodesTable, StarTable

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import exp, log1p, pi, sqrt
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
 from .colors import Shade
 from .ground import PaintedTable, PatternedTable
 from .table import (
-    SI,
     Count,
     Length,
     Listed,
@@ -38,22 +37,7 @@ from .targets import (
     LinesTable,
     RingCodesTable,
     StarTable,
-    TargetTable,
 )
-
-__all__ = [
-    "CheckerTable",
-    "DotsTable",
-    "Marker",
-    "MarkersTable",
-    "Paint",
-    "PaintTable",
-    "Pattern",
-    "PictureTable",
-    "PlainTable",
-    "SpeckleTable",
-    "not_by_uv",
-]
 
 
 class PlainTable(PaintedTable):
@@ -83,7 +67,6 @@ class MarkersTable(PatternedTable):
     type: Literal["markers"]
     size_mm: Length
     """The side of the whole marker."""
-    size = SI[float]("mm")
     positions_mm: Annotated[tuple[Vector, ...], Listed(1)] | None = None
     """Their centres; or give line."""
     line: LineTable | None = None
@@ -107,6 +90,18 @@ class MarkersTable(PatternedTable):
                 wanted = f"a line of at least {self.line.count - 1} sizes"
                 raise fault("line", "the markers overlap", got, wanted)
         return self
+
+    @property
+    def places(self) -> tuple[Vec3, ...]:
+        """Their centres (m)."""
+        return tuple(marker.position for marker in self.markers)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameters of the class that draws it, in SI."""
+        values = super().values
+        del values["line"]  # as `places`
+        return values
 
     def centres_mm(self) -> tuple[Vec3, ...]:
         """Every centre, lines resolved."""
@@ -137,14 +132,13 @@ class CheckerTable(PatternedTable):
 
     type: Literal["checker"]
     cell_mm: Length
-    cell = SI[float]("mm")
     columns: Count
     rows: Count
     origin_mm: Vector
     """The lower left corner of the board, seen from outside."""
-    origin = SI[Vec3]("mm")
     dark: Shade = 0.04
     light: Shade = 0.9
+    called = {"cell_mm": "size"}
 
 
 class DotsTable(PatternedTable):
@@ -152,15 +146,13 @@ class DotsTable(PatternedTable):
 
     type: Literal["dots"]
     diameter_mm: Length
-    diameter = SI[float]("mm")
     pitch_mm: Length
-    pitch = SI[float]("mm")
     columns: Count
     rows: Count
     origin_mm: Vector
     """The centre of the dot at the lower left, seen from outside."""
-    origin = SI[Vec3]("mm")
     dot: Shade = 0.04
+    called = {"dot": "albedo"}
 
     @model_validator(mode="after")
     def _check(self) -> DotsTable:
@@ -180,12 +172,10 @@ class SpeckleTable(PatternedTable):
     type: Literal["speckle"]
     diameter_mm: Length
     """The mean diameter."""
-    diameter = SI[float]("mm")
     coverage: Annotated[float, Field(gt=0, lt=1)] = 0.5
     """The painted share of the area."""
     softness_mm: Annotated[float, Field(ge=0)] = 0.0
     """The standard deviation of the edges' profile; 0 is a hard edge."""
-    softness = SI[float]("mm")
     spread: Annotated[float, Field(ge=0)] = 0.0
     """Standard deviation of the diameters over their mean: 0 makes all equal; 0.4 looks sprayed."""
     size_law: Literal["fixed", "uniform", "lognormal"] = "lognormal"
@@ -235,10 +225,8 @@ class PictureTable(PatternedTable):
     then each face has the picture, or the plain colour, of its material in the prop's file."""
     texel_mm: Length | None = None
     """Side of a pixel of the picture on the surface; none with mapping "uv"."""
-    texel = SI[float]("mm")
     origin_mm: Vector | None = None
     """The lower left corner of the picture, seen from outside; none with mapping "uv"."""
-    origin = SI[Vec3]("mm")
     dark: Shade = 0.0
     """Of the value 0."""
     light: Shade = 1.0
@@ -269,20 +257,7 @@ def not_by_uv(paints: tuple[Paint, ...], key: str = "paint") -> None:
             raise fault(*expected, Words("uv"), wanted)
 
 
-Pattern = MarkersTable | CheckerTable | DotsTable | SpeckleTable | PictureTable | TargetTable
+Target = CirclesTable | StarTable | ArucoTable | RingCodesTable | CharucoTable | LinesTable
+Pattern = MarkersTable | CheckerTable | DotsTable | SpeckleTable | PictureTable | Target
 Paint = PlainTable | Pattern
-PaintTable = Annotated[
-    PlainTable
-    | MarkersTable
-    | CheckerTable
-    | DotsTable
-    | SpeckleTable
-    | PictureTable
-    | CirclesTable
-    | StarTable
-    | ArucoTable
-    | RingCodesTable
-    | CharucoTable
-    | LinesTable,
-    Field(discriminator="type"),
-]
+PaintTable = Annotated[Paint, Field(discriminator="type")]

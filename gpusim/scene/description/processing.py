@@ -10,17 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from .colors import Tint
-from .table import SI, Listed, Name, Table, Words, each_once, fault
-
-__all__ = [
-    "ANALYSIS_TYPES",
-    "AnalysisTable",
-    "AnalysisType",
-    "OutputTable",
-    "RenderTable",
-    "SolverTable",
-    "VariantTable",
-]
+from .table import Listed, Name, Table, Words, fault
 
 TruthLayer = Literal[
     "reference",
@@ -81,7 +71,6 @@ class AnalysisTable(Table):
     you like; frame 0 is the reference."""
     frame_rate_Hz: Annotated[float, Field(gt=0)] | None = None
     """How fast frames follow each other, for what moves while a ``camera.shutter`` is open."""
-    frame_rate = SI[float | None]("Hz")
 
     @property
     def load_factors(self) -> tuple[float, ...]:
@@ -125,7 +114,7 @@ class RenderTable(Table):
 class OutputTable(Table):
     """What is written beside images, measurements and report."""
 
-    truth: Annotated[tuple[TruthLayer, ...], Listed()] = ()
+    truth: Annotated[tuple[TruthLayer, ...], Listed(different=True)] = ()
     """Layers of truth.h5, per camera and frame."""
     vtu: bool = False
     """The solution for ParaView."""
@@ -133,11 +122,6 @@ class OutputTable(Table):
     """Stress, von Mises stress and an error indicator, in the .vtu files and the report."""
     stl: bool = False
     """The deformed surface, one file per paint and frame."""
-
-    @model_validator(mode="after")
-    def _check(self) -> OutputTable:
-        each_once("truth", "a layer twice", self.truth)
-        return self
 
 
 class VariantTable(Table):

@@ -6,10 +6,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .mesh import MESH_SUFFIXES
+from .mesh import MESH_SUFFIXES, InFileUnitsTable
 from .paint import MarkersTable, Paint, PaintTable, not_by_uv
 from .table import (
-    SI,
     Direction,
     FileUnit,
     Listed,
@@ -22,24 +21,12 @@ from .table import (
     Words,
     across,
     cross,
-    each_once,
     fault,
     file_unit,
     known_suffix,
     parallel,
     unit,
 )
-
-__all__ = [
-    "SURFACE_SUFFIXES",
-    "BoxTable",
-    "CalibrationTable",
-    "PlateTable",
-    "PoseTable",
-    "Prop",
-    "PropTable",
-    "ShapeTable",
-]
 
 # Files of faces alone; said here too, because a plan loads no numerics.
 SURFACE_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
@@ -53,37 +40,48 @@ class PoseTable(Table):
 
     position_mm: Vector
     """Of the prop's centre (of a mesh prop: of the point that its file's origin is)."""
-    position = SI[Vec3]("mm")
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the world's x, then y, then z axis, from how the prop is described."""
-    rotation = SI[Vec3]("deg")
 
 
 Poses = Annotated[tuple[PoseTable, ...], Listed(1, 10_000)]
 
 
 class _Prop(Table):
-    # it is built as described; `stand` is how it then stands, `origin` the point of poses (m)
+    # it is built as described; `position` and `rotation` say how it stands, as those of a pose do,
+    # and `origin` which point of it poses are about
     name: Name
     poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
-    poses = SI[tuple[PoseTable, ...]]("", "poses_", without=())
+
+    @property
+    def poses(self) -> tuple[PoseTable, ...]:
+        """One per frame; none where it stands still."""
+        return self.poses_ or ()
 
 
-class PlateTable(_Prop):
+class _Centred(_Prop):
+    center_mm: Vector
+
+    @property
+    def position(self) -> Vec3:
+        """Where it stands (m)."""
+        return self.center
+
+    origin = position
+
+
+class PlateTable(_Centred):
     """A rigid rectangular plate: a wall, a target. Only its front is seen."""
 
     type: Literal["plate"] = "plate"
     """Needn't be said."""
-    center_mm: Vector
-    center = SI[Vec3]("mm")
-    origin = SI[Vec3]("mm", "center_mm")
+    rotation: ClassVar[Vec3] = (0.0, 0.0, 0.0)
     normal: Direction
     """Out of its front."""
     up: Direction = (0.0, 0.0, 1.0)
     size_mm: Annotated[tuple[PropLength, PropLength], Listed()]
     """Width (across ``up``) and height, at most 1e10 mm: beyond, rounding moves what is on it."""
-    size = SI[tuple[float, float]]("mm")
     paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1, 1)]
     """One paint: a plate has one face."""
 
@@ -92,15 +90,10 @@ class PlateTable(_Prop):
         """The one paint."""
         return self.paints[0]
 
-    @property
-    def stand(self) -> PoseTable:
-        """The pose in which it stands."""
-        return PoseTable.model_construct(position_mm=self.center_mm)
-
     @model_validator(mode="after")
     def _check(self) -> PlateTable:
         if parallel(self.normal, self.up):
-            raise fault("up", "is along the normal, or one is zero", self.up, "a vector across it")
+            raise fault("up", "is along the normal", self.up, "a vector across it")
         not_by_uv(self.paints)
         paint = self.paint
         if not paint.where.is_everything:
@@ -130,34 +123,24 @@ class _Shaped(_Prop):
     rotation_deg: Vector = (0.0, 0.0, 0.0)
     """About the world's x, then y, then z axis, through the prop's own point; ``poses`` replace
     it."""
-    rotation = SI[Vec3]("deg")
     paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1)]
     """A face belongs to the last entry that matches it; positions are those before any rotation."""
 
 
-class BoxTable(_Shaped):
+class BoxTable(_Centred, _Shaped):
     """A rigid block: a machine's frame, a base. Its sides are the sets "x_min" … "z_max"."""
 
     type: Literal["box"]
-    center_mm: Vector
-    center = SI[Vec3]("mm")
-    origin = SI[Vec3]("mm", "center_mm")
     size_mm: Annotated[tuple[PropLength, PropLength, PropLength], Listed()]
     """Along x, y, z, before rotation, at most 1e10 mm."""
-    size = SI[Vec3]("mm")
 
     @model_validator(mode="after")
     def _check(self) -> BoxTable:
         not_by_uv(self.paints)
         return self
 
-    @property
-    def stand(self) -> PoseTable:
-        """The pose in which it stands."""
-        return PoseTable.model_construct(position_mm=self.center_mm, rotation_deg=self.rotation_deg)
 
-
-class ShapeTable(_Shaped):
+class ShapeTable(_Shaped, InFileUnitsTable):
     """A rigid thing of any shape: a mesh or a file of faces (.stl .ply .obj .off .glb .gltf)."""
 
     type: Literal["mesh"]
@@ -165,11 +148,9 @@ class ShapeTable(_Shaped):
     """Relative to the scene file. Faces are wound counter-clockwise seen from outside."""
     unit: FileUnit = "mm"
     """Of the file's coordinates; without it those of glTF are metres, as that format says."""
-    scale = SI[float]("a file's unit", "unit")
     position_mm: Vector = (0.0, 0.0, 0.0)
     """Where the file's origin is."""
     origin: ClassVar[Vec3] = (0.0, 0.0, 0.0)
-    position = SI[Vec3]("mm")
 
     @model_validator(mode="before")
     @classmethod
@@ -183,13 +164,6 @@ class ShapeTable(_Shaped):
         if suffix not in TEXTURED_SUFFIXES:
             not_by_uv(self.paints)
         return self
-
-    @property
-    def stand(self) -> PoseTable:
-        """The pose in which it stands."""
-        return PoseTable.model_construct(
-            position_mm=self.position_mm, rotation_deg=self.rotation_deg
-        )
 
 
 Prop = PlateTable | BoxTable | ShapeTable
@@ -223,8 +197,6 @@ class CalibrationTable(Table):
 
     @model_validator(mode="after")
     def _check(self) -> CalibrationTable:
-        for key, names in (("cameras", self.cameras), ("show", self.show)):
-            each_once(key, "a name twice", names)
         if self.board in self.show:
             raise fault("show", "names the board, which is shown", self.show, "other props")
         return self

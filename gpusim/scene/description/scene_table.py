@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from .camera import CameraTable
 from .lights import LightTable
 from .loads import Amplitude, Load, LoadTable, SupportTable, WhereTable
-from .material import Material, MaterialTable
+from .material import MaterialTable
 from .measures import AnyMeasure
 from .mesh import (
     BeamMeshTable,
@@ -27,14 +27,12 @@ from .prop import CalibrationTable, PropTable
 from .sensor import SensorTable
 from .table import Listed, Name, Table, Words, fault
 
-__all__ = ["Body", "Part", "SceneTable"]
-
 
 @dataclass(frozen=True)
 class Part:
     """Elements whose middle is at ``where`` are of another material than their body."""
 
-    material: Material
+    material: MaterialTable
     where: WhereTable
 
 
@@ -48,7 +46,7 @@ class Body:
     """
 
     name: str
-    material: Material | None
+    material: MaterialTable | None
     parts: tuple[Part, ...]
     formulation: str
     mesh: MeshRecipe
@@ -114,7 +112,7 @@ class BodyTable(Table):
                             Words("both"), "one of them")  # fmt: skip
         return self
 
-    def resolved(self, materials: Mapping[str, Material], factors: Amplitude) -> Body:
+    def resolved(self, materials: Mapping[str, MaterialTable], factors: Amplitude) -> Body:
         """The body with its materials, its notches, and the load ``factors`` of the frames for
         what has no amplitude of its own."""
         mesh = self.mesh if self.field is None else self.field

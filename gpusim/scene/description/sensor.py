@@ -4,82 +4,39 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, ValidationError, WithJsonSchema, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
-from .table import Length, Listed, Seed, Table, fault
-
-__all__ = ["CameraSensorTable", "Gains", "SensorTable", "merged"]
+from .table import Length, Listed, Seed, Table, add_descriptions, fault, name_and_unit
 
 Some = Annotated[float, Field(ge=0)] | None
 Most = Annotated[float, Field(gt=0)] | None
 
 
-def _exposure(value: Any) -> Any:
-    number = isinstance(value, float | int) and not isinstance(value, bool)
-    if value == "auto" or (number and 0 < value <= 1e300):
-        return value if value == "auto" else float(value)
-    raise fault("", "not an exposure", value, '"auto" or a number > 0')
-
-
-def _sensitivities(value: Any) -> Any:
-    def numbers(row: Any) -> bool:
-        real = isinstance(row, list | tuple) and len(row) == 3 and all(
-            isinstance(v, float | int) and not isinstance(v, bool) and 0 <= v <= 1e30 for v in row
-        )  # fmt: skip
-        return real and any(row)
-
-    if numbers(value):
-        return tuple(float(v) for v in value)
-    if isinstance(value, list | tuple) and len(value) == 3 and all(map(numbers, value)):
-        return tuple(tuple(float(v) for v in row) for row in value)
-    raise fault("", "no sensitivities", value, "3 numbers from 0, or 3 rows of them, none all zero")
-
-
-def _gamma(value: Any) -> Any:
-    number = isinstance(value, float | int) and not isinstance(value, bool)
-    if value == "srgb" or (number and 0 < value <= 1e30):
-        return value if value == "srgb" else float(value)
-    raise fault("", "not a gamma", value, '"srgb" or a number > 0')
-
-
 Bits = Literal[8, 10, 12, 14, 16]
-Exposure = Annotated[
-    Any,
-    BeforeValidator(_exposure),
-    WithJsonSchema({"anyOf": [{"const": "auto"}, {"type": "number", "exclusiveMinimum": 0}]}),
-]
-Gamma = Annotated[
-    Any,
-    BeforeValidator(_gamma),
-    WithJsonSchema({"anyOf": [{"const": "srgb"}, {"type": "number", "exclusiveMinimum": 0}]}),
-]
-_THREE: dict[str, Any] = {"type": "array", "minItems": 3, "maxItems": 3}
-_ROW = _THREE | {"items": {"type": "number", "minimum": 0}}
-Sensitivities = Annotated[
-    Any,
-    BeforeValidator(_sensitivities),
-    WithJsonSchema({"anyOf": [_ROW, _THREE | {"items": _ROW}]}),
-]
+Exposure = Literal["auto"] | Length
+Gamma = Literal["srgb"] | Length
 Preset = Literal["stereo-dic-5mp", "imx174", "icx625-pilot", "icx625-grasshopper"]
 Mosaic = Literal["RGGB", "BGGR", "GRBG", "GBRG"]
 Demosaic = Literal["bilinear", "malvar"]
 Share = Annotated[float, Field(ge=0)]
 Gains = Annotated[tuple[Length, Length, Length], Listed()]
 Response = Annotated[tuple[Share, Share, Share], Listed()]
-_NOISE = {
-    "gain_DN_per_e": "gain", "full_well_e": "full_well", "read_noise_e": "read_noise",
-    "dark_current_e_per_s": "dark_current", "dsnu_e": "dsnu", "prnu_percent": "prnu",
-    "black_level_DN": "black_level",
-}  # fmt: skip
+Sensitivities = Response | Annotated[tuple[Response, Response, Response], Listed()]
+_NOISE = (
+    "gain_DN_per_e", "full_well_e", "read_noise_e", "dark_current_e_per_s", "dsnu_e",
+    "prnu_percent", "black_level_DN",
+)  # fmt: skip
 
 
-class SensorTable(Table):
-    """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
-
-    Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
-    normal, and pixels differ in offset and gain.
-    """
-
+class _Electronics(Table):
     bits: Bits = 8
     """More than 8 are stored as 16-bit numbers, not scaled up: viewers show 12-bit pictures nearly
     black (full scale is 4095 of 65535), unless ``upper_bits`` is true."""
@@ -88,12 +45,6 @@ class SensorTable(Table):
     show full scale as white. Reports and measurements are the same."""
     exposure_: Annotated[Exposure, Field(alias="exposure")] = "auto"
     """Fraction of full scale per unit of radiance; "auto": set once for all frames of a camera."""
-    format: Literal["png", "tiff"] = "png"
-    seed: Seed = 0
-    """Of the noise; every camera and frame has its own, independent of the others."""
-    series: Annotated[int, Field(ge=0, lt=100_000)] = 0
-    """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
-    series 0, 1, 2 … unless they say otherwise."""
     preset: Preset | None = None
     """A real camera's values; keys given beside it replace them."""
     gain_DN_per_e: Most = None
@@ -123,6 +74,21 @@ class SensorTable(Table):
     """In the bands red, green, blue: 3 numbers of a mono camera (by default a third each), or 3
     rows of them, for the red, green and blue channel (by default each sees its band)."""
 
+
+class SensorTable(_Electronics):
+    """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
+
+    Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
+    normal, and pixels differ in offset and gain.
+    """
+
+    format: Literal["png", "tiff"] = "png"
+    seed: Seed = 0
+    """Of the noise; every camera and frame has its own, independent of the others."""
+    series: Annotated[int, Field(ge=0, lt=100_000)] = 0
+    """Of the same sensor: pixels keep their offsets and gains, all other noise is new. Variants are
+    series 0, 1, 2 … unless they say otherwise."""
+
     @model_validator(mode="after")
     def _check(self) -> SensorTable:
         counted = self.preset or self.gain_DN_per_e is not None or self.full_well_e is not None
@@ -133,6 +99,9 @@ class SensorTable(Table):
         black = self.black_level_DN
         if black is not None and not black < 2**self.bits - 1:
             raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
+        rows = self.sensitivities
+        if rows is not None and not all(map(any, rows if isinstance(rows[0], tuple) else [rows])):
+            raise fault("sensitivities", "a channel that sees nothing", rows, "none all zero")
         if self.demosaic is not None and self.bayer is None:
             raise fault("demosaic", "no mosaic", self.demosaic, "bayer beside it")
         return self
@@ -150,11 +119,11 @@ class SensorTable(Table):
     @property
     def values(self) -> dict[str, Any]:
         """By name of `gpusim.optics.sensor.sensor.Sensor`, what is given beside the preset."""
-        given = {name: getattr(self, key) for key, name in (*_NOISE.items(), ("gamma", "gamma"))}
-        given["prnu"] = None if self.prnu_percent is None else 0.01 * self.prnu_percent
+        noise = [name_and_unit(key)[0] for key in _NOISE]
+        names = [*noise, "gamma", "demosaic", "sensitivities"]
         if self.bayer is not None:
-            given |= {"bayer": self.bayer, "bayer_response": self.bayer_response}
-        given |= {"demosaic": self.demosaic, "sensitivities": self.sensitivities}
+            names += ["bayer", "bayer_response"]
+        given = {name: getattr(self, name) for name in names}
         return {name: value for name, value in given.items() if value is not None}
 
     @property
@@ -172,44 +141,26 @@ class SensorTable(Table):
         ]
 
 
-class CameraSensorTable(Table):
+def _without_defaults(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    add_descriptions(schema, table)
+    for value in schema["properties"].values():
+        del value["default"]
+
+
+class CameraSensorTable(_Electronics):
     """What is another sensor in one camera: keys given here replace those of [sensor].
 
     A ``preset`` given here replaces all that [sensor] says of gain, noise and black level.
     """
 
-    bits: Bits | None = None
-    """Of its images."""
-    upper_bits: bool | None = None
-    """As in [sensor]."""
-    exposure: Exposure | None = None
-    """Fraction of full scale per unit of radiance, or "auto"."""
-    preset: Preset | None = None
-    """A real camera's values."""
-    gain_DN_per_e: Most = None
-    """Overall system gain."""
-    full_well_e: Most = None
-    """Saturation capacity in electrons."""
-    read_noise_e: Some = None
-    """Temporal dark noise."""
-    dark_current_e_per_s: Some = None
-    """Gathers during the exposure."""
-    dsnu_e: Some = None
-    """Spread of the pixels' offsets."""
-    prnu_percent: Some = None
-    """Spread of the pixels' gains."""
-    black_level_DN: Some = None
-    """Grey value of a dark pixel."""
-    gamma: Gamma | None = None
-    """As in [sensor]."""
-    bayer: Mosaic | None = None
-    """A colour mosaic."""
-    bayer_response: Response | None = None
-    """Of red, green and blue pixels."""
-    demosaic: Demosaic | None = None
-    """How it becomes a picture in colour."""
-    sensitivities: Sensitivities | None = None
-    """In the bands red, green, blue."""
+    model_config = ConfigDict(json_schema_extra=_without_defaults)
+
+    @model_serializer(mode="wrap")
+    def _given(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is said, without what is as in [sensor]."""
+        fields = type(self).model_fields
+        given = {fields[name].alias or name for name in self.model_fields_set}
+        return {key: value for key, value in write(self).items() if key in given}
 
 
 def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTable:
@@ -217,7 +168,7 @@ def merged(common: SensorTable, own: CameraSensorTable, where: str) -> SensorTab
     values = common.model_dump(by_alias=True, exclude_none=True)
     if own.preset is not None:
         values = {key: value for key, value in values.items() if key not in _NOISE}
-    values |= own.model_dump(exclude_none=True)
+    values |= own.model_dump(by_alias=True)
     try:
         return SensorTable.model_validate(values)
     except ValidationError as error:

@@ -10,21 +10,29 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import PurePath
-from typing import Annotated, Any, Generic, Literal, Self, TypeVar, overload
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    model_validator,
+)
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 _SMALLEST, _LARGEST = 1e-30, 1e30
 _LARGEST_COUNT = 2**63 - 1
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}  # per unit of a file
 # A millimetre becomes a metre by division by 1000, which rounds once; times 0.001 rounds twice.
-_TO_SI: dict[str, Callable[[Any], float]] = {
+UNITS: dict[str, Callable[[Any], float] | None] = {
     "mm": lambda value: value / 1000.0,
     "um": lambda value: value / 1e6,
     "nm": lambda value: value / 1e9,
@@ -35,19 +43,39 @@ _TO_SI: dict[str, Callable[[Any], float]] = {
     "rpm": lambda value: value * math.tau / 60.0,
     "percent": lambda value: value / 100.0,
     "deg": math.radians,
-    "a file's unit": lambda unit: _METRES[unit],
+    **dict.fromkeys(("px", "N", "Hz", "K", "s", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")),
+    **dict.fromkeys(("e", "e_per_s", "DN", "DN_per_e")),
 }
+"""By the end of a key: what makes its value one in SI, if it isn't."""
+_WITH_UNIT = re.compile(rf"(.+?)_({'|'.join(UNITS)})")
 
-T = TypeVar("T")
 Vec3 = tuple[float, float, float]
 
 
-class Listed:
-    """Marks a tuple that is a list in the file, with the ``least`` and ``most`` items it may have;
-    a tuple of a fixed length says that itself."""
+class Words(str):
+    """What was got where it is no value of the file: "neither", "2 cameras"."""
 
-    def __init__(self, least: int | None = None, most: int | None = None) -> None:
-        self.least, self.most = least, most
+
+def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
+    """A fault between keys of one table; ``key`` is the one that is blamed ("": what is looked at,
+    the table or a value)."""
+    context = {"key": key, "problem": problem, "got": got, "expected": expected}
+    return PydanticCustomError("scene_fault", "{problem}", context)
+
+
+class Listed:
+    """Marks a tuple that is a list in the file, with the ``least`` and ``most`` items it may have
+    (a tuple of a fixed length says that itself), each once if they are ``different``."""
+
+    def __init__(
+        self, least: int | None = None, most: int | None = None, different: bool = False
+    ) -> None:
+        self.least, self.most, self.different = least, most, different
+
+    def _tuple(self, items: list[Any]) -> tuple[Any, ...]:
+        if self.different and len(set(items)) != len(items):
+            raise fault("", "has one twice", items, "each once")
+        return tuple(items)
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -60,24 +88,32 @@ class Listed:
             max_length=fixed or self.most,
         )
         return core_schema.no_info_after_validator_function(
-            tuple,
+            self._tuple,
             listed,
             serialization=core_schema.wrap_serializer_function_ser_schema(
-                lambda value, serialize: serialize(list(value)), schema=listed
+                # of several types that a value may have, each is asked
+                lambda value, write: write(list(value)) if isinstance(value, tuple) else value,
+                schema=listed,
             ),
         )
 
 
+def _with_direction(vector: Vec3) -> Vec3:
+    if not norm(vector) > 0:
+        raise fault("", "has no direction", vector, "a vector that isn't zero")
+    return vector
+
+
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=64)]
-Names = Annotated[tuple[Name, ...], Listed()]
-SeveralNames = Annotated[tuple[Name, ...], Listed(1)]
+Names = Annotated[tuple[Name, ...], Listed(different=True)]
+SeveralNames = Annotated[tuple[Name, ...], Listed(1, different=True)]
 Length = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=100_000)]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Numbers = Annotated[tuple[float, ...], Listed()]
 Vector = Annotated[Vec3, Listed()]
-Direction = Vector
+Direction = Annotated[Vec3, Listed(), AfterValidator(_with_direction)]
 Pair = Annotated[tuple[float, float], Listed()]
 PositivePair = Annotated[tuple[Length, Length], Listed()]
 Axis = Literal["x", "y", "z"]
@@ -90,36 +126,35 @@ def file_unit(file: str) -> FileUnit:
     return "m" if PurePath(file).suffix.lower() in (".glb", ".gltf") else "mm"
 
 
+def metres(unit: FileUnit) -> float:
+    """Metres per unit of a file."""
+    return _METRES[unit]
+
+
 def in_si(value: Any, unit: str) -> Any:
     """A number, or a tuple of numbers or of tuples, of ``unit`` in SI; None stays None."""
-    if value is None or unit not in _TO_SI:
+    convert = UNITS.get(unit)
+    if value is None or convert is None:
         return value
     if isinstance(value, tuple):
         return tuple(in_si(item, unit) for item in value)
-    return _TO_SI[unit](value)
+    return convert(value)
 
 
-class SI(Generic[T]):
-    """A key's value in SI, named by the key without its unit: ``size = SI[Vec3]("mm")`` is that of
-    ``size_mm``. Another ``key`` is said, and what there is ``without`` a value of it."""
+def name_and_unit(key: str) -> tuple[str, str]:
+    """``"size_mm"`` -> "size" and "mm"; without a unit the key and ""."""
+    found = _WITH_UNIT.fullmatch(key)
+    return (found[1], found[2]) if found else (key, "")
 
-    def __init__(self, unit: str, key: str = "", without: Any = None) -> None:
-        self.unit, self.key, self.without = unit, key, without
 
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.key = self.key or f"{name}_{self.unit}"
+class _InSI:
+    """A key's value in SI."""
 
-    @overload
-    def __get__(self, table: None, owner: type) -> Self: ...
-
-    @overload
-    def __get__(self, table: object, owner: type) -> T: ...
+    def __init__(self, key: str, unit: str) -> None:
+        self.key, self.unit = key, unit
 
     def __get__(self, table: object | None, owner: type) -> Any:
-        if table is None:
-            return self
-        value = getattr(table, self.key)
-        return self.without if value is None else in_si(value, self.unit)
+        return self if table is None else in_si(getattr(table, self.key), self.unit)
 
 
 def descriptions(table: type[BaseModel]) -> dict[str, str]:
@@ -155,7 +190,8 @@ def _field_texts(module: str) -> dict[str, dict[str, str]]:
     }
 
 
-def _add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
+def add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
+    """Enter the texts of the fields in a table's JSON schema."""
     texts = descriptions(table)
     for name, info in table.model_fields.items():
         if name in texts:
@@ -166,6 +202,9 @@ class Table(BaseModel):
     """One table of the file: unknown keys, wrong types, NaN and infinity are faults.
 
     So are numbers of a size that nothing measured has: their products leave the range of float64.
+
+    A key's value in SI has the key's name without its unit: ``size`` is that of ``size_mm``, None
+    if that is None. A class that says itself what ``size`` is keeps it.
     """
 
     model_config = ConfigDict(
@@ -173,9 +212,20 @@ class Table(BaseModel):
         strict=True,
         frozen=True,
         allow_inf_nan=False,
-        ignored_types=(SI,),
-        json_schema_extra=_add_descriptions,
+        json_schema_extra=add_descriptions,
     )
+
+    if TYPE_CHECKING:  # scripts/mypy_si.py knows of which type
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        super().__pydantic_init_subclass__(**options)
+        for key in cls.model_fields:
+            name, unit = name_and_unit(key)
+            if unit and name not in cls.model_fields and not hasattr(cls, name):
+                setattr(cls, name, _InSI(key, unit))
 
     @model_validator(mode="after")
     def _sizes(self) -> Self:
@@ -191,16 +241,6 @@ class Table(BaseModel):
         return self
 
 
-class Words(str):
-    """What was got where it is no value of the file: "neither", "2 cameras"."""
-
-
-def fault(key: str, problem: str, got: object, expected: str) -> PydanticCustomError:
-    """A fault between keys of one table; ``key`` is the one that is blamed ("" for the table)."""
-    context = {"key": key, "problem": problem, "got": got, "expected": expected}
-    return PydanticCustomError("scene_fault", "{problem}", context)
-
-
 def _numbers(value: object) -> Iterator[float]:
     """The numbers of a value or of nested lists."""
     if isinstance(value, float | int):
@@ -210,16 +250,12 @@ def _numbers(value: object) -> Iterator[float]:
             yield from _numbers(item)
 
 
-def not_zero(key: str, direction: Vec3 | None, expected: str = "a vector that isn't zero") -> None:
-    """Raise a fault for a direction, if one is given, that is none."""
-    if direction is not None and not norm(direction) > 0:
-        raise fault(key, "has no direction", direction, expected)
-
-
-def each_once(key: str, problem: str, names: Collection[str], expected: str = "each once") -> None:
-    """Raise a fault for names of which one stands there twice."""
-    if len(set(names)) != len(names):
-        raise fault(key, problem, names, expected)
+def tables_of(document: Mapping[str, Any], key: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    """The tables of a list in a plain document, with their places; what is none is left out."""
+    items = document.get(key)
+    for place, item in enumerate(items if isinstance(items, list) else ()):
+        if isinstance(item, dict):
+            yield place, item
 
 
 def known_suffix(kind: str, file: str, known: Collection[str]) -> str:

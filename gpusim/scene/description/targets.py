@@ -9,44 +9,10 @@ from pydantic import Field, model_validator
 
 from .colors import Shade
 from .ground import PatternedTable
-from .table import SI, Count, Length, Listed, Vec3, Vector, fault, in_si
-
-__all__ = [
-    "ArucoTable",
-    "CharucoTable",
-    "CirclesTable",
-    "LinesTable",
-    "RingCodesTable",
-    "StarTable",
-    "TargetTable",
-]
+from .table import Count, Length, Listed, Vec3, Vector, fault
 
 Places = Annotated[tuple[Vector, ...], Listed(1)]
 Codes = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Listed()]
-
-
-class TargetTable(PatternedTable):
-    """A pattern that is drawn by the class of its ``kind`` in `gpusim.surface.paint`: its own keys
-    are that class's parameters, by their names without unit."""
-
-    kind = SI[str]("", "type")
-
-    @property
-    def places(self) -> tuple[Vec3, ...]:
-        """The centres, or the one lower left corner (m)."""
-        corner = getattr(self, "origin_mm", None)
-        places = getattr(self, "positions_mm", ()) if corner is None else (corner,)
-        return tuple(in_si(place, "mm") for place in places)
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Parameters of the class that draws it, in SI."""
-        others = {"type", "positions_mm", "origin_mm", *PatternedTable.model_fields}
-        own = [key for key in type(self).model_fields if key not in others]
-        values = {key: getattr(self, key) for key in own}
-        lengths = [key for key in own if key.endswith("_mm")]
-        values |= {key.removesuffix("_mm"): in_si(values.pop(key), "mm") for key in lengths}
-        return {**values, "ground": self.albedo}
 
 
 def _one_each(key: str, values: tuple[int, ...], places: tuple[Vec3, ...]) -> None:
@@ -55,7 +21,7 @@ def _one_each(key: str, values: tuple[int, ...], places: tuple[Vec3, ...]) -> No
         raise fault(key, "not one per position", len(values), expected)
 
 
-class _Centred(TargetTable):
+class _Centred(PatternedTable):
     positions_mm: Places
     """Their centres."""
     dark: Shade = 0.05
@@ -102,7 +68,7 @@ class ArucoTable(_Centred):
         return self
 
 
-class RingCodesTable(TargetTable):
+class RingCodesTable(PatternedTable):
     """Coded targets of photogrammetry: a disc, and around it a ring of light and dark bits."""
 
     type: Literal["ring_codes"]
@@ -127,7 +93,7 @@ class RingCodesTable(TargetTable):
         return self
 
 
-class CharucoTable(TargetTable):
+class CharucoTable(PatternedTable):
     """OpenCV's ChArUco board: a chessboard with a marker in every light square."""
 
     type: Literal["charuco"]
@@ -149,7 +115,7 @@ class CharucoTable(TargetTable):
         return self
 
 
-class LinesTable(TargetTable):
+class LinesTable(PatternedTable):
     """Lines at equal distances, along the surface's horizontal, its up direction, or both."""
 
     type: Literal["lines"]
@@ -162,13 +128,13 @@ class LinesTable(TargetTable):
     origin_mm: Vector
     """The crossing at the lower left, seen from outside."""
     line: Shade = 0.05
+    called = {"line": "albedo"}
 
     @property
     def values(self) -> dict[str, Any]:
         """Parameters of the class that draws it, in SI."""
-        values = super().values
         along = {"both": "both", "across": "s", "up": "t"}[self.along]
-        return {"albedo": values.pop("line"), **values, "along": along}
+        return {**super().values, "along": along}
 
     @model_validator(mode="after")
     def _check(self) -> LinesTable:

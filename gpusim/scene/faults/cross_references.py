@@ -6,21 +6,21 @@ together with the schema's. What isn't of the right shape is skipped here: the s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from gpusim.errors import Fault
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
 from gpusim.scene.description.processing import ANALYSIS_TYPES
-from gpusim.scene.description.table import Words
+from gpusim.scene.description.table import Words, tables_of
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed, nearest
 
 Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
-Item = tuple[int, Mapping[str, Any]]
+Item = tuple[int, dict[str, Any]]
 _BITS = 31  # of a truth layer
 _OF_TYPE = "measure of a "
 _SHADOWS = 32  # lamps that the renderer looks for shadows of
@@ -49,14 +49,6 @@ def check_document(document: Mapping[str, Any]) -> Found:
     return checks.found
 
 
-def _items(table: Mapping[str, Any], key: str) -> Iterator[Item]:
-    items = table.get(key)
-    if isinstance(items, list):
-        for index, item in enumerate(items):
-            if isinstance(item, Mapping):
-                yield index, item
-
-
 def _table(table: Mapping[str, Any], key: str) -> Mapping[str, Any] | None:
     found = table.get(key, {})
     return found if isinstance(found, Mapping) else None
@@ -80,7 +72,7 @@ def _names_of_type(items: list[Item], kind: str) -> Names:
 
 def _marker_names(things: list[Item]) -> Names | None:
     """Names of the markers paints; None if a paint lacks its name or type."""
-    paints = [paint for _, item in things for paint in _items(item, "paint")]
+    paints = [paint for _, item in things for paint in tables_of(item, "paint")]
     texts = [(paint.get("name"), paint.get("type")) for _, paint in paints]
     if not all(isinstance(text, str) for pair in texts for text in pair):
         return None
@@ -97,14 +89,18 @@ class _Checks:
         self.analysis_type = ANALYSIS_TYPES.get(kind)
         lists = ("material", "body", "prop", "camera", "measure", "variant")
         self.materials, self.bodies, self.props, self.cameras, self.measures, self.variants = (
-            list(_items(document, key)) for key in lists
+            list(tables_of(document, key)) for key in lists
         )
 
     def add(self, keys: Keys, problem: str, got: Any, expected: str, hint: str = "") -> None:
         self.found.append((keys, Fault(dotted(keys), problem, value_text(got), expected, hint)))
 
     def refer(self, keys: Keys, value: Any, names: Names | None, what: str) -> None:
-        """A reference to one of ``names``, which may be unknown (None)."""
+        """A reference, or a list of them, to one of ``names``, which may be unknown (None)."""
+        if isinstance(value, list):
+            for place, one in enumerate(value):
+                self.refer((*keys, place), one, names, what)
+            return
         if names is None or not isinstance(value, str) or value in names:
             return
         near = nearest(value, list(names)) if len(self.found) < _HINTS else ""
@@ -114,7 +110,7 @@ class _Checks:
 
     def unique_names(self) -> None:
         def unique(prefix: Keys, table: Mapping[str, Any], key: str, seen: dict[str, Keys]) -> None:
-            for index, item in _items(table, key):
+            for index, item in tables_of(table, key):
                 name, keys = item.get("name"), (*prefix, key, index, "name")
                 if not isinstance(name, str):
                     continue
@@ -139,17 +135,17 @@ class _Checks:
         for index, body in self.bodies:
             at: Keys = ("body", index)
             self.refer((*at, "material"), body.get("material"), materials, "material")
-            for place, part in _items(body, "part"):
+            for place, part in tables_of(body, "part"):
                 keys = (*at, "part", place, "material")
                 self.refer(keys, part.get("material"), materials, "material")
             mesh = body.get("mesh")
             sets = SETS.get(str(mesh.get("builder")) if isinstance(mesh, Mapping) else "")
             if sets is None:
                 continue
-            notches = len(list(_items(body, "notch")))
+            notches = len(list(tables_of(body, "notch")))
             names = dict.fromkeys([*sets, *(f"notch_{n}" for n in range(1, notches + 1))])
             for key in ("support", "load", "paint"):
-                for place, entry in _items(body, key):
+                for place, entry in tables_of(body, key):
                     where = entry.get("where")
                     if isinstance(where, Mapping):
                         keys = (*at, key, place, "where", "set")
@@ -175,12 +171,7 @@ class _Checks:
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
                 else:
                     named = names[what]
-                value = measure.get(key)
-                if isinstance(value, list):
-                    for place, one in enumerate(value):
-                        self.refer((*at, key, place), one, named, what)
-                else:
-                    self.refer((*at, key), value, named, what)
+                self.refer((*at, key), measure.get(key), named, what)
             for keys, *fault in table.faults(measure, self.document):
                 self.add((*at, *keys), *fault)
 
@@ -195,11 +186,11 @@ class _Checks:
             if body.get("notch") and isinstance(builder, str) and builder not in NOTCHABLE:
                 self.add((*at, "notch"), "in a mesh that can't have one", builder,
                          "builder " + " or ".join(NOTCHABLE))  # fmt: skip
-            loads = list(_items(body, "load"))
+            loads = list(tables_of(body, "load"))
             if loads and not body.get("support"):
                 self.add((*at, "support"), "loaded but not held", Words("no support"),
                          "at least one [[body.support]]")  # fmt: skip
-            parts = [part for _, part in _items(body, "part")]
+            parts = [part for _, part in tables_of(body, "part")]
             names = [str(entry.get("material")) for entry in (body, *parts)]
             for place, load in loads:
                 key, problem = _NEEDS.get(str(load.get("type")), ("", ""))
@@ -208,7 +199,7 @@ class _Checks:
                     wanted = f"{key} {'!= 0' if key.startswith('expansion') else '> 0'}"
                     self.add((*at, "load", place), problem, names[0], wanted)
             for kind in ("load", "support"):
-                for place, entry in _items(body, kind):
+                for place, entry in tables_of(body, kind):
                     self._one_per_frame(
                         (*at, kind, place, "amplitude"), entry.get("amplitude"), factors,
                         "factor", "analysis.load_factors",
@@ -272,13 +263,7 @@ class _Checks:
             ("show", _names(self.props), "prop"),
         )
         for key, names, what in known:
-            value = calibration.get(key)
-            for place, name in enumerate(value if isinstance(value, list) else [value]):
-                at: Keys = ("calibration", key)
-                at = (*at, place) if isinstance(value, list) else at
-                if isinstance(name, str) and names is not None and name not in names:
-                    wanted = f"one of {listed(names)}" if names else f"a {what}"
-                    self.add(at, f"no such {what}", name, wanted)
+            self.refer(("calibration", key), calibration.get(key), names, what)
         if not self.cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("calibration",), "needs a camera", got, wanted)
@@ -294,7 +279,7 @@ class _Checks:
         """Every lamp casts shadows unless it says that it doesn't; surroundings cast none."""
         casting = [
             index
-            for index, light in _items(self.document, "light")
+            for index, light in tables_of(self.document, "light")
             if light.get("type") in ("point", "spot", "area", "sun") and light.get("shadows", True)
         ]
         if len(casting) > _SHADOWS:

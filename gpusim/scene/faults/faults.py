@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,31 +11,17 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError
 from gpusim.printable import printable
-from gpusim.scene.description.table import Words
+from gpusim.scene.description.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, nearest, origin_of
 from .schema_places import Place, expected, locate
 
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
-_KINDS = {
-    "float_type": "a number",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "string_type": "a string",
-    "bool_type": "true or false",
-    "int_parsing_size": "a whole number",
-    "list_type": "a list [...]",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "model_attributes_type": "a table",
-    "finite_number": "a finite number",
-}
-_BOUNDS = {
-    "greater_than": ("gt", ">"),
-    "greater_than_equal": ("ge", ">="),
-    "less_than": ("lt", "<"),
-    "less_than_equal": ("le", "<="),
-}
+_OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}
+_OF_WRONG_TYPE = {
+    "float_type", "int_type", "int_from_float", "int_parsing_size", "string_type", "bool_type",
+    "list_type", "dict_type", "model_type", "model_attributes_type", "finite_number",
+}  # fmt: skip
 
 
 def with_origin(fault: Fault, keys: Sequence[str | int], origins: Origins) -> Fault:
@@ -53,18 +39,22 @@ def faults_of(error: ValidationError, origins: Origins) -> tuple[list[Fault], in
     A required key that is missing because it was misspelt is told once: by its wrong spelling.
     """
     found: list[tuple[Keys, Fault]] = []
-    choices: set[Keys] = set()
+    choices: dict[Keys, set[str]] = {}
     respelt: set[Keys] = set()
     missing: set[int] = set()
     entries = error.errors(include_url=False)
-    for entry in entries[:MOST]:
+    places = [locate(entry["loc"]) for entry in entries[:MOST]]
+    for entry, place in zip(entries, places, strict=False):
+        if place.choice:
+            choices.setdefault(place.keys, set()).add(entry["type"])
+    for entry, place in zip(entries, places, strict=False):
         kind, context = entry["type"], entry.get("ctx", {})
-        place = locate(entry["loc"])
         keys = place.keys
-        if len(place.choice):
-            if keys in choices:  # told once, not for each of the types that it may have
-                continue
-            choices.add(keys)
+        if place.choice:  # told once, not for each of the types that it may have
+            kinds = choices.pop(keys, None)
+            if kinds:
+                found.append((keys, _fault_of_value(entry["input"], kinds, dotted(keys), place)))
+            continue
         if kind == "extra_forbidden":
             near = nearest(str(keys[-1]), place.valid_keys)
             respelt.add((*keys[:-1], near))
@@ -112,9 +102,6 @@ def _fault(
         bound = context["min_length" if kind == "too_short" else "max_length"]
         got = f"{context['actual_length'] or 'no'} items"
         return Fault(key, "wrong length", got, _length(bound, kind))
-    if kind in _BOUNDS:
-        name, sign = _BOUNDS[kind]
-        return Fault(key, "out of range", got, f"{sign} {context[name]:g}")
     if kind == "string_pattern_mismatch":
         return Fault(key, "not a usable name", got, "a letter, then letters, digits, _ or -")
     if kind in ("string_too_short", "string_too_long"):
@@ -122,24 +109,36 @@ def _fault(
         if kind == "string_too_short":
             return Fault(key, "empty", "", "a text")
         return Fault(key, "too long", f"{len(value):,} letters", f"at most {most}")
-    if kind in _KINDS:
-        text = _wanted(place, described=False) or _KINDS[kind]
-        if kind == "finite_number":
-            text = text.replace("number", "finite number", 1)
-        if "number" in text and isinstance(value, str):
-            text += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
-        return Fault(key, "wrong type", got, text)
+    if kind in _OUT_OF_RANGE | _OF_WRONG_TYPE:
+        return _fault_of_value(value, {kind}, key, place)
     return Fault(key, entry["msg"], got)
 
 
-def _wanted(place: Place, described: bool = True) -> str:
+def _fault_of_value(value: Any, kinds: Set[str], key: str, place: Place) -> Fault:
+    """Of a value that isn't what the schema wants, for ``kinds`` of reasons: of each of the types
+    that it may have."""
+    got, wanted = value_text(value), expected(place.value)
+    if isinstance(value, str) and kinds & {"literal_error", "string_pattern_mismatch"}:
+        return Fault(key, "unknown value", got, wanted)
+    if isinstance(value, list) and kinds & {"too_short", "too_long"}:
+        return Fault(key, "wrong length", f"{len(value)} items", wanted)
+    if kinds & _OUT_OF_RANGE:
+        return Fault(key, "out of range", got, wanted)
+    if "finite_number" in kinds:
+        wanted = wanted.replace("number", "finite number", 1)
+    if "number" in wanted and isinstance(value, str):
+        wanted += " without quotes" + ("; its unit is in the key" if _has_unit(key) else "")
+    return Fault(key, "wrong type", got, wanted)
+
+
+def _wanted(place: Place) -> str:
     """What the schema wants of a key, and what it says about it."""
     last = place.keys[-1] if place.keys else 0
     if isinstance(last, int):
         return ""
     text = expected(place.value)
     about = place.description.replace("`", "")
-    if not (described and text and about):
+    if not (text and about):
         return text
     first = about.split()[0]
     if first == "A" or first[1:].islower():
@@ -182,7 +181,7 @@ def unread(error: InputError, key: str, path: Path) -> Fault:
 
 def _has_unit(key: str) -> bool:
     names = [part for part in key.split(".") if not part.isdecimal()]
-    return names[-1].endswith(("_mm", "_px", "_N", "_W", "_GPa", "_MPa", "_kg_m3", "_m_s2"))
+    return name_and_unit(names[-1])[1] != ""
 
 
 def _did_you_mean(name: str) -> str:

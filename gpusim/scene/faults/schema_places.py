@@ -126,7 +126,8 @@ def expected(schema: Node, many: bool = False) -> str:
     options = [one for one in schema.get("anyOf", schema.get("oneOf", []))
                if one.get("type") != "null"]  # fmt: skip
     if options:
-        return ", or ".join(dict.fromkeys(expected(one, many) for one in options))
+        *others, last = dict.fromkeys(_option(one, many) for one in options)
+        return f"{', '.join(others)}, or {last}" if others else last
     kind = schema.get("type")
     if kind == "object":
         return "tables" if many else "a table"
@@ -143,6 +144,11 @@ def expected(schema: Node, many: bool = False) -> str:
         return ""
     name = f"{_KINDS[kind]}s" if many else f"a {_KINDS[kind]}"
     return f"{name}{_range(schema)}"
+
+
+def _option(schema: Node, many: bool) -> str:
+    text = expected(schema, many)
+    return f"{text} ({schema['title']})" if "title" in schema else text
 
 
 def _list(schema: Node) -> str:

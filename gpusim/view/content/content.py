@@ -22,6 +22,7 @@ from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup, load_groups
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.frames import frame_word
+from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.view.content.body_state import BodyState
@@ -63,9 +64,9 @@ class Content:
         return self.objects.scene
 
     @property
-    def background(self) -> float:
+    def background(self) -> Color:
         """Radiance where no surface is."""
-        return 0.0 if self.objects is None else self.objects.scene.render.background
+        return 0.0 if self.objects is None else color(self.objects.scene.render.background)
 
     @cached_property
     def depths_of_field(self) -> list[DepthOfField | None]:

@@ -23,7 +23,7 @@ from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
-from gpusim.scene.description.table import FileUnit, file_unit, in_si
+from gpusim.scene.description.table import FileUnit, file_unit, metres
 from gpusim.scene.frames import frame_table
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -71,9 +71,7 @@ def load_content(
             f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
             f"folder of a run, or a mesh: {' '.join(known)}"
         )
-    surface, skins = _part(
-        path, suffix, float(in_si(unit or file_unit(path.name), "a file's unit"))
-    )
+    surface, skins = _part(path, suffix, metres(unit or file_unit(path.name)))
     return Content(path.name, (path,), parts=(surface,), part_skins=skins)
 
 

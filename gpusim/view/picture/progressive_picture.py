@@ -15,6 +15,7 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.light.lights import Light
 from gpusim.optics.rendering.renderer import render
 from gpusim.optics.sensor.channels import Weights
+from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 from gpusim.view.picture.display import draw_enlarged, draw_frame
 from gpusim.view.picture.moving_picture import moving_picture, unshadowed
@@ -43,7 +44,7 @@ class Shot(NamedTuple):
     surfaces: Sequence[Surface]
     camera: Camera
     lights: Sequence[Light] | None
-    background: float
+    background: Color
     weights: Weights | None = None
 
 

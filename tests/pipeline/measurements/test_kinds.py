@@ -89,7 +89,7 @@ def test_it_is_planned(done: tuple[gs.Report, Path]) -> None:
     ("changes", "told"),
     [
         ({"expectd_DN": 60.0}, "measure.grey.expectd_DN: unknown key (did you mean expected_DN?)"),
-        ({"expected_DN": 0.0}, "expected_DN: out of range; got 0.0; expected > 0"),
+        ({"expected_DN": 0.0}, "expected_DN: out of range; got 0.0; expected a number > 0"),
         ({"camera": "sied"}, "camera: no such camera; got \"sied\"; expected one of side"),
         ({"type": "toi"}, "type: unknown value"),
     ],

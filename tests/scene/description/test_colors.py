@@ -155,7 +155,7 @@ def test_a_background_may_be_a_colour(tmp_path: Path) -> None:
 
 
 def test_a_colour_has_nothing_behind_it(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"albedo: no colour"):
+    with pytest.raises(SceneError, match=r"albedo: unknown value"):
         load(tmp_path, plate('type = "plain"').replace("albedo = 0.8", 'albedo = "#c0a080\\n"'))
 
 

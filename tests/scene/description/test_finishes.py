@@ -29,23 +29,23 @@ def test_a_finish_fills_what_the_paint_leaves_open() -> None:
     paint = prop.paints[0]
     # luminance of iron's published reflectance
     assert abs(paint.albedo - (0.2126 * 0.562 + 0.7152 * 0.565 + 0.0722 * 0.578)) < 1e-4
-    assert (paint.finish.roughness, paint.finish.metallic) == (0.5, 1.0)
-    assert paint.finish.bump is None  # it would cost time, and no pixel resolves it
+    assert (paint.roughness, paint.metallic) == (0.5, 1.0)
+    assert paint.bump == 0.0  # it would cost time, and no pixel resolves it
     (prop,) = scene({"finish": "painted steel", "albedo": 0.2, "bump_um": 0.0}).props
-    assert prop.paints[0].albedo == 0.2 and prop.paints[0].finish.bump is None
+    assert prop.paints[0].albedo == 0.2 and prop.paints[0].bump == 0.0
     along = {"bump_along": [1.0, 0.0, 0.0]}
     for more, stretch in (({}, 1.0), (along, 40.0), ({**along, "bump_stretch": 9.0}, 9.0)):
-        bump = scene({"finish": "brushed steel", **more}).props[0].paints[0].finish.bump
-        assert bump is not None and bump.stretch == stretch
+        (paint,) = scene({"finish": "brushed steel", **more}).props[0].paints
+        assert paint.bump > 0.0 and paint.bump_stretch == stretch
 
 
 def test_another_finish_replaces_what_the_one_before_filled_in() -> None:
     before = scene({"finish": "mill-finished steel", "roughness": 0.65})
     (paint,) = before.replace("prop.p.paint.c.finish", "painted steel").props[0].paints
-    assert paint.albedo == 0.35 and paint.finish.metallic == 0.0 and paint.finish.bump is not None
-    assert paint.finish.roughness == 0.65  # said, not filled in
+    assert paint.albedo == 0.35 and paint.metallic == 0.0 and paint.bump > 0.0
+    assert paint.roughness == 0.65  # said, not filled in
     (paint,) = scene().replace("prop.p.paint.c.finish", "brushed steel").props[0].paints
-    assert (paint.albedo, paint.finish.roughness, paint.finish.metallic) == (0.5, 0.35, 1.0)
+    assert (paint.albedo, paint.roughness, paint.metallic) == (0.5, 0.35, 1.0)
     (paint,) = before.replace("prop.p.paint.c.color", "#ff0000").props[0].paints
     assert paint.albedo == "#ff0000"
 

@@ -286,9 +286,9 @@ def test_a_mosaic_and_the_curve_of_viewers(tmp_path: Path) -> None:
         (COLOUR + "[camera.sensor]\nsensitivities = [1, 1, 1]\n",
          "camera.one.channels: doesn't go with the sensor's sensitivities"),
         (CAMERA.format("one") + "[camera.sensor]\nsensitivities = [1, 1]\n",
-         "camera.one.sensor.sensitivities: no sensitivities"),
+         "got 2 items; expected a list of 3 numbers >= 0, or a list of 3 lists of 3 numbers >= 0"),
         (CAMERA.format("one") + '[camera.sensor]\ngamma = "log"\n',
-         'got "log"; expected "srgb" or a number > 0'),
+         'got "log"; expected "srgb", or a number > 0'),
         (CAMERA.format("one").rstrip() + '\nchannels = "color"\n', "camera.one.channels"),
     ],
 )  # fmt: skip

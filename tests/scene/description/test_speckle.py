@@ -34,7 +34,7 @@ def test_values_arrive_in_si_and_the_body_is_painted(checkout: Path) -> None:
     assert (paint.diameter, paint.softness) == (0.0009, 0.000125)
     assert (paint.albedo, paint.dot, paint.coverage, paint.seed) == (0.8, 0.06, 0.45, 17)
     assert (paint.size_law, paint.spread, paint.arrangement) == ("lognormal", 0.2, "random")
-    assert paint.up is None and paint.wrap is None
+    assert paint.up is None and paint.mapping == "plane"
     surface = build_body(loaded.bodies[0]).surface
     assert surface.paints["spray"] == gs.paint.Speckle(
         0.0009, 0.45, 0.000125, "lognormal", 0.2, "random", 17, 0.06, 0.8

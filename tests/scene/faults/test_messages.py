@@ -42,8 +42,9 @@ def told(scene: Scene, path: str, value: Any) -> str:
     [
         ("prop.0.paint.0.albedo", ..., "prop.wall.paint.static.albedo: missing; got neither "
          "albedo nor color; expected a number from 0 to 1, or a colour (of the ground, outside"),
-        ("body.0.paint.1.albedo", "#c0a08", 'crane.paint.column.albedo: no colour; got "#c0a08"; '
-         'expected a number from 0 to 1, a list of 3 of them (red, green, blue), or "#rrggbb"'),
+        ("body.0.paint.1.albedo", "#c0a08", 'paint.column.albedo: unknown value; got "#c0a08"; '
+         'expected a number from 0 to 1, a list of 3 numbers from 0 to 1 (red, green, blue), '
+         'or a text like "#c0a080"'),
         ("body.0.paint.1.color", 0.4, "body.crane.paint.column.color: beside albedo, which is the "
          "same; got 0.4; expected one of them"),
         ("body.0.paint.1.colour", 0.4, "column.colour: unknown key (did you mean color?)"),
@@ -51,11 +52,11 @@ def told(scene: Scene, path: str, value: Any) -> str:
         ("body.0.paint.1.albedo", [0.1, 0.2, 1.5], "albedo: out of range; got [0.1, 0.2, 1.5]"),
         ("body.0.paint.1.albedo", [0.1, 0.2, True], "albedo: wrong type; got [0.1, 0.2, true]"),
         ("light.0.temperature_K", 700.0, "light.lamp-near.temperature_K: out of range; got 700.0; "
-         "expected >= 800"),
+         "expected a number from 800 to 40000"),
         ("light.0.temperature", 3000.0, "temperature: unknown key (did you mean temperature_K?)"),
         ("light.0.color", "#000000", "light.lamp-near.color: no light at all; got \"#000000\""),
         ("render.background", [0.1, -0.2, 0.1], "render.background: out of range; got [0.1, -0.2, "
-         "0.1]; expected a number >= 0, a list of 3 of them"),
+         "0.1]; expected a number >= 0, a list of 3 numbers >= 0 (red, green, blue), or"),
         ("material.0.youngs_modulus_GPa", ..., "material.steel.youngs_modulus_GPa: missing; "
          "expected a number > 0, or a list of 3 numbers > 0 (orthotropic: [E1, E2, E3] along"),
         ("camera.0.name", ..., "camera.0.name: missing; expected a name of letters, digits"),
@@ -111,7 +112,10 @@ def test_every_key_has_words_for_what_it_wants() -> None:
     assert words["SupportTable", "fix"] == 'a list of some of "x", "y", "z"'
     assert words["SpeckleTable", "coverage"] == "a number > 0 and < 1"
     assert words["SceneTable", "schema"] == "1"
-    shade = 'a number from 0 to 1, or a list of 3 numbers from 0 to 1, or a text like "#c0a080"'
+    shade = (
+        "a number from 0 to 1, a list of 3 numbers from 0 to 1 (red, green, blue), "
+        'or a text like "#c0a080"'
+    )
     assert words["PlainTable", "color"] == words["DotsTable", "dot"] == shade
 
 
