@@ -19,6 +19,7 @@ from gpusim.field.field import Field
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
 from gpusim.mesh.file_content.numbering import from_upright_first
+from gpusim.validation import require
 
 # Element types by number: kind and nodes. GraphiX counts vertical edges before top edges.
 _TYPES = {
@@ -86,10 +87,8 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
     results: dict[str, list[_Block]] = {}
     current: _Block | None = None
     time, long = 0.0, True
-    if file.data[:6].strip() != b"1C":
-        raise InputError(
-            f"{path}: not an .frd file; got first bytes {file.data[:6]!r}; expected '1C'"
-        )
+    first = file.data[:6]
+    require(first.strip() == b"1C", f"{path}: not an .frd file", f"first bytes {first!r}", "'1C'")
     at = 0
     for number, line in enumerate(file.stream(), start=1):
         key = line[:6]
@@ -106,10 +105,10 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
                 time, long = _time(line, path), _is_long(line, path)
             elif key[:3] == b" -4" and line[3:13].split():
                 current = _Block(at + len(line), -1, long, time)
-                name = line[3:13].split()[0].decode("ascii", "replace")
+                name = _text(line[3:13].split()[0])
                 results.setdefault(name, []).append(current)
             elif line[:5].strip() not in (b"1", b"9999", b""):  # headers, and the end
-                text = line.strip()[:40].decode("ascii", "replace")
+                text = _text(line.strip()[:40])
                 raise InputError(f"{path}:{number}: got {text!r}; expected a block: damaged?")
         elif key[:3] == b" -5":
             current.start = at + len(line)
@@ -123,30 +122,26 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
 def _check_vector(block: _Block, name: str, path: Path) -> None:
     """The first three components are those of a vector: type 2, numbers 1 to 3."""
     kinds = [(line[18:23].strip(), line[23:28].strip()) for line in block.components[:3]]
-    if kinds != [(b"2", b"1"), (b"2", b"2"), (b"2", b"3")]:
-        raise InputError(
-            f"{path}: block {name}; got components of type and number "
-            f"{', '.join(b' '.join(kind).decode('ascii', 'replace') for kind in kinds) or 'none'}; "
-            "expected a vector, 2 1, 2 2, 2 3"
-        )
+    got = ", ".join(_text(b" ".join(kind)) for kind in kinds) or "none"
+    is_vector = kinds == [(b"2", b"1"), (b"2", b"2"), (b"2", b"3")]
+    what, expected = f"{path}: block {name}", "a vector, 2 1, 2 2, 2 3"
+    require(is_vector, what, f"components of type and number {got}", expected)
+
+
+def _text(letters: bytes) -> str:
+    return letters.decode("ascii", "replace")
 
 
 def _is_long(line: bytes, path: Path) -> bool:
     code = line[73:75].strip()
-    if code not in (b"0", b"1"):
-        raise InputError(
-            f"{path}: format {code.decode('ascii', 'replace')!r} of a block; expected 0 or 1: text "
-            "(CalculiX writes binary on *NODE OUTPUT)"
-        )
+    expected = "0 or 1: text (CalculiX writes binary on *NODE OUTPUT)"
+    require(code in (b"0", b"1"), f"{path}", f"format {_text(code)!r} of a block", expected)
     return code == b"1"
 
 
 def _time(line: bytes, path: Path) -> float:
-    if line[56:58].strip() == b"2":
-        raise InputError(
-            f"{path}: results of a frequency analysis; expected displacements over time or load: "
-            "modes are no states of a body"
-        )
+    expected = "displacements over time or load: modes are no states of a body"
+    require(line[56:58].strip() != b"2", f"{path}", "results of a frequency analysis", expected)
     try:
         return float(line[12:24])
     except ValueError:
@@ -189,9 +184,7 @@ def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBloc
         if line[:3] == b" -1":
             number = line[3 + width : 8 + width].strip()
             if not number.isdigit() or int(number) not in _TYPES:
-                raise InputError(
-                    f"{path}: element type {number.decode('ascii', 'replace')!r}; expected 1 to 12"
-                )
+                raise InputError(f"{path}: element type {_text(number)!r}; expected 1 to 12")
             kind = _TYPES[int(number)][0]
             rows.setdefault(kind, []).append(b"")
         elif line[:3] == b" -2" and kind:

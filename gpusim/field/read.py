@@ -21,7 +21,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,7 @@ from gpusim.mesh.formats.exodus import read_exodus_steps
 from gpusim.mesh.formats.reader import PARALLEL
 from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.parallel.machine import memory_limit
+from gpusim.validation import checked, positive, require
 
 _VECTORS = ("displacement", "displacements", "disp", "displ", "u", "dis", "depl", "def")
 _SCALARS = ("disp", "displ", "displacement", "d", "u", "dis")
@@ -121,16 +122,13 @@ def read_vtu_field(file: InputFile, name: str | None = None) -> Field:
         path = steps[number][1]
         content = first
         if number:
-            later = read_input(
-                file.beside(path.absolute(), "a .vtu file"), sha256=hashes.get(number)
-            )
+            beside = file.beside(path.absolute(), "a .vtu file")
+            later = read_input(beside, sha256=hashes.get(number))
             hashes[number] = later.sha256
             content = VtuFile(later)
         u = _vtu_displacement(content, name)
-        if len(u) != len(used):
-            raise InputError(
-                f"{path}: got {len(u)} nodes; expected {len(used)}, as in {steps[0][1].name}"
-            )
+        expected = f"{len(used)}, as in {steps[0][1].name}"
+        require(len(u) == len(used), f"{path}", f"{len(u)} nodes", expected)
         return u[used]
 
     return Field(mesh, times, step, name=str(file.path))
@@ -168,29 +166,23 @@ def read_npz(file: InputFile, name: str | None = None) -> Field:
         raise InputError(f"{path}: not an .npz of plain arrays ({str(error)[:200]!r})") from None
     which = vector_name(list(arrays), name)
     cells = {key[len(_CELLS) :]: array for key, array in arrays.items() if key.startswith(_CELLS)}
-    missing = [
-        text
-        for text, there in (
-            ("points", "points" in arrays),
-            ("cells_hex8 or the like", bool(cells)),
-            (name or "displacement", which is not None),
-        )
-        if not there
-    ]
-    if missing:
-        raise InputError(
-            f"{path}: no array {', '.join(missing)}; got {', '.join(arrays) or 'none'}"
-        )
+    wanted = {
+        "points": "points" in arrays,
+        "cells_hex8 or the like": bool(cells),
+        name or "displacement": which is not None,
+    }
+    missing = ", ".join(text for text, there in wanted.items() if not there)
+    got = ", ".join(arrays) or "none"
+    require(not missing, f"{path}: no array {missing}", got, f"all of {', '.join(wanted)}")
     assert which is not None
     u = arrays[which]
     single = u.ndim == 2
     if "times" not in arrays and not single and len(u) != 1:
         raise InputError(f"{path}: no array times; got {which} of shape {u.shape}")
     times = arrays.get("times", np.ones(1))
-    if times.dtype.kind not in "iuf" or u.dtype.kind not in "iuf":
-        raise InputError(
-            f"{path}: times and {which}; got {times.dtype} and {u.dtype}; expected numbers"
-        )
+    numbers = times.dtype.kind in "iuf" and u.dtype.kind in "iuf"
+    got = f"{times.dtype} and {u.dtype}"
+    require(numbers, f"{path}: times and {which}", got, "numbers")
     return Field(Mesh(arrays["points"], cells), times, u, name=str(path))
 
 
@@ -222,14 +214,16 @@ _READERS: dict[str, Callable[[InputFile, str | None], Field]] = {
     ".npz": read_npz,
 }
 FIELD_SUFFIXES = tuple(_READERS)
+Factor = Annotated[float, positive("a factor > 0")]
 
 
+@checked
 def read_field(
     path: str | PathLike[str] | InputFile,
     *,
     name: str | None = None,
-    scale: float = 1.0,
-    magnify: float = 1.0,
+    scale: Factor = 1.0,
+    magnify: Factor = 1.0,
 ) -> Field:
     """Read a mesh and its nodal displacements over time, as another program wrote them.
 
@@ -262,19 +256,13 @@ def read_field(
     >>> float(gs.read_field("bar.vtu").at(1.0).max())
     1.0
     """
-    for key, value in (("scale", scale), ("magnify", magnify)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"read_field: {key}; got {value}; expected a factor > 0")
     source = path.path if isinstance(path, InputFile) else Path(path)
     suffix = source.suffix.lower()
     if suffix in PARALLEL:
         raise InputError(f"{source}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
     file = read_input(path, "a file with a displacement field")
-    if suffix not in _READERS:
-        raise InputError(
-            f"{source}: unknown kind of field; got {suffix or 'no ending'!r}; expected one of "
-            f"{', '.join(FIELD_SUFFIXES)}"
-        )
+    what, expected = f"{source}: unknown kind of field", f"one of {', '.join(FIELD_SUFFIXES)}"
+    require(suffix in _READERS, what, repr(suffix or "no ending"), expected)
     try:
         field = _READERS[suffix](file, name)
     except InputError as error:
