@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gpusim.errors import InputError
-from gpusim.files.input_file import read_input
+from gpusim.files.input_file import Stamp, file_stamp, read_input
 
 from .colored import in_color
 from .description.mesh import (
@@ -310,7 +310,7 @@ def _graded(
 
 
 @lru_cache(maxsize=32)
-def _beginning(path: Path, stamp: tuple[int, int, int]) -> tuple[bytes, int]:
+def _beginning(path: Path, stamp: Stamp | None) -> tuple[bytes, int]:
     """The first 64 kB of a file, and its size; a plan asks for them several times."""
     content = read_input(path).data
     return content[: 1 << 16], len(content)
@@ -320,9 +320,8 @@ def _file_counts(path: Path, order: int) -> tuple[int, int]:
     if path.suffix.lower() in CAD_SUFFIXES:
         return 0, 0
     try:
-        now = path.stat()
-        head, size = _beginning(path, (now.st_ino, now.st_size, now.st_mtime_ns))
-    except (OSError, InputError):
+        head, size = _beginning(path, file_stamp(path))
+    except InputError:
         return 0, 0
     nodes = size // _BYTES_PER_NODE
     # Gmsh 4.1, Gmsh 2.2, VTU, FRD: the counts stand near the beginning of most files
