@@ -16,13 +16,13 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded, encoded
-from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
 from gpusim.optics.frame import Frame
 from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.surface.surface import Surface
+from gpusim.validation import require
 from gpusim.view.picture.placement import Placement
 
 NONE = -1e30
@@ -56,12 +56,9 @@ def corner_values(
         first += len(topology.triangles)
         if field is None:
             continue
-        expected = len(surface.faces) if field.by_face else len(surface.rest)
-        if field.values.shape != (expected,):
-            raise InputError(
-                f"field on surface {surface.name!r}; got shape {field.values.shape}; expected "
-                f"({expected},)"
-            )
+        shape, count = field.values.shape, len(surface.faces if field.by_face else surface.rest)
+        what = f"field on surface {surface.name!r}"
+        require(shape == (count,), what, f"shape {shape}", f"({count},)")
         if field.by_face:
             result[own] = field.values[topology.source[triangle]][:, None]
             continue
@@ -137,8 +134,8 @@ def draw_field_colors(
     >>> black_to_white = np.array([[0, 0, 0], [1, 1, 1.0]])
     >>> draw_field_colors(device, target, frame, values, (-1.0, 1.0), black_to_white, white=1.0)
     """
-    if values.shape != (frame.view.count, 3):
-        raise InputError(f"field values; got {values.shape}; expected ({frame.view.count}, 3)")
+    shape = frame.view.count, 3
+    require(values.shape == shape, "field values", f"shape {values.shape}", f"{shape}")
     shown = _box_of(frame.view, values)
     if shown is None:
         return
@@ -215,8 +212,7 @@ def _radiance(device: Device, frame: Frame) -> tuple[Buffer, int]:
 
 def _relative(values: Float, limits: tuple[float, float]) -> Single:
     low, high = limits
-    if not high > low:
-        raise InputError(f"field limits; got {low:g} to {high:g}; expected growing numbers")
+    require(high > low, "field limits", f"{low:g} to {high:g}", "growing numbers")
     result = ((values - low) / (high - low)).astype(np.float32).reshape(-1)
     result[~np.isfinite(result)] = NONE
     return result if len(result) else np.full(3, NONE, np.float32)

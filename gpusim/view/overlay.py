@@ -18,6 +18,7 @@ from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
+from gpusim.validation import require
 from gpusim.view.glyphs import GlyphAtlas
 
 Shade = str | Sequence[float]
@@ -121,10 +122,9 @@ class Overlay:
         InputError
             Another shape. Those that aren't finite or have no area are left out.
         """
-        if corners.ndim != 3 or corners.shape[1] not in (3, 4) or corners.shape[2] != 2:
-            raise InputError(
-                f"overlay: corners; got shape {corners.shape}; expected (n, 3, 2) or (n, 4, 2)"
-            )
+        shape = corners.shape
+        fits = len(shape) == 3 and shape[1:] in ((3, 2), (4, 2))
+        require(fits, "overlay: corners", f"shape {shape}", "(n, 3, 2) or (n, 4, 2)")
         quads = np.zeros(len(corners), QUAD)
         quads["sprite"][:, 3] = hard
         each = isinstance(color, np.ndarray) and color.ndim == 2
@@ -168,10 +168,8 @@ class Overlay:
         ``halo``: a border of this colour, to be read over pictures. A character that
         the font hasn't is a box.
         """
-        if len(anchor) != 2 or anchor[0] not in "lmr" or anchor[1] not in "amsd":
-            raise InputError(
-                f"overlay: anchor; got {anchor!r}; expected one of l m r, then a m s d"
-            )
+        known = len(anchor) == 2 and anchor[0] in "lmr" and anchor[1] in "amsd"
+        require(known, "overlay: anchor", repr(anchor), "one of l m r, then a m s d")
         pixels, lines = max(round(size), 6), text.split("\n")
         step, ascent = LINE_HEIGHT * pixels, self.atlas.ascent(pixels)
         above = {"a": ascent, "s": 0.0, "d": -(len(lines) - 1) * step}
