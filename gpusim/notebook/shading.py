@@ -55,7 +55,7 @@ def fitted_camera(points: Float, direction: Sequence[float] = DIRECTION) -> Came
 
     Its height follows what it shows, within limits.
     """
-    x, y, z = direction / np.linalg.norm(direction)
+    x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
     view = Turntable(azimuth=float(np.arctan2(-x, y)), elevation=float(-np.arcsin(z)))
     wide, tall, _ = np.maximum(np.ptp(view.axes @ points.T, axis=1), 1e-9)
     height = int(np.clip(round(WIDTH * tall / wide), LEAST_HEIGHT, MOST_HEIGHT))
