@@ -138,13 +138,12 @@ def _check_steps(points: Float, corners: Float) -> None:
     """Refuse corners (mm) among which float32 leaves steps that can be seen."""
     known = points[np.isfinite(points).all(axis=1)]
     size = float(np.ptp(known, axis=0).max(initial=0.0)) if len(known) else 0.0
-    step = float(np.spacing(np.float32(np.abs(corners).max(initial=0.0))))
-    if corners.size and not step <= _COARSE * size * _MM_PER_M:
-        raise InputError(
-            f"points: got a body {size * _MM_PER_M:.4g} mm long, up to "
-            f"{np.abs(corners).max() / _MM_PER_M:.7g} m from the origin, where STL's float32 goes "
-            f"in steps of {step:.3g} mm; expected an origin near it"
-        )
+    away = np.abs(corners).max(initial=0.0)
+    step = float(np.spacing(np.float32(away)))
+    got = f"a body {size * _MM_PER_M:.4g} mm long, up to {away / _MM_PER_M:.7g} m from the origin, "
+    got += f"where STL's float32 goes in steps of {step:.3g} mm"
+    fine = not corners.size or step <= _COARSE * size * _MM_PER_M
+    require(fine, "points", got, "an origin near it")
 
 
 def _triangles(points: Float, faces: npt.NDArray[np.integer]) -> Long:
@@ -241,6 +240,16 @@ def _attribute(name: str) -> str:
     return escape(name, {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"})
 
 
+_PVD = """\
+<?xml version="1.0"?>
+<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">
+  <Collection>
+{}
+  </Collection>
+</VTKFile>
+"""
+
+
 def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:
     """Write a PVD collection that names one VTU file per time or load factor, atomically.
 
@@ -263,18 +272,7 @@ def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:
     for time, file in steps:
         relative = Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
         rows.append(f'    <DataSet timestep="{time:.17g}" part="0" file={quoteattr(relative)}/>')
-    text = "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
-            "  <Collection>",
-            *rows,
-            "  </Collection>",
-            "</VTKFile>",
-            "",
-        ]
-    )
-    return write_text(path, text)
+    return write_text(path, _PVD.format("\n".join(rows)))
 
 
 def _check_points(points: Float) -> None:

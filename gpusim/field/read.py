@@ -19,6 +19,8 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any
@@ -64,12 +66,11 @@ def scalar_names(known: Sequence[str], wanted: str | None) -> tuple[str, str, st
     Raises InputError listing what there is.
     """
     by_fold = {name.casefold(): name for name in reversed(known)}
-    for start in _SCALARS if wanted is None else (wanted.casefold(),):
-        for between in ("", "_", "-", " ", "."):
-            for x, y, z in _ENDINGS:
-                names = [f"{start}{between}{end}" for end in (x, y, z)]
-                if all(name in by_fold for name in names):
-                    return by_fold[names[0]], by_fold[names[1]], by_fold[names[2]]
+    starts = _SCALARS if wanted is None else (wanted.casefold(),)
+    for start, between, ends in product(starts, ("", "_", "-", " ", "."), _ENDINGS):
+        x, y, z = (by_fold.get(f"{start}{between}{end}") for end in ends)
+        if x is not None and y is not None and z is not None:
+            return x, y, z
     if wanted in known:
         raise InputError(f"{wanted!r} has one number per node; expected a vector of three")
     raise InputError(
@@ -84,11 +85,7 @@ def read_exodus_field(file: InputFile, name: str | None = None) -> Field:
     if not len(steps.times):
         raise InputError(f"{file.path}: no time steps; got a mesh without results")
     names = scalar_names(steps.names, name)
-
-    def step(number: int) -> Float:
-        return steps.values(names, number)
-
-    return Field(mesh, steps.times, step, name=str(file.path))
+    return Field(mesh, steps.times, partial(steps.values, names), name=str(file.path))
 
 
 def read_vtu_field(file: InputFile, name: str | None = None) -> Field:

@@ -7,7 +7,6 @@ pixel's centre to its edges; that of a letter is copied from a `gpusim.view.glyp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,7 +90,8 @@ class Overlay:
     >>> overlay.rectangle(4, 4, 40, 20, "#202830c0")
     >>> overlay.line([(4, 40), (30, 30), (60, 44)], "orange", width=2)
     >>> overlay.text(24, 14, "12 µm", 12, "white", anchor="mm")
-    >>> overlay.draw(picture)
+    >>> with device.recording("view") as recording:
+    ...     overlay.draw(picture, recording)
     """
 
     def __init__(self, device: Device) -> None:
@@ -205,12 +205,12 @@ class Overlay:
         """What has been collected, (n,) `QUAD`."""
         return np.concatenate([np.zeros(0, QUAD), *self._quads])
 
-    def draw(self, target: Any, recording: Recording | None = None) -> None:
+    def draw(self, target: Any, recording: Recording) -> None:
         """Draw what has been collected over ``target``, and forget it.
 
         ``target``: a `gpusim.gpu.Texture` or a `Target` of an 8-bit format, with sRGB's curve
-        ("…-srgb") or without; what is there stays beneath. ``recording``: adds the pass to it, to
-        be submitted with what comes before; None: it is submitted at once.
+        ("…-srgb") or without; what is there stays beneath. ``recording``: takes the pass, to be
+        submitted with what comes before.
         """
         quads = self.quads()
         self.clear()
@@ -227,14 +227,10 @@ class Overlay:
             params={"width": target.width, "height": target.height},
             quads=self.device.buffer(quads, "overlay.quads"), letters=self._letters,
         )  # fmt: skip
-        begun = (
-            self.device.recording("view.overlay") if recording is None else nullcontext(recording)
-        )
-        with begun as own:
-            own.draw(
-                raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
-                size=(target.width, target.height), clear=None,
-            )  # fmt: skip
+        recording.draw(
+            raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
+            size=(target.width, target.height), clear=None,
+        )  # fmt: skip
 
 
 def pixels_of(device: Device, texture: Texture) -> npt.NDArray[Any]:
