@@ -75,8 +75,8 @@ def write_stl(
     known = zero.shape == (3,) and np.isfinite(zero).all()
     require(known, "origin", origin, "three finite numbers, m")
     corners = (points[triangles] - zero) * _MM_PER_M
-    if corners.size and not np.abs(corners).max() <= np.finfo(np.float32).max:
-        raise InputError("points: got values that STL's float32 can't hold; expected metres")
+    held = np.abs(corners).max(initial=0.0) <= np.finfo(np.float32).max
+    require(held, "points", "values that STL's float32 can't hold", "metres")
     _check_steps(points, corners)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -302,13 +302,12 @@ def _check_indices(what: str, of: str, indices: npt.NDArray[np.integer], count: 
 
 
 def _check_field(group: str, name: str, values: npt.NDArray[np.generic], rows: int) -> None:
+    what, shape = f"{group}[{name!r}]", values.shape
     if values.ndim not in (1, 2) or len(values) != rows:
-        raise InputError(
-            f"{group}[{name!r}]: got shape {values.shape}; expected ({rows},) or ({rows}, C)"
-        )
-    require(values.dtype.kind in "iuf", f"{group}[{name!r}]", values.dtype, "numbers")
+        raise InputError(f"{what}: got shape {shape}; expected ({rows},) or ({rows}, C)")
+    require(values.dtype.kind in "iuf", what, values.dtype, "numbers")
     if values.dtype.kind == "f" and not np.isfinite(values).all():
-        raise InputError(f"{group}[{name!r}]: {_first_bad(values)}; expected finite numbers")
+        raise InputError(f"{what}: {_first_bad(values)}; expected finite numbers")
 
 
 def _first_bad(values: npt.NDArray[np.generic]) -> str:

@@ -179,12 +179,12 @@ class TruthWriter:
         distortion: Float | Sequence[float] = (),
     ) -> None:
         """Write a camera: K (3, 3) px, camera_from_world (3, 4) or (4, 4) m, OpenCV distortion."""
-        what, pose_of, pose_shape = f"camera {name!r}", "camera_from_world", camera_from_world.shape
+        what, pose_what = f"camera {name!r}", f"camera {name!r}: camera_from_world"
         require(min(width, height) >= 1, what, f"{width} x {height} px", "1 or more")
-        affine = pose_shape in ((3, 4), (4, 4))
-        require(affine, f"{what}: {pose_of}", f"shape {pose_shape}", "(3, 4) or (4, 4)")
+        shape = camera_from_world.shape
+        require(shape in ((3, 4), (4, 4)), pose_what, f"shape {shape}", "(3, 4) or (4, 4)")
         _check(f"{what}: K", K, (3, 3))
-        _check(f"{what}: {pose_of}", camera_from_world, (None, 4))
+        _check(pose_what, camera_from_world, (None, 4))
         full = np.vstack([camera_from_world[:3], [0.0, 0.0, 0.0, 1.0]])
         coefficients = np.asarray(distortion, np.float64).reshape(-1)
         _check(f"{what}: distortion", coefficients, (None,))

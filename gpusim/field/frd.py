@@ -34,16 +34,13 @@ _NODES, _CELLS = b"    2C", b"    3C"
 
 @dataclass
 class _Block:
-    """Where the lines of a block begin and end in the file (bytes), and its format (0 or 1)."""
+    """Where the lines of a block begin and end in the file (bytes), and how wide labels are."""
 
     start: int
     end: int
-    long: bool
+    width: int
     time: float = 0.0
     components: list[bytes] = field(default_factory=list)
-
-    def label_width(self) -> int:
-        return 10 if self.long else 5
 
 
 def read_frd(file: InputFile, name: str | None = None) -> Field:
@@ -56,13 +53,10 @@ def read_frd(file: InputFile, name: str | None = None) -> Field:
     parts, results = _index(file)
     wanted = "DISP" if name is None else name
     blocks = results.get(wanted, [])
-    if len(parts) < 2 or not blocks:
-        known = ", ".join(results) or "none"
-        what = "no nodes or no elements" if blocks else f"no block {wanted}"
-        raise InputError(
-            f"{path}: {what}; got results {known}; expected a complete .frd with displacements "
-            "(*NODE FILE with U)"
-        )
+    what = "no nodes or no elements" if blocks else f"no block {wanted}"
+    got = f"results {', '.join(results) or 'none'}"
+    expected = "a complete .frd with displacements (*NODE FILE with U)"
+    require(len(parts) == 2 and bool(blocks), f"{path}: {what}", got, expected)
     for block in blocks:
         _check_vector(block, wanted, path)
     labels, points = _rows(file.data, parts[_NODES], path)
@@ -86,7 +80,7 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
     parts: dict[bytes, _Block] = {}
     results: dict[str, list[_Block]] = {}
     current: _Block | None = None
-    time, long = 0.0, True
+    time, width = 0.0, 10
     first = file.data[:6]
     require(first.strip() == b"1C", f"{path}: not an .frd file", f"first bytes {first!r}", "'1C'")
     at = 0
@@ -97,14 +91,14 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
             current = None
         elif current is None:
             if key in (_NODES, _CELLS):
-                current = _Block(at + len(line), -1, _is_long(line, path))
+                current = _Block(at + len(line), -1, _label_width(line, path))
                 if key in parts:
                     raise InputError(f"{path}:{number}: a second mesh; expected one in a file")
                 parts[key] = current
             elif key == b"  100C":
-                time, long = _time(line, path), _is_long(line, path)
+                time, width = _time(line, path), _label_width(line, path)
             elif key[:3] == b" -4" and line[3:13].split():
-                current = _Block(at + len(line), -1, long, time)
+                current = _Block(at + len(line), -1, width, time)
                 name = _text(line[3:13].split()[0])
                 results.setdefault(name, []).append(current)
             elif line[:5].strip() not in (b"1", b"9999", b""):  # headers, and the end
@@ -114,8 +108,7 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
             current.start = at + len(line)
             current.components.append(line)
         at += len(line)
-    if current is not None:
-        raise InputError(f"{path}: cut off: a block without its end (-3)")
+    require(current is None, f"{path}: cut off", "a block without its end (-3)", "a whole file")
     return parts, results
 
 
@@ -132,11 +125,11 @@ def _text(letters: bytes) -> str:
     return letters.decode("ascii", "replace")
 
 
-def _is_long(line: bytes, path: Path) -> bool:
+def _label_width(line: bytes, path: Path) -> int:
     code = line[73:75].strip()
     expected = "0 or 1: text (CalculiX writes binary on *NODE OUTPUT)"
     require(code in (b"0", b"1"), f"{path}", f"format {_text(code)!r} of a block", expected)
-    return code == b"1"
+    return 10 if code == b"1" else 5
 
 
 def _time(line: bytes, path: Path) -> float:
@@ -151,11 +144,11 @@ def _time(line: bytes, path: Path) -> float:
 def _rows(file: bytes, block: _Block, path: Path) -> tuple[Long, Float]:
     """Labels (n,) and the first three values (n, 3) of the lines of a block."""
     data = file[block.start : block.end]
-    width = block.label_width()
+    width = block.width
     length = data.find(b"\n") + 1
     least = 3 + width + 3 * _VALUE
-    if length <= least or len(data) % length:
-        raise InputError(f"{path}: lines of unequal length in a block of nodes; is it cut off?")
+    alike = length > least and len(data) % length == 0
+    require(alike, f"{path}: a block of nodes", "lines of unequal length", "equal ones: cut off?")
     letters = np.frombuffer(data, dtype=np.uint8).reshape(-1, length)
     if not (letters[:, :3] == np.frombuffer(b" -1", dtype=np.uint8)).all():
         raise InputError(f"{path}: a block of nodes with lines that don't begin with -1")
@@ -177,7 +170,7 @@ def _column(letters: npt.NDArray[np.uint8], start: int, width: int) -> npt.NDArr
 def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBlock]:
     """The elements by type: a line " -1" with number and type, then lines " -2" with nodes."""
     lines = file[block.start : block.end].split(b"\n")
-    width = block.label_width()
+    width = block.width
     rows: dict[str, list[bytes]] = {}
     kind = ""
     for line in lines:

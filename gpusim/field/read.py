@@ -82,8 +82,8 @@ def scalar_names(known: Sequence[str], wanted: str | None) -> tuple[str, str, st
 def read_exodus_field(file: InputFile, name: str | None = None) -> Field:
     """The field of an Exodus file; ``name`` is what the three variables begin with."""
     mesh, steps = read_exodus_steps(file)
-    if not len(steps.times):
-        raise InputError(f"{file.path}: no time steps; got a mesh without results")
+    solved = len(steps.times) > 0
+    require(solved, f"{file.path}: no time steps", "a mesh without results", "one with them")
     names = scalar_names(steps.names, name)
     return Field(mesh, steps.times, partial(steps.values, names), name=str(file.path))
 
@@ -97,10 +97,9 @@ def read_vtu_field(file: InputFile, name: str | None = None) -> Field:
     if file.suffix in SERIES_SUFFIXES:
         steps = read_series(file)
         for _, path in steps:
-            if path.suffix.lower() != ".vtu":
-                raise InputError(f"{file.path}: names {path.name}; expected .vtu files")
-            if not path.is_file():
-                raise InputError(f"{file.path}: names {path.name}, which isn't there")
+            what = f"{file.path}: names {path.name}"
+            require(path.suffix.lower() == ".vtu", what, path.suffix, ".vtu files")
+            require(path.is_file(), f"{what}, which isn't there", "no file", "one")
         times = [time for time, _ in steps]
         # the first step is read now, the others, of a size that memory may not hold, when needed
         first_file = file.beside(steps[0][1].absolute(), "a .vtu file")
@@ -174,8 +173,8 @@ def read_npz(file: InputFile, name: str | None = None) -> Field:
     assert which is not None
     u = arrays[which]
     single = u.ndim == 2
-    if "times" not in arrays and not single and len(u) != 1:
-        raise InputError(f"{path}: no array times; got {which} of shape {u.shape}")
+    timed = "times" in arrays or single or len(u) == 1
+    require(timed, f"{path}: no array times", f"{which} of shape {u.shape}", "a time for each")
     times = arrays.get("times", np.ones(1))
     numbers = times.dtype.kind in "iuf" and u.dtype.kind in "iuf"
     got = f"{times.dtype} and {u.dtype}"

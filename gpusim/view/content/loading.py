@@ -107,8 +107,8 @@ def _scene(path: Path, earlier: Content | None = None) -> Content:
     if any(parts.field is not None for parts in objects.bodies):
         objects.motions = [Given(parts.field.at) for parts in objects.bodies if parts.field]
     objects.props = [build_prop(prop, scene.input) for prop in scene.props]
-    if not objects.bodies and not objects.props:
-        raise InputError(f"view {path}: nothing to see; expected a body or a prop")
+    some = bool(objects.bodies or objects.props)
+    require(some, f"view {path}", "nothing to see", "a body or a prop")
     return Content(
         scene.name,
         (path, *(Path(name) for name, _ in scene.files)),
@@ -128,8 +128,7 @@ def check_room(scene: Scene, *stages: str) -> None:
 
 def _run(folder: Path) -> Content:
     path = folder / "scene.toml"
-    if not path.is_file():
-        raise InputError(f"view {folder}: no scene.toml; expected the output folder of a run")
+    require(path.is_file(), f"view {folder}", "no scene.toml", "the output folder of a run")
     content = _scene(path)
     solution = folder / "solution"
     content.files += tuple(
