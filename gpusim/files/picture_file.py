@@ -6,7 +6,6 @@ of the memory; kinds of files of which it isn't known are refused. Nobody else c
 
 from __future__ import annotations
 
-import importlib
 import io
 import logging
 import os
@@ -160,12 +159,13 @@ def _tiff(file: InputFile, page: Page) -> npt.NDArray[Any]:
 def openexr(path: PathLike) -> Any:
     """The package that reads and writes ``path``. Raises InputError where it isn't installed."""
     try:
-        return importlib.import_module("OpenEXR")
+        import OpenEXR
     except ImportError:
         raise InputError(
             f"image file: {path}: got no package OpenEXR; expected it for .exr files: "
             "pip install 'gpusim[exr]'"
         ) from None
+    return OpenEXR
 
 
 def _openexr(file: InputFile) -> npt.NDArray[Any]:
