@@ -11,7 +11,6 @@ number, size and time of change, whatever it is called.
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from collections import OrderedDict
@@ -26,12 +25,12 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
 from gpusim.files.atomic_files import PathLike, atomic_path
-from gpusim.files.input_file import InputFile
+from gpusim.files.input_file import InputFile, Stamp, file_stamp
 from gpusim.files.picture_file import read_picture
+from gpusim.validation import require
 
 MOST_BYTES = 256 << 20
 
-Stamp = tuple[int, int, int]
 _kept: OrderedDict[Stamp, npt.NDArray[Any]] = OrderedDict()
 _lock = Lock()
 
@@ -60,15 +59,6 @@ def recall(path: PathLike) -> npt.NDArray[Any] | None:
         if stamp is not None and image is not None:
             _kept.move_to_end(stamp)
         return image
-
-
-def file_stamp(path: PathLike) -> Stamp | None:
-    """What changes whenever a file is written or replaced; None where there is none."""
-    try:
-        found = os.stat(path)
-    except (OSError, ValueError):
-        return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 Picture = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
@@ -129,13 +119,13 @@ def save_image(
     if (suffix or _format(path)) == ".png":
         _save_png(path, image, pixels_per_metre, text)
     else:
-        _save_tiff(path, image, pixels_per_metre, text)
+        save_tiff(path, image, pixels_per_metre, text)
 
 
 def _format(path: PathLike) -> str:
     suffix = Path(path).suffix.lower()
-    if suffix not in (".png", ".tif", ".tiff"):
-        raise InputError(f"image file: {path}: got suffix {suffix!r}; expected .png, .tif or .tiff")
+    known = suffix in (".png", ".tif", ".tiff")
+    require(known, f"image file: {path}", f"suffix {suffix!r}", ".png, .tif or .tiff")
     return suffix
 
 
@@ -168,13 +158,13 @@ def encoded_picture(image: npt.NDArray[Any], suffix: str, options: Sequence[int]
     return data.tobytes()
 
 
-def _save_tiff(
+def save_tiff(
     path: PathLike,
-    image: Picture,
-    pixels_per_metre: float | None,
-    text: Mapping[str, str] | None,
+    image: npt.NDArray[Any],
+    pixels_per_metre: float | None = None,
+    text: Mapping[str, str] | None = None,
 ) -> None:
-    """An uncompressed TIFF."""
+    """An uncompressed TIFF of numbers of any type."""
     import tifffile  # most pictures are PNG
 
     lines = [f"{key}: {value}" for key, value in (text or {}).items()]
@@ -216,12 +206,10 @@ def read_image(source: PathLike | InputFile) -> Picture:
 
 def _decoded(source: PathLike | InputFile) -> Picture:
     image = np.ascontiguousarray(read_picture(source))
-    if not _is_picture(image) or image.dtype not in (np.uint8, np.uint16):
-        path = source.path if isinstance(source, InputFile) else source
-        raise InputError(
-            f"image file: {path}: got shape {image.shape}, {image.dtype}; expected (H, W) grey or"
-            " (H, W, 3), uint8 or uint16"
-        )
+    path = source.path if isinstance(source, InputFile) else source
+    known = _is_picture(image) and image.dtype in (np.uint8, np.uint16)
+    got, expected = f"shape {image.shape}, {image.dtype}", "(H, W) or (H, W, 3), uint8 or uint16"
+    require(known, f"image file: {path}", got, expected)
     return cast(Picture, image)
 
 
@@ -231,13 +219,11 @@ def _is_picture(image: npt.NDArray[Any]) -> bool:
 
 def _check(image: Picture, pixels_per_metre: float | None) -> None:
     known = _is_picture(image) and image.dtype.kind == "u" and image.itemsize <= 2
-    if not known or 0 in image.shape:
-        raise InputError(
-            f"image: got shape {image.shape}, {image.dtype}; expected (H, W) or (H, W, 3), uint8 or"
-            " uint16, not empty"
-        )
-    if pixels_per_metre is not None and not 0.0 < pixels_per_metre < 2.0**31:
-        raise InputError(f"pixels_per_metre: got {pixels_per_metre}; expected 0 < value < 2^31")
+    got = f"shape {image.shape}, {image.dtype}"
+    expected = "(H, W) or (H, W, 3), uint8 or uint16, not empty"
+    require(known and 0 not in image.shape, "image", got, expected)
+    storable = pixels_per_metre is None or 0.0 < pixels_per_metre < 2.0**31
+    require(storable, "pixels_per_metre", pixels_per_metre, "0 < value < 2^31")
 
 
 def _latin1(text: str, longest: int | None = None) -> bytes:
@@ -245,10 +231,8 @@ def _latin1(text: str, longest: int | None = None) -> bytes:
         data = text.encode("latin-1")
     except UnicodeEncodeError as error:
         raise InputError(f"image metadata: got {text!r}; expected Latin-1 text") from error
-    if b"\0" in data or (longest is not None and not 0 < len(data) <= longest):
-        raise InputError(
-            f"image metadata: got {text!r}; expected no NUL, and a key of 1 to 79 characters"
-        )
+    fits = b"\0" not in data and (longest is None or 0 < len(data) <= longest)
+    require(fits, "image metadata", repr(text), "no NUL, and a key of 1 to 79 characters")
     return data
 
 

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
+from gpusim.validation import require
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,12 @@ class ChunkedLayer:
 
     def __init__(self, group: h5py.Group, layer: Layer, shape: tuple[int, int]) -> None:
         tail = () if layer.components == 1 else (layer.components,)
-        self._name = layer.name
+        self._what = f"layer {layer.name!r}"
         self._dtype = np.dtype(layer.dtype)
         self._fill = np.array(layer.fill, self._dtype)
         self._shape = shape
         self._tail = tail
+        self._more = "".join(f", {n}" for n in tail)
         # HDF5 takes no chunk that is larger than the dataset
         self._chunk = (min(CHUNK, shape[0]), min(CHUNK, shape[1]), *tail)
         self._stored: set[Index] = set()
@@ -103,11 +104,8 @@ class ChunkedLayer:
 
     def write_block(self, row0: int, col0: int, values: npt.NDArray[np.generic]) -> None:
         """Write a rectangle (h, w) or (h, w, C) at (``row0``, ``col0``)."""
-        if values.ndim != 2 + len(self._tail) or values.shape[2:] != self._tail:
-            raise InputError(
-                f"layer {self._name!r}: got block of shape {values.shape};"
-                f" expected (h, w{''.join(f', {n}' for n in self._tail)})"
-            )
+        fits = values.ndim == 2 + len(self._tail) and values.shape[2:] == self._tail
+        require(fits, self._what, f"block of shape {values.shape}", f"(h, w{self._more})")
         rows, cols = np.indices(values.shape[:2]).reshape(2, -1)
         self.write_sparse(rows + row0, cols + col0, values.reshape(-1, *self._tail))
 
@@ -118,23 +116,18 @@ class ChunkedLayer:
         values: npt.NDArray[np.generic],
     ) -> None:
         """Write single pixels; ``rows``, ``cols`` (M,), ``values`` (M,) or (M, C)."""
-        if rows.ndim != 1 or cols.shape != rows.shape or values.shape != rows.shape + self._tail:
-            raise InputError(
-                f"layer {self._name!r}: got rows {rows.shape}, cols {cols.shape}, values"
-                f" {values.shape}; expected (M,), (M,), (M{''.join(f', {n}' for n in self._tail)})"
-            )
-        if rows.dtype.kind not in "iu" or cols.dtype.kind not in "iu":
-            raise InputError(f"layer {self._name!r}: got {rows.dtype}; expected integer pixels")
+        count, (height, width) = rows.shape, self._shape
+        fits = rows.ndim == 1 and cols.shape == count and values.shape == count + self._tail
+        got = f"rows {rows.shape}, cols {cols.shape}, values {values.shape}"
+        require(fits, self._what, got, f"(M,), (M,), (M{self._more})")
+        whole = rows.dtype.kind in "iu" and cols.dtype.kind in "iu"
+        require(whole, self._what, f"{rows.dtype}, {cols.dtype}", "integer pixels")
         if len(rows) == 0:
             return
-        if not (
-            0 <= rows.min() <= rows.max() < self._shape[0]
-            and 0 <= cols.min() <= cols.max() < self._shape[1]
-        ):
-            raise InputError(
-                f"layer {self._name!r}: got rows {rows.min()}..{rows.max()}, columns"
-                f" {cols.min()}..{cols.max()}; expected inside {self._shape[0]} x {self._shape[1]}"
-            )
+        top, low, left, right = rows.min(), rows.max(), cols.min(), cols.max()
+        inside = 0 <= top and low < height and 0 <= left and right < width
+        got = f"rows {top}..{low}, columns {left}..{right}"
+        require(inside, self._what, got, f"inside {height} x {width}")
         if (rows[1:] < rows[:-1]).any():  # else as `numpy.nonzero` has them: no sorting
             order = np.argsort(rows, kind="stable")  # stable: the last value of a pixel wins
             rows, cols, values = rows[order], cols[order], values[order]
@@ -144,18 +137,15 @@ class ChunkedLayer:
         """Convert to the layer's dtype; refuse what would change: overflow, fractions as ids."""
         if values.dtype == self._dtype:
             return values
-        if values.dtype.kind not in "iufb":
-            raise InputError(f"layer {self._name!r}: got {values.dtype}; expected numbers")
+        require(values.dtype.kind in "iufb", self._what, values.dtype, "numbers")
         with np.errstate(over="ignore", invalid="ignore"):
             cast = values.astype(self._dtype)
         if self._dtype.kind == "f":
             faithful = np.array_equal(np.isfinite(cast), np.isfinite(values))
         else:
             faithful = np.array_equal(cast, values)
-        if not faithful:
-            raise InputError(
-                f"layer {self._name!r}: got {values.dtype} values that {self._dtype} can't hold"
-            )
+        what = f"{self._what}: values that {self._dtype} can't hold"
+        require(faithful, what, values.dtype, f"{self._dtype}")
         return cast
 
     def _tiles(

@@ -21,6 +21,7 @@ from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, safe
 from gpusim.files.output_folder import inside
 from gpusim.mesh.file_content.numbering import NODES
 from gpusim.mesh.polygons import cut_at_dents
+from gpusim.validation import require
 
 _MM_PER_M = 1000.0
 _COARSE = 1e-3
@@ -71,11 +72,11 @@ def write_stl(
     """
     triangles = _triangles(points, faces)
     zero = np.asarray(origin, np.float64)
-    if zero.shape != (3,) or not np.isfinite(zero).all():
-        raise InputError(f"origin: got {origin}; expected three finite numbers, m")
+    known = zero.shape == (3,) and np.isfinite(zero).all()
+    require(known, "origin", origin, "three finite numbers, m")
     corners = (points[triangles] - zero) * _MM_PER_M
-    if corners.size and not np.abs(corners).max() <= np.finfo(np.float32).max:
-        raise InputError("points: got values that STL's float32 can't hold; expected metres")
+    held = np.abs(corners).max(initial=0.0) <= np.finfo(np.float32).max
+    require(held, "points", "values that STL's float32 can't hold", "metres")
     _check_steps(points, corners)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -115,23 +116,14 @@ def write_region_stls(
     >>> [path.as_posix() for path in paths]
     ['top/0000.stl']
     """
-    if region_of_face.shape != (len(faces),):
-        raise InputError(
-            f"region_of_face: got shape {region_of_face.shape}; expected ({len(faces)},)"
-        )
-    if len(faces) and not 0 <= region_of_face.min() <= region_of_face.max() < len(region_names):
-        raise InputError(
-            f"region_of_face: got {region_of_face.min()} to {region_of_face.max()};"
-            f" expected 0 to {len(region_names) - 1}"
-        )
-    if step < 0:
-        raise InputError(f"step: got {step}; expected 0 or more")
+    shape, each = region_of_face.shape, (len(faces),)
+    require(shape == each, "region_of_face", f"shape {shape}", f"{each}")
+    _check_indices("region_of_face", "", region_of_face, len(region_names))
+    require(step >= 0, "step", step, "0 or more")
     names = [safe_name(name) for name in region_names]
-    if len({name.lower() for name in names}) < len(names):
-        raise InputError(
-            f"region_names: got {list(region_names)}; expected names that stay different as"
-            " folder names"
-        )
+    differ = len({name.lower() for name in names}) == len(names)
+    expected = "names that stay different as folder names"
+    require(differ, "region_names", list(region_names), expected)
     written = []
     for index, name in enumerate(names):
         selected = faces[region_of_face == index]
@@ -146,28 +138,23 @@ def _check_steps(points: Float, corners: Float) -> None:
     """Refuse corners (mm) among which float32 leaves steps that can be seen."""
     known = points[np.isfinite(points).all(axis=1)]
     size = float(np.ptp(known, axis=0).max(initial=0.0)) if len(known) else 0.0
-    step = float(np.spacing(np.float32(np.abs(corners).max(initial=0.0))))
-    if corners.size and not step <= _COARSE * size * _MM_PER_M:
-        raise InputError(
-            f"points: got a body {size * _MM_PER_M:.4g} mm long, up to "
-            f"{np.abs(corners).max() / _MM_PER_M:.7g} m from the origin, where STL's float32 goes "
-            f"in steps of {step:.3g} mm; expected an origin near it"
-        )
+    away = np.abs(corners).max(initial=0.0)
+    step = float(np.spacing(np.float32(away)))
+    got = f"a body {size * _MM_PER_M:.4g} mm long, up to {away / _MM_PER_M:.7g} m from the origin, "
+    got += f"where STL's float32 goes in steps of {step:.3g} mm"
+    fine = not corners.size or step <= _COARSE * size * _MM_PER_M
+    require(fine, "points", got, "an origin near it")
 
 
 def _triangles(points: Float, faces: npt.NDArray[np.integer]) -> Long:
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"points: got shape {points.shape}; expected (N, 3)")
-    if faces.ndim != 2 or faces.shape[1] not in (3, 4) or faces.dtype.kind not in "iu":
-        raise InputError(
-            f"faces: got shape {faces.shape}, {faces.dtype}; expected (M, 3) or (M, 4) integer"
-        )
-    if faces.size and not 0 <= faces.min() <= faces.max() < len(points):
-        raise InputError(
-            f"faces: got node {faces.min()} to {faces.max()}; expected 0 to {len(points) - 1}"
-        )
-    if not np.isfinite(points[distinct(faces)]).all():
-        raise InputError("points: got a value that is not finite; expected finite numbers, m")
+    corners = faces.ndim == 2 and faces.shape[1] in (3, 4) and faces.dtype.kind in "iu"
+    got = f"shape {faces.shape}, {faces.dtype}"
+    require(corners, "faces", got, "(M, 3) or (M, 4) integer")
+    _check_indices("faces", "node ", faces, len(points))
+    known = np.isfinite(points[distinct(faces)]).all()
+    require(known, "points", "a value that is not finite", "finite numbers, m")
     indices = faces.astype(np.int64)
     if faces.shape[1] == 4:
         indices, _ = cut_at_dents(points, indices)
@@ -225,8 +212,7 @@ def write_vtu(
     """
     _check_points(points)
     blocks = [_block(kind, array, len(points)) for kind, array in cells.items()]
-    if not blocks:
-        raise InputError("cells: got none; expected at least one cell type")
+    require(bool(blocks), "cells", "none", "at least one cell type")
     counts = [len(array) for _, array in blocks]
     for name, values in (point_data or {}).items():
         _check_field("point_data", name, values, len(points))
@@ -249,9 +235,19 @@ def write_vtu(
 
 def _attribute(name: str) -> str:
     """A name as it stands between quotes in XML, which meshio leaves to others."""
-    if re.search("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", name):
-        raise InputError(f"field name; got {name!r}; expected characters that XML has")
+    odd = re.search("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", name)
+    require(odd is None, "field name", repr(name), "characters that XML has")
     return escape(name, {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"})
+
+
+_PVD = """\
+<?xml version="1.0"?>
+<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">
+  <Collection>
+{}
+  </Collection>
+</VTKFile>
+"""
 
 
 def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:
@@ -269,26 +265,14 @@ def write_pvd(path: PathLike, steps: Sequence[tuple[float, PathLike]]) -> Path:
     'bar.pvd'
     """
     times = [time for time, _ in steps]
-    grows = all(a < b for a, b in pairwise(times))
-    if not steps or not np.isfinite(times).all() or not grows:
-        raise InputError(f"steps: got {times}; expected one or more finite, growing numbers")
+    grows = all(a < b for a, b in pairwise(times)) and np.isfinite(times).all()
+    require(bool(steps) and grows, "steps", times, "one or more finite, growing numbers")
     folder = Path(path).resolve().parent
     rows = []
     for time, file in steps:
         relative = Path(os.path.relpath(Path(file).resolve(), folder)).as_posix()
         rows.append(f'    <DataSet timestep="{time:.17g}" part="0" file={quoteattr(relative)}/>')
-    text = "\n".join(
-        [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
-            "  <Collection>",
-            *rows,
-            "  </Collection>",
-            "</VTKFile>",
-            "",
-        ]
-    )
-    return write_text(path, text)
+    return write_text(path, _PVD.format("\n".join(rows)))
 
 
 def _check_points(points: Float) -> None:
@@ -301,30 +285,29 @@ def _check_points(points: Float) -> None:
 def _block(
     kind: str, array: npt.NDArray[np.integer], nodes: int
 ) -> tuple[str, npt.NDArray[np.integer]]:
-    if kind not in _MESHIO_NAME:
-        raise InputError(f"cells: got type {kind!r}; expected one of {', '.join(_MESHIO_NAME)}")
-    width = NODES[kind]
-    if array.ndim != 2 or array.shape[1] != width or not np.issubdtype(array.dtype, np.integer):
-        raise InputError(
-            f"cells[{kind!r}]: got shape {array.shape}, {array.dtype};"
-            f" expected (M, {width}) integer"
-        )
-    if array.size and not (0 <= array.min() and array.max() < nodes):
-        raise InputError(
-            f"cells[{kind!r}]: got node {array.min()} to {array.max()}; expected 0 to {nodes - 1}"
-        )
+    known = kind in _MESHIO_NAME
+    require(known, "cells", f"type {kind!r}", f"one of {', '.join(_MESHIO_NAME)}")
+    what, width = f"cells[{kind!r}]", NODES[kind]
+    fits = array.ndim == 2 and array.shape[1] == width and array.dtype.kind in "iu"
+    require(fits, what, f"shape {array.shape}, {array.dtype}", f"(M, {width}) integer")
+    _check_indices(what, "node ", array, nodes)
     return _MESHIO_NAME[kind], array
 
 
+def _check_indices(what: str, of: str, indices: npt.NDArray[np.integer], count: int) -> None:
+    """Refuse those that count what isn't there; ``of``: what they count, for the message."""
+    if indices.size:
+        low, high = indices.min(), indices.max()
+        require(0 <= low and high < count, what, f"{of}{low} to {high}", f"0 to {count - 1}")
+
+
 def _check_field(group: str, name: str, values: npt.NDArray[np.generic], rows: int) -> None:
+    what, shape = f"{group}[{name!r}]", values.shape
     if values.ndim not in (1, 2) or len(values) != rows:
-        raise InputError(
-            f"{group}[{name!r}]: got shape {values.shape}; expected ({rows},) or ({rows}, C)"
-        )
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"{group}[{name!r}]: got {values.dtype}; expected numbers")
+        raise InputError(f"{what}: got shape {shape}; expected ({rows},) or ({rows}, C)")
+    require(values.dtype.kind in "iuf", what, values.dtype, "numbers")
     if values.dtype.kind == "f" and not np.isfinite(values).all():
-        raise InputError(f"{group}[{name!r}]: {_first_bad(values)}; expected finite numbers")
+        raise InputError(f"{what}: {_first_bad(values)}; expected finite numbers")
 
 
 def _first_bad(values: npt.NDArray[np.generic]) -> str:

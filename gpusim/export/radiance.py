@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
+from gpusim.export.images import save_tiff
 from gpusim.files.atomic_files import PathLike, atomic_path
+from gpusim.files.picture_file import openexr
 from gpusim.optics.frame import Frame
+from gpusim.validation import require
 
 _LARGEST_HALF = 65504.0
 
@@ -45,44 +47,23 @@ def write_radiance(
     'wall.tif'
     """
     values = np.asarray(frame.radiance if isinstance(frame, Frame) else frame)
-    if values.dtype.kind != "f" or not (values.ndim == 2 or values.shape[2:] == (3,)):
-        raise InputError(
-            f"radiance: got shape {values.shape}, {values.dtype}; expected a Frame, or floats "
-            "(H, W) or (H, W, 3)"
-        )
-    if 0 in values.shape:
-        raise InputError(f"radiance: got shape {values.shape}; expected at least one pixel")
-    finite = values[np.isfinite(values)]
-    if half and not np.abs(finite).max(initial=0.0) <= _LARGEST_HALF:
-        raise InputError(
-            f"radiance: got up to {np.abs(finite).max():g}; expected at most {_LARGEST_HALF:g} "
-            "with half"
-        )
+    got, shape = f"shape {values.shape}, {values.dtype}", values.shape
+    known = values.dtype.kind == "f" and (values.ndim == 2 or shape[2:] == (3,))
+    require(known, "radiance", got, "a Frame, or floats (H, W) or (H, W, 3)")
+    require(0 not in shape, "radiance", f"shape {shape}", "at least one pixel")
+    most = np.abs(values[np.isfinite(values)]).max(initial=0.0) if half else 0.0
+    expected = f"at most {_LARGEST_HALF:g} with half"
+    require(most <= _LARGEST_HALF, "radiance", f"up to {most:g}", expected)
     values = np.ascontiguousarray(values, np.float16 if half else np.float32)
     suffix = Path(path).suffix.lower()
-    if suffix not in (".exr", ".tif", ".tiff"):
-        raise InputError(f"image file: {path}: got suffix {suffix!r}; expected .exr, .tif or .tiff")
-    return _write_exr(path, values) if suffix == ".exr" else _write_tiff(path, values)
-
-
-def _write_exr(path: PathLike, values: npt.NDArray[Any]) -> Path:
-    try:
-        import OpenEXR
-    except ImportError:
-        raise InputError(
-            f"image file: {path}: got no package OpenEXR; expected it for .exr files: "
-            "pip install 'gpusim[exr]'"
-        ) from None
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    known = suffix in (".exr", ".tif", ".tiff")
+    require(known, f"image file: {path}", f"suffix {suffix!r}", ".exr, .tif or .tiff")
+    package = openexr(path) if suffix == ".exr" else None
     with atomic_path(path) as part:
-        OpenEXR.File(header, {"Y" if values.ndim == 2 else "RGB": values}).write(str(part))
-    return Path(path)
-
-
-def _write_tiff(path: PathLike, values: npt.NDArray[Any]) -> Path:
-    import tifffile
-
-    with atomic_path(path) as part:
-        kind = "minisblack" if values.ndim == 2 else "rgb"
-        tifffile.imwrite(part, values, photometric=kind, metadata=None, software="gpusim")
+        if package is None:
+            save_tiff(part, values)
+        else:
+            header = {"compression": package.ZIP_COMPRESSION, "type": package.scanlineimage}
+            channels = {"Y" if values.ndim == 2 else "RGB": values}
+            package.File(header, channels).write(str(part))
     return Path(path)

@@ -29,6 +29,7 @@ from gpusim.errors import InputError
 from gpusim.export.layers import LAYERS, ChunkedLayer
 from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
 from gpusim.files.hdf5_file import writing_hdf5
+from gpusim.validation import require
 
 _SCHEMA = 1
 
@@ -73,8 +74,7 @@ class FrameWriter:
 
     def _layer(self, name: str) -> ChunkedLayer:
         if name not in self._layers:
-            if name not in LAYERS:
-                raise InputError(f"layer: got {name!r}; expected one of {', '.join(LAYERS)}")
+            require(name in LAYERS, "layer", repr(name), f"one of {', '.join(LAYERS)}")
             self._layers[name] = ChunkedLayer(self._group, LAYERS[name], self._shape)
         return self._layers[name]
 
@@ -162,8 +162,7 @@ class TruthWriter:
 
         ``load_factor`` or ``time`` (of a given field) say what the step is.
         """
-        if "mesh" not in self._file:
-            raise InputError("nodal displacement: got no mesh; expected write_mesh before")
+        require("mesh" in self._file, "nodal displacement", "no mesh", "write_mesh before")
         _check("displacement", displacement, self._file["mesh/points"].shape)
         group = self._file["mesh"].require_group("displacement")
         data = _nodal(group, _frame_name(step), displacement)
@@ -180,18 +179,15 @@ class TruthWriter:
         distortion: Float | Sequence[float] = (),
     ) -> None:
         """Write a camera: K (3, 3) px, camera_from_world (3, 4) or (4, 4) m, OpenCV distortion."""
-        if width < 1 or height < 1:
-            raise InputError(f"camera {name!r}: got {width} x {height} px; expected 1 or more")
-        if camera_from_world.shape not in ((3, 4), (4, 4)):
-            raise InputError(
-                f"camera {name!r}: camera_from_world: got shape {camera_from_world.shape};"
-                " expected (3, 4) or (4, 4)"
-            )
-        _check(f"camera {name!r}: K", K, (3, 3))
-        _check(f"camera {name!r}: camera_from_world", camera_from_world, (None, 4))
+        what, pose_what = f"camera {name!r}", f"camera {name!r}: camera_from_world"
+        require(min(width, height) >= 1, what, f"{width} x {height} px", "1 or more")
+        shape = camera_from_world.shape
+        require(shape in ((3, 4), (4, 4)), pose_what, f"shape {shape}", "(3, 4) or (4, 4)")
+        _check(f"{what}: K", K, (3, 3))
+        _check(pose_what, camera_from_world, (None, 4))
         full = np.vstack([camera_from_world[:3], [0.0, 0.0, 0.0, 1.0]])
         coefficients = np.asarray(distortion, np.float64).reshape(-1)
-        _check(f"camera {name!r}: distortion", coefficients, (None,))
+        _check(f"{what}: distortion", coefficients, (None,))
         group = self._file.create_group(f"camera/{safe_name(name)}")
         group.attrs["width"], group.attrs["height"] = width, height
         group.create_dataset("K", data=K).attrs["unit"] = "px"
@@ -210,8 +206,7 @@ class TruthWriter:
     ) -> FrameWriter:
         """Return the writer of frame ``index`` of a camera that has been written."""
         path = f"camera/{safe_name(camera)}"
-        if path not in self._file:
-            raise InputError(f"frame: got camera {camera!r}; expected write_camera before")
+        require(path in self._file, "frame", f"camera {camera!r}", "write_camera before")
         group = self._file[path]
         frame = group.require_group("frame").create_group(_frame_name(index), track_order=True)
         _say_when(frame, load_factor, time)
@@ -231,8 +226,7 @@ def _say_when(item: h5py.HLObject, load_factor: float | None, time: float | None
 
 
 def _frame_name(index: int) -> str:
-    if index < 0:
-        raise InputError(f"frame: got {index}; expected 0 or more")
+    require(index >= 0, "frame", index, "0 or more")
     return f"{index:04d}"
 
 
@@ -243,8 +237,8 @@ def _check(name: str, values: npt.NDArray[np.generic], shape: Sequence[int | Non
     if not fits:
         wanted_text = ", ".join("*" if size is None else str(size) for size in shape)
         raise InputError(f"{name}: got shape {values.shape}; expected ({wanted_text})")
-    if values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-        raise InputError(f"{name}: got {values.dtype} with bad values; expected finite numbers")
+    known = values.dtype.kind in "iuf" and np.isfinite(values).all()
+    require(known, name, f"{values.dtype} with bad values", "finite numbers")
 
 
 def _nodal(group: h5py.Group, name: str, values: Float) -> h5py.Dataset:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.mesh import Mesh
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 Step = Callable[[int], npt.NDArray[Any]]
 
@@ -56,8 +56,8 @@ class Field:
     ) -> None:
         self.mesh, self.name = mesh, name
         self.times: Float = np.atleast_1d(np.array(times, dtype=np.float64))
-        if self.times.ndim != 1 or not len(self.times) or not np.isfinite(self.times).all():
-            raise InputError(f"{name}: times; got {self.times.tolist()}; expected finite (T,)")
+        known = self.times.ndim == 1 and len(self.times) > 0 and np.isfinite(self.times).all()
+        require(known, f"{name}: times", self.times, "finite (T,)")
         wrong = np.flatnonzero(~(np.diff(self.times) > 0.0))
         if len(wrong):
             a, b = self.times[wrong[0]], self.times[wrong[0] + 1]
@@ -70,11 +70,9 @@ class Field:
             if values.ndim == 2 and len(self.times) == 1:
                 values = values[None]
             shape = (len(self.times), mesh.node_count, 3)
-            if values.shape != shape:
-                raise InputError(
-                    f"{name}: displacement; got shape {values.shape}; expected {shape}: times, "
-                    "nodes, components"
-                )
+            expected = f"{shape}: times, nodes, components"
+            fits = values.shape == shape
+            require(fits, f"{name}: displacement", f"shape {values.shape}", expected)
             self._read = values.__getitem__
         self._kept: dict[int, Float] = {}
 
@@ -94,23 +92,18 @@ class Field:
 
     def step(self, number: int) -> Float:
         """(N, 3) float64 displacement of step ``number``, counted from 0 as ``times`` is."""
-        if not 0 <= number < len(self.times):
-            raise InputError(
-                f"{self.name}: step; got {number}; expected 0 to {len(self.times) - 1}"
-            )
+        last = len(self.times) - 1
+        require(0 <= number <= last, f"{self.name}: step", number, f"0 to {last}")
         if number not in self._kept:
             u = np.array(self._read(number), dtype=np.float64)
-            if u.shape != (self.mesh.node_count, 3):
-                raise InputError(
-                    f"{self.name}: displacement at time {self.times[number]:g}; got shape "
-                    f"{u.shape}; expected ({self.mesh.node_count}, 3)"
-                )
+            what, shape = f"{self.name}: displacement at time {self.times[number]:g}", u.shape
+            expected = f"({self.mesh.node_count}, 3)"
+            require(shape == (self.mesh.node_count, 3), what, f"shape {shape}", expected)
             bad = np.flatnonzero(~np.isfinite(u).all(axis=1))
             if len(bad):
                 raise InputError(
-                    f"{self.name}: displacement at time {self.times[number]:g}: {len(bad)} nodes "
-                    f"without a finite value; got {u[bad[0]].tolist()} at node {bad[0]}; expected "
-                    "one at every node of the solids"
+                    f"{what}: {len(bad)} nodes without a finite value; got {u[bad[0]].tolist()} at "
+                    f"node {bad[0]}; expected one at every node of the solids"
                 )
             u.setflags(write=False)
             while len(self._kept) >= _KEPT:
@@ -120,11 +113,8 @@ class Field:
 
     def check(self, time: float) -> None:
         """Raises InputError for a time outside of ``start`` … ``end``."""
-        if not self.start <= time <= self.end:
-            raise InputError(
-                f"{self.name}: time; got {time:g}; expected {self.start:g} to {self.end:g}, what "
-                "its steps cover"
-            )
+        expected = f"{self.start:g} to {self.end:g}, what its steps cover"
+        require(self.start <= time <= self.end, f"{self.name}: time", f"{time:g}", expected)
 
     def at(self, time: float) -> Float:
         """(N, 3) float64 displacement at a time, linear between the steps around it.

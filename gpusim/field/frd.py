@@ -19,6 +19,7 @@ from gpusim.field.field import Field
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, assemble, index_of, solid_nodes
 from gpusim.mesh.file_content.numbering import from_upright_first
+from gpusim.validation import require
 
 # Element types by number: kind and nodes. GraphiX counts vertical edges before top edges.
 _TYPES = {
@@ -33,16 +34,13 @@ _NODES, _CELLS = b"    2C", b"    3C"
 
 @dataclass
 class _Block:
-    """Where the lines of a block begin and end in the file (bytes), and its format (0 or 1)."""
+    """Where the lines of a block begin and end in the file (bytes), and how wide labels are."""
 
     start: int
     end: int
-    long: bool
+    width: int
     time: float = 0.0
     components: list[bytes] = field(default_factory=list)
-
-    def label_width(self) -> int:
-        return 10 if self.long else 5
 
 
 def read_frd(file: InputFile, name: str | None = None) -> Field:
@@ -55,13 +53,10 @@ def read_frd(file: InputFile, name: str | None = None) -> Field:
     parts, results = _index(file)
     wanted = "DISP" if name is None else name
     blocks = results.get(wanted, [])
-    if len(parts) < 2 or not blocks:
-        known = ", ".join(results) or "none"
-        what = "no nodes or no elements" if blocks else f"no block {wanted}"
-        raise InputError(
-            f"{path}: {what}; got results {known}; expected a complete .frd with displacements "
-            "(*NODE FILE with U)"
-        )
+    what = "no nodes or no elements" if blocks else f"no block {wanted}"
+    got = f"results {', '.join(results) or 'none'}"
+    expected = "a complete .frd with displacements (*NODE FILE with U)"
+    require(len(parts) == 2 and bool(blocks), f"{path}: {what}", got, expected)
     for block in blocks:
         _check_vector(block, wanted, path)
     labels, points = _rows(file.data, parts[_NODES], path)
@@ -85,11 +80,9 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
     parts: dict[bytes, _Block] = {}
     results: dict[str, list[_Block]] = {}
     current: _Block | None = None
-    time, long = 0.0, True
-    if file.data[:6].strip() != b"1C":
-        raise InputError(
-            f"{path}: not an .frd file; got first bytes {file.data[:6]!r}; expected '1C'"
-        )
+    time, width = 0.0, 10
+    first = file.data[:6]
+    require(first.strip() == b"1C", f"{path}: not an .frd file", f"first bytes {first!r}", "'1C'")
     at = 0
     for number, line in enumerate(file.stream(), start=1):
         key = line[:6]
@@ -98,55 +91,50 @@ def _index(file: InputFile) -> tuple[dict[bytes, _Block], dict[str, list[_Block]
             current = None
         elif current is None:
             if key in (_NODES, _CELLS):
-                current = _Block(at + len(line), -1, _is_long(line, path))
+                current = _Block(at + len(line), -1, _label_width(line, path))
                 if key in parts:
                     raise InputError(f"{path}:{number}: a second mesh; expected one in a file")
                 parts[key] = current
             elif key == b"  100C":
-                time, long = _time(line, path), _is_long(line, path)
+                time, width = _time(line, path), _label_width(line, path)
             elif key[:3] == b" -4" and line[3:13].split():
-                current = _Block(at + len(line), -1, long, time)
-                name = line[3:13].split()[0].decode("ascii", "replace")
+                current = _Block(at + len(line), -1, width, time)
+                name = _text(line[3:13].split()[0])
                 results.setdefault(name, []).append(current)
             elif line[:5].strip() not in (b"1", b"9999", b""):  # headers, and the end
-                text = line.strip()[:40].decode("ascii", "replace")
+                text = _text(line.strip()[:40])
                 raise InputError(f"{path}:{number}: got {text!r}; expected a block: damaged?")
         elif key[:3] == b" -5":
             current.start = at + len(line)
             current.components.append(line)
         at += len(line)
-    if current is not None:
-        raise InputError(f"{path}: cut off: a block without its end (-3)")
+    require(current is None, f"{path}: cut off", "a block without its end (-3)", "a whole file")
     return parts, results
 
 
 def _check_vector(block: _Block, name: str, path: Path) -> None:
     """The first three components are those of a vector: type 2, numbers 1 to 3."""
     kinds = [(line[18:23].strip(), line[23:28].strip()) for line in block.components[:3]]
-    if kinds != [(b"2", b"1"), (b"2", b"2"), (b"2", b"3")]:
-        raise InputError(
-            f"{path}: block {name}; got components of type and number "
-            f"{', '.join(b' '.join(kind).decode('ascii', 'replace') for kind in kinds) or 'none'}; "
-            "expected a vector, 2 1, 2 2, 2 3"
-        )
+    got = ", ".join(_text(b" ".join(kind)) for kind in kinds) or "none"
+    is_vector = kinds == [(b"2", b"1"), (b"2", b"2"), (b"2", b"3")]
+    what, expected = f"{path}: block {name}", "a vector, 2 1, 2 2, 2 3"
+    require(is_vector, what, f"components of type and number {got}", expected)
 
 
-def _is_long(line: bytes, path: Path) -> bool:
+def _text(letters: bytes) -> str:
+    return letters.decode("ascii", "replace")
+
+
+def _label_width(line: bytes, path: Path) -> int:
     code = line[73:75].strip()
-    if code not in (b"0", b"1"):
-        raise InputError(
-            f"{path}: format {code.decode('ascii', 'replace')!r} of a block; expected 0 or 1: text "
-            "(CalculiX writes binary on *NODE OUTPUT)"
-        )
-    return code == b"1"
+    expected = "0 or 1: text (CalculiX writes binary on *NODE OUTPUT)"
+    require(code in (b"0", b"1"), f"{path}", f"format {_text(code)!r} of a block", expected)
+    return 10 if code == b"1" else 5
 
 
 def _time(line: bytes, path: Path) -> float:
-    if line[56:58].strip() == b"2":
-        raise InputError(
-            f"{path}: results of a frequency analysis; expected displacements over time or load: "
-            "modes are no states of a body"
-        )
+    expected = "displacements over time or load: modes are no states of a body"
+    require(line[56:58].strip() != b"2", f"{path}", "results of a frequency analysis", expected)
     try:
         return float(line[12:24])
     except ValueError:
@@ -156,11 +144,11 @@ def _time(line: bytes, path: Path) -> float:
 def _rows(file: bytes, block: _Block, path: Path) -> tuple[Long, Float]:
     """Labels (n,) and the first three values (n, 3) of the lines of a block."""
     data = file[block.start : block.end]
-    width = block.label_width()
+    width = block.width
     length = data.find(b"\n") + 1
     least = 3 + width + 3 * _VALUE
-    if length <= least or len(data) % length:
-        raise InputError(f"{path}: lines of unequal length in a block of nodes; is it cut off?")
+    alike = length > least and len(data) % length == 0
+    require(alike, f"{path}: a block of nodes", "lines of unequal length", "equal ones: cut off?")
     letters = np.frombuffer(data, dtype=np.uint8).reshape(-1, length)
     if not (letters[:, :3] == np.frombuffer(b" -1", dtype=np.uint8)).all():
         raise InputError(f"{path}: a block of nodes with lines that don't begin with -1")
@@ -182,16 +170,14 @@ def _column(letters: npt.NDArray[np.uint8], start: int, width: int) -> npt.NDArr
 def _cells(file: bytes, block: _Block, labels: Long, path: Path) -> list[RawBlock]:
     """The elements by type: a line " -1" with number and type, then lines " -2" with nodes."""
     lines = file[block.start : block.end].split(b"\n")
-    width = block.label_width()
+    width = block.width
     rows: dict[str, list[bytes]] = {}
     kind = ""
     for line in lines:
         if line[:3] == b" -1":
             number = line[3 + width : 8 + width].strip()
             if not number.isdigit() or int(number) not in _TYPES:
-                raise InputError(
-                    f"{path}: element type {number.decode('ascii', 'replace')!r}; expected 1 to 12"
-                )
+                raise InputError(f"{path}: element type {_text(number)!r}; expected 1 to 12")
             kind = _TYPES[int(number)][0]
             rows.setdefault(kind, []).append(b"")
         elif line[:3] == b" -2" and kind:

@@ -19,9 +19,11 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import product
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +39,7 @@ from gpusim.mesh.formats.exodus import read_exodus_steps
 from gpusim.mesh.formats.reader import PARALLEL
 from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.parallel.machine import memory_limit
+from gpusim.validation import checked, positive, require
 
 _VECTORS = ("displacement", "displacements", "disp", "displ", "u", "dis", "depl", "def")
 _SCALARS = ("disp", "displ", "displacement", "d", "u", "dis")
@@ -63,12 +66,11 @@ def scalar_names(known: Sequence[str], wanted: str | None) -> tuple[str, str, st
     Raises InputError listing what there is.
     """
     by_fold = {name.casefold(): name for name in reversed(known)}
-    for start in _SCALARS if wanted is None else (wanted.casefold(),):
-        for between in ("", "_", "-", " ", "."):
-            for x, y, z in _ENDINGS:
-                names = [f"{start}{between}{end}" for end in (x, y, z)]
-                if all(name in by_fold for name in names):
-                    return by_fold[names[0]], by_fold[names[1]], by_fold[names[2]]
+    starts = _SCALARS if wanted is None else (wanted.casefold(),)
+    for start, between, ends in product(starts, ("", "_", "-", " ", "."), _ENDINGS):
+        x, y, z = (by_fold.get(f"{start}{between}{end}") for end in ends)
+        if x is not None and y is not None and z is not None:
+            return x, y, z
     if wanted in known:
         raise InputError(f"{wanted!r} has one number per node; expected a vector of three")
     raise InputError(
@@ -80,14 +82,10 @@ def scalar_names(known: Sequence[str], wanted: str | None) -> tuple[str, str, st
 def read_exodus_field(file: InputFile, name: str | None = None) -> Field:
     """The field of an Exodus file; ``name`` is what the three variables begin with."""
     mesh, steps = read_exodus_steps(file)
-    if not len(steps.times):
-        raise InputError(f"{file.path}: no time steps; got a mesh without results")
+    solved = len(steps.times) > 0
+    require(solved, f"{file.path}: no time steps", "a mesh without results", "one with them")
     names = scalar_names(steps.names, name)
-
-    def step(number: int) -> Float:
-        return steps.values(names, number)
-
-    return Field(mesh, steps.times, step, name=str(file.path))
+    return Field(mesh, steps.times, partial(steps.values, names), name=str(file.path))
 
 
 def read_vtu_field(file: InputFile, name: str | None = None) -> Field:
@@ -99,10 +97,9 @@ def read_vtu_field(file: InputFile, name: str | None = None) -> Field:
     if file.suffix in SERIES_SUFFIXES:
         steps = read_series(file)
         for _, path in steps:
-            if path.suffix.lower() != ".vtu":
-                raise InputError(f"{file.path}: names {path.name}; expected .vtu files")
-            if not path.is_file():
-                raise InputError(f"{file.path}: names {path.name}, which isn't there")
+            what = f"{file.path}: names {path.name}"
+            require(path.suffix.lower() == ".vtu", what, path.suffix, ".vtu files")
+            require(path.is_file(), f"{what}, which isn't there", "no file", "one")
         times = [time for time, _ in steps]
         # the first step is read now, the others, of a size that memory may not hold, when needed
         first_file = file.beside(steps[0][1].absolute(), "a .vtu file")
@@ -121,16 +118,13 @@ def read_vtu_field(file: InputFile, name: str | None = None) -> Field:
         path = steps[number][1]
         content = first
         if number:
-            later = read_input(
-                file.beside(path.absolute(), "a .vtu file"), sha256=hashes.get(number)
-            )
+            beside = file.beside(path.absolute(), "a .vtu file")
+            later = read_input(beside, sha256=hashes.get(number))
             hashes[number] = later.sha256
             content = VtuFile(later)
         u = _vtu_displacement(content, name)
-        if len(u) != len(used):
-            raise InputError(
-                f"{path}: got {len(u)} nodes; expected {len(used)}, as in {steps[0][1].name}"
-            )
+        expected = f"{len(used)}, as in {steps[0][1].name}"
+        require(len(u) == len(used), f"{path}", f"{len(u)} nodes", expected)
         return u[used]
 
     return Field(mesh, times, step, name=str(file.path))
@@ -168,29 +162,23 @@ def read_npz(file: InputFile, name: str | None = None) -> Field:
         raise InputError(f"{path}: not an .npz of plain arrays ({str(error)[:200]!r})") from None
     which = vector_name(list(arrays), name)
     cells = {key[len(_CELLS) :]: array for key, array in arrays.items() if key.startswith(_CELLS)}
-    missing = [
-        text
-        for text, there in (
-            ("points", "points" in arrays),
-            ("cells_hex8 or the like", bool(cells)),
-            (name or "displacement", which is not None),
-        )
-        if not there
-    ]
-    if missing:
-        raise InputError(
-            f"{path}: no array {', '.join(missing)}; got {', '.join(arrays) or 'none'}"
-        )
+    wanted = {
+        "points": "points" in arrays,
+        "cells_hex8 or the like": bool(cells),
+        name or "displacement": which is not None,
+    }
+    missing = ", ".join(text for text, there in wanted.items() if not there)
+    got = ", ".join(arrays) or "none"
+    require(not missing, f"{path}: no array {missing}", got, f"all of {', '.join(wanted)}")
     assert which is not None
     u = arrays[which]
     single = u.ndim == 2
-    if "times" not in arrays and not single and len(u) != 1:
-        raise InputError(f"{path}: no array times; got {which} of shape {u.shape}")
+    timed = "times" in arrays or single or len(u) == 1
+    require(timed, f"{path}: no array times", f"{which} of shape {u.shape}", "a time for each")
     times = arrays.get("times", np.ones(1))
-    if times.dtype.kind not in "iuf" or u.dtype.kind not in "iuf":
-        raise InputError(
-            f"{path}: times and {which}; got {times.dtype} and {u.dtype}; expected numbers"
-        )
+    numbers = times.dtype.kind in "iuf" and u.dtype.kind in "iuf"
+    got = f"{times.dtype} and {u.dtype}"
+    require(numbers, f"{path}: times and {which}", got, "numbers")
     return Field(Mesh(arrays["points"], cells), times, u, name=str(path))
 
 
@@ -222,14 +210,16 @@ _READERS: dict[str, Callable[[InputFile, str | None], Field]] = {
     ".npz": read_npz,
 }
 FIELD_SUFFIXES = tuple(_READERS)
+Factor = Annotated[float, positive("a factor > 0")]
 
 
+@checked
 def read_field(
     path: str | PathLike[str] | InputFile,
     *,
     name: str | None = None,
-    scale: float = 1.0,
-    magnify: float = 1.0,
+    scale: Factor = 1.0,
+    magnify: Factor = 1.0,
 ) -> Field:
     """Read a mesh and its nodal displacements over time, as another program wrote them.
 
@@ -262,19 +252,13 @@ def read_field(
     >>> float(gs.read_field("bar.vtu").at(1.0).max())
     1.0
     """
-    for key, value in (("scale", scale), ("magnify", magnify)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"read_field: {key}; got {value}; expected a factor > 0")
     source = path.path if isinstance(path, InputFile) else Path(path)
     suffix = source.suffix.lower()
     if suffix in PARALLEL:
         raise InputError(f"{source}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
     file = read_input(path, "a file with a displacement field")
-    if suffix not in _READERS:
-        raise InputError(
-            f"{source}: unknown kind of field; got {suffix or 'no ending'!r}; expected one of "
-            f"{', '.join(FIELD_SUFFIXES)}"
-        )
+    what, expected = f"{source}: unknown kind of field", f"one of {', '.join(FIELD_SUFFIXES)}"
+    require(suffix in _READERS, what, repr(suffix or "no ending"), expected)
     try:
         field = _READERS[suffix](file, name)
     except InputError as error:

@@ -84,6 +84,8 @@ class InputFile:
             yield copy
 
 
+Stamp = tuple[int, int, int]
+"""Number, size and time of change of a file."""
 Reader = Callable[[str], InputFile]
 """Reads a file by its path: `read_input`, or `Scene.input`, which knows what it has to be."""
 
@@ -149,6 +151,15 @@ def open_input(path: str | os.PathLike[str], expected: str = "a file") -> io.Buf
     except OSError as error:
         problem = f"unreadable ({error.strerror or error})"
     raise InputError(f"{path}: {problem}; expected {expected}")
+
+
+def file_stamp(path: str | os.PathLike[str]) -> Stamp | None:
+    """What changes whenever a file is written or replaced; None where there is none."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _read(source: str | os.PathLike[str], expected: str) -> InputFile:

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import PathLike
-from gpusim.files.input_file import InputFile, read_input
+from gpusim.files.input_file import InputFile, Stamp, file_stamp, read_input
 from gpusim.files.picture_tags import TIFF_MAGIC, Page, exif_orientation, plain_tiff, tiff_pages
 from gpusim.files.radiance_file import RadianceHeader, to_srgb
 from gpusim.files.silence import silence
@@ -156,14 +156,20 @@ def _tiff(file: InputFile, page: Page) -> npt.NDArray[Any]:
     return ~image if page.white_is_zero else image
 
 
-def _openexr(file: InputFile) -> npt.NDArray[Any]:
+def openexr(path: PathLike) -> Any:
+    """The package that reads and writes ``path``. Raises InputError where it isn't installed."""
     try:
         import OpenEXR
     except ImportError:
         raise InputError(
-            f"image file: {file.path}: got no package OpenEXR; expected it for .exr files: "
+            f"image file: {path}: got no package OpenEXR; expected it for .exr files: "
             "pip install 'gpusim[exr]'"
         ) from None
+    return OpenEXR
+
+
+def _openexr(file: InputFile) -> npt.NDArray[Any]:
+    OpenEXR = openexr(file.path)
     with file.on_disk() as path, redirect_stdout(io.StringIO()), silence():
         (part,) = OpenEXR.File(str(path), header_only=True).parts
         low, high = part.header["dataWindow"]
@@ -320,14 +326,10 @@ def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
 
 def _read(file: Path) -> InputFile:
     """The file, read once for all of its pages."""
-    try:
-        found = file.stat()
-    except (OSError, ValueError):
-        return read_input(file, "a picture")  # which says what is wrong
-    return _last(file, (found.st_ino, found.st_size, found.st_mtime_ns))
+    return _last(file, file_stamp(file))
 
 
 @lru_cache(maxsize=1)
-def _last(file: Path, stamp: tuple[int, int, int]) -> InputFile:
-    del stamp  # what changes whenever a file is written or replaced
+def _last(file: Path, stamp: Stamp | None) -> InputFile:
+    del stamp  # of another file, or another time, it is read anew
     return read_input(file, "a picture")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int
-from gpusim.errors import InputError
 from gpusim.surface.frames import face_normals
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,11 +39,9 @@ def space_axes(ax: Axes | None, unit: str) -> Any:
 
         ax = pyplot.figure(figsize=_SIZE).add_subplot(projection="3d")
     space: Any = ax
-    if getattr(space, "name", "") != "3d":
-        raise InputError(
-            "plot: ax; got axes of two dimensions; expected three: "
-            "plt.figure().add_subplot(projection='3d')"
-        )
+    deep = getattr(space, "name", "") == "3d"
+    expected = "three: plt.figure().add_subplot(projection='3d')"
+    require(deep, "plot: ax", "axes of two dimensions", expected)
     space.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     space.view_init(_ELEVATION, _AZIMUTH)
     return space

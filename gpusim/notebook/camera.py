@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.report.style import MEASURED, named
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,8 +65,7 @@ def plot(
     ax = flat_axes(ax)
     if reach is None:
         reach = float(np.linalg.norm(camera.eye)) or 1.0
-    if not 0.0 < reach < np.inf:
-        raise InputError(f"Camera.plot: reach; got {reach}; expected a finite length above 0")
+    require(0.0 < reach < np.inf, "Camera.plot: reach", reach, "a finite length above 0")
     draw_camera(ax, camera, plane, reach, 1.0, **style)
     across, up = plane_axes(plane)
     ax.set(xlabel=f"{'xyz'[across]} ({unit})", ylabel=f"{'xyz'[up]} ({unit})", aspect="equal")
@@ -76,8 +75,7 @@ def plot(
 
 def plane_axes(plane: str) -> list[int]:
     """The axes that are drawn to the right and up. Raises InputError for a plane that is none."""
-    if plane not in _PLANES:
-        raise InputError(f"plot: plane; got {plane!r}; expected one of {list(_PLANES)}")
+    require(plane in _PLANES, "plot: plane", repr(plane), f"one of {list(_PLANES)}")
     return _PLANES[plane]
 
 

@@ -9,13 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.export.measured_fields import field_maps
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity, span
 from gpusim.report.style import drawn
-from gpusim.validation import nearest_name
+from gpusim.validation import nearest_name, require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,17 +54,13 @@ def plot(
     """A map of one component, over the reference ``image`` where one is given."""
     from gpusim.report.correlation import draw_map, grey_picture
 
-    known = field_maps(result)
+    known, where = field_maps(result), f"{type(result).__name__}.plot"
     name = next(iter(known)) if component is None else component
-    if name not in known:
-        hint = nearest_name(name, known)
-        raise InputError(
-            f"{type(result).__name__}.plot: component; got {name!r}; expected one of "
-            f"{list(known)}{hint}"
-        )
+    expected = f"one of {list(known)}{nearest_name(name, known)}"
+    require(name in known, f"{where}: component", repr(name), expected)
     mapped = isinstance(result, MappedResult)
     if image is not None:
-        _check_picture(f"{type(result).__name__}.plot: image", image, result.points, mapped)
+        _check_picture(f"{where}: image", image, result.points, mapped)
     ax = flat_axes(ax)
     backdrop = None if image is None else grey_picture(image)
     draw_map(ax, backdrop, result.points, known[name], **style)
@@ -77,20 +72,15 @@ def plot(
 
 def _check_picture(what: str, image: npt.NDArray[Any], points: Float, mapped: bool) -> None:
     """Refuse a picture that the points can't have been measured in."""
-    if mapped:
-        raise InputError(f"{what}; got one beside points in the mapping's unit; expected None")
+    require(not mapped, what, "one beside points in the mapping's unit", "None")
     picture = np.asarray(image)
-    colored = picture.ndim == 3 and picture.shape[2] == 3
-    if not (picture.ndim == 2 or colored) or picture.dtype.kind not in "buif":
-        raise InputError(
-            f"{what}; got shape {picture.shape}, {picture.dtype}; expected (H, W) or (H, W, 3)"
-        )
+    grey_or_color = picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] == 3)
+    known, got = picture.dtype.kind in "buif", f"shape {picture.shape}, {picture.dtype}"
+    require(grey_or_color and known, what, got, "(H, W) or (H, W, 3)")
     (height, width), (right, low) = picture.shape[:2], points.max(axis=0)
-    if not (right <= width - 1 and low <= height - 1):
-        raise InputError(
-            f"{what}; got {width} x {height} px; expected the reference picture: points reach "
-            f"x = {right:g}, y = {low:g}"
-        )
+    inside = right <= width - 1 and low <= height - 1
+    expected = f"the reference picture: points reach x = {right:g}, y = {low:g}"
+    require(inside, what, f"{width} x {height} px", expected)
 
 
 def _picture(result: Result) -> Picture:

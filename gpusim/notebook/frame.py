@@ -64,10 +64,9 @@ def _picture(frame: Frame) -> Picture:
     pixels = toned(_small(frame.radiance))
     # a tiny picture is shown by squares that can be seen
     zoom = max(1, int(min(_WIDTH / pixels.shape[1], _HEIGHT / pixels.shape[0]) / 2))
-    if zoom > 1:
-        pixels = pixels.repeat(zoom, axis=0).repeat(zoom, axis=1)
     caption = "Tone-mapped: linear up to white, then sRGB."
     if zoom > 1:
+        pixels = pixels.repeat(zoom, axis=0).repeat(zoom, axis=1)
         caption += f" Each pixel is drawn as {zoom} x {zoom}."
     return Picture(f"what camera {frame.view.camera.name} sees", pixels, caption)
 

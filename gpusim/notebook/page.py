@@ -82,14 +82,10 @@ def page(
 
 def quantity(value: float, unit: str = "", digits: int = DIGITS) -> str:
     """A number with its unit, rounded, without zeros at its end."""
-    return f"{_text(float(value), digits)} {unit}".rstrip()
-
-
-def _text(value: float, digits: int) -> str:
-    text = number(float(f"{value:.{digits - 1}e}"), digits)
-    if "." not in text or "\N{MULTIPLICATION SIGN}" in text:
-        return text
-    return text.rstrip("0").rstrip(".")
+    text = number(float(f"{float(value):.{digits - 1}e}"), digits)
+    if "." in text and "\N{MULTIPLICATION SIGN}" not in text:
+        text = text.rstrip("0").rstrip(".")
+    return f"{text} {unit}".rstrip()
 
 
 def span(values: Real) -> str:
@@ -97,5 +93,4 @@ def span(values: Real) -> str:
     known = values[np.isfinite(values)]
     if not known.size:
         return number(float("nan"))
-    low, high = (_text(float(v), DIGITS) for v in (known.min(), known.max()))
-    return f"{low} to {high}"
+    return f"{quantity(known.min())} to {quantity(known.max())}"

@@ -16,6 +16,7 @@ from gpusim.report.html import aligned, fitting, reduced
 from gpusim.report.model import FramePair, Measurement, Report, Series
 from gpusim.report.style import drawn, named
 from gpusim.report.text import duration, signed_percent
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,8 +56,8 @@ def plot(report: Report, ax: Axes | None, *, series: str | int = 0, **style: Any
     if report.series:
         return plot_series(_chosen(report, series), ax, **style)
     known = [one for one in report.measurements if np.isfinite(one.error_relative)]
-    if not known:
-        raise InputError("Report.plot: nothing was measured against a true value; expected some")
+    what = "Report.plot: nothing was measured against a true value"
+    require(bool(known), what, "no relative error", "some")
     ax = flat_axes(ax)
     draw_error_bars(ax, known)
     return ax

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
@@ -16,7 +15,6 @@ from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.camera import draw_camera, plane_axes
 from gpusim.notebook.page import Picture, page
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
-from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop, posed
 from gpusim.report.style import MUTED, named
@@ -137,15 +135,11 @@ def _bodies(built: SceneSurfaces) -> Picture:
 
 
 def _through(scene: Scene, surfaces: Sequence[Surface]) -> Picture:
+    """What the first camera sees under plain light, small."""
     camera = build_camera(scene.cameras[0], scene.input)
-    pixels = camera_picture(camera, surfaces)
-    return Picture(f"camera {camera.name}", pixels, f"Camera {camera.name}.", shown_width=_SHOWN)
-
-
-def camera_picture(camera: Camera, surfaces: Sequence[Surface]) -> npt.NDArray[np.uint8]:
-    """(H, W, 4): what a camera sees under plain light, small."""
     small = resized_camera(camera, _CAMERA_WIDTH, _CAMERA_HEIGHT)
-    return shaded(surfaces, small, painted(surfaces, small))
+    pixels = shaded(surfaces, small, painted(surfaces, small))
+    return Picture(f"camera {camera.name}", pixels, f"Camera {camera.name}.", shown_width=_SHOWN)
 
 
 def _draw_surfaces(

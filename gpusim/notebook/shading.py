@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -25,6 +26,7 @@ from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.report.html import fitting
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
+from gpusim.view.turntable import Turntable
 
 Pixels = npt.NDArray[np.uint8]
 Colouring = Callable[[Truth], Float]
@@ -34,9 +36,8 @@ WIDTH, MOST_HEIGHT, LEAST_HEIGHT = 520, 380, 100
 """px, of a picture."""
 DIRECTION = (0.45, 0.8, -0.4)
 """Where a fitted camera looks: from the right in front, and from above."""
-_DISTANCE = 1.9
-"""Of a fitted camera, in sizes of what it looks at."""
-_MARGIN = 1.06
+_NARROW = 0.26
+"""Half a fitted camera's diagonal, over the focal length."""
 _FINER = 2
 """Samples along a pixel's side."""
 _LAMP = np.array([-0.45, -0.65, -0.62]) / np.linalg.norm([-0.45, -0.65, -0.62])
@@ -54,31 +55,13 @@ def fitted_camera(points: Float, direction: Sequence[float] = DIRECTION) -> Came
 
     Its height follows what it shows, within limits.
     """
-    low, high = points.min(axis=0), points.max(axis=0)
-    centre, size = 0.5 * (low + high), float(np.linalg.norm(high - low)) or 1.0
-    axes = _axes(np.asarray(direction, np.float64))
-    x, y, z = axes @ (points - centre).T
-    depth = z + _DISTANCE * size
-    seen = np.stack([x / depth, y / depth])
-    first, last = seen.min(axis=1), seen.max(axis=1)
-    wide, tall = np.maximum(last - first, 1e-9)
+    x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
+    view = Turntable(azimuth=float(np.arctan2(-x, y)), elevation=float(-np.arcsin(z)))
+    wide, tall, _ = np.maximum(np.ptp(view.axes @ points.T, axis=1), 1e-9)
     height = int(np.clip(round(WIDTH * tall / wide), LEAST_HEIGHT, MOST_HEIGHT))
-    focal = min(WIDTH / wide, height / tall) / _MARGIN
-    point = 0.5 * np.array([WIDTH - 1, height - 1]) - 0.5 * focal * (first + last)
-    pose = np.eye(4)
-    pose[:3, :3] = axes
-    pose[:3, 3] = -axes @ centre + [0.0, 0.0, _DISTANCE * size]
-    K = np.array([[focal, 0, point[0]], [0, focal, point[1]], [0, 0, 1]])
-    return Camera(WIDTH, height, K, camera_from_world=pose, name="fitted")
-
-
-def _axes(direction: Float) -> Float:
-    """(3, 3): x right, y down, z along ``direction``, of a camera held upright."""
-    z = direction / np.linalg.norm(direction)
-    up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.85 else np.array([0.0, 1.0, 0.0])
-    x = np.cross(z, up)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+    field_of_view = 2.0 * float(np.arctan(_NARROW * height / np.hypot(WIDTH, height)))
+    view = replace(view, field_of_view=field_of_view).fit(points, WIDTH, height)
+    return view.camera(WIDTH, height, "fitted")
 
 
 def resized_camera(camera: Camera, most_width: int = WIDTH, most_height: int = 480) -> Camera:

@@ -20,7 +20,7 @@ from gpusim.notebook.shading import Colouring, fitted_camera, shaded
 from gpusim.optics.truth import Truth
 from gpusim.report.figures import round_down
 from gpusim.surface import Skin, Surface
-from gpusim.validation import is_number
+from gpusim.validation import is_number, require
 from gpusim.view.fields import color_map
 
 if TYPE_CHECKING:
@@ -131,12 +131,10 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
     model, u = solution.model, _cases(solution.u)
     if model is None:
         raise InputError("Solution.plot: it has no model; got model None; expected one to draw")
-    if field not in FIELDS:
-        raise InputError(f"Solution.plot: field; got {field!r}; expected one of {list(FIELDS)}")
-    if not -len(u) <= case < len(u):
-        raise InputError(f"Solution.plot: case; got {case}; expected 0 to {len(u) - 1}")
-    if scale is not None and not (is_number(scale) and np.isfinite(scale)):
-        raise InputError(f"Solution.plot: scale; got {scale!r}; expected a finite number")
+    require(field in FIELDS, "Solution.plot: field", repr(field), f"one of {list(FIELDS)}")
+    require(-len(u) <= case < len(u), "Solution.plot: case", case, f"0 to {len(u) - 1}")
+    drawable = scale is None or (is_number(scale) and np.isfinite(scale))
+    require(drawable, "Solution.plot: scale", repr(scale), "a finite number")
     skin = skin_of(model.mesh)
     rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
     if scale is None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import GpusimError
 from gpusim.export.images import encoded_picture
 from gpusim.files.atomic_files import write_text
 from gpusim.gpu import default_device
@@ -23,6 +23,7 @@ from gpusim.optics import render
 from gpusim.pipeline.scene_objects.cameras import build_camera, grey_weights
 from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.scene import Scene, load_scene
+from gpusim.validation import require
 
 INSTALL = 'a view that moves needs the extra: pip install "gpusim[notebook]"'
 ELSEWHERE = "a view that moves needs a notebook; `gpusim view` opens a window"
@@ -52,10 +53,10 @@ class StillView:
 def view(scene: Scene, camera: str | None, size: tuple[int, int]) -> Any:
     """The live view where there can be one, else a still picture."""
     names = [one.name for one in scene.cameras]
-    if camera is not None and camera not in names:
-        raise InputError(f"Scene.view: camera; got {camera!r}; expected one of {names}")
-    if not (len(size) == 2 and all(isinstance(side, int) and side > 0 for side in size)):
-        raise InputError(f"Scene.view: size; got {size!r}; expected width and height, px")
+    known = camera is None or camera in names
+    require(known, "Scene.view: camera", repr(camera), f"one of {names}")
+    whole = len(size) == 2 and all(isinstance(side, int) and side > 0 for side in size)
+    require(whole, "Scene.view: size", repr(size), "width and height, px")
     if not in_notebook():
         return _still(scene, camera, size, ELSEWHERE)
     try:

@@ -18,7 +18,6 @@ from matplotlib.ticker import ScalarFormatter
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.grey import grey_of
-from gpusim.errors import InputError
 from gpusim.export.measured_fields import FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
@@ -26,6 +25,7 @@ from gpusim.report.html import fitting, page_template
 from gpusim.report.model import Figure
 from gpusim.report.style import BAD, axis_title, draw_png
 from gpusim.report.text import number
+from gpusim.validation import require
 
 Frame = tuple[float, float, float, float]
 """Left, right, lower and upper border, px."""
@@ -248,8 +248,7 @@ def _limits(style: dict[str, Any], low: float, high: float) -> Normalize:
     low, high = (
         one if one is not None else usual for one, usual in zip(given, (low, high), strict=True)
     )
-    if not low < high:
-        raise InputError(f"plot: vmin, vmax; got {low} and {high}; expected growing numbers")
+    require(low < high, "plot: vmin, vmax", f"{low} and {high}", "growing numbers")
     return Normalize(low, high)
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
 from gpusim.export.images import read_image
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.html import reduced
@@ -31,6 +30,7 @@ from gpusim.report.style import (
     page_pixels,
 )
 from gpusim.report.text import number, signed_percent
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,8 +120,8 @@ def _draw_residual(axes: Axes, series: Series, residual: npt.NDArray[Any], count
 def draw_convergence(residuals: Sequence[float], path: PathLike) -> Figure:
     """Draw the solver's residuals, log scale; ``residuals[k]`` is that before iteration k + 1."""
     values = np.asarray(residuals, np.float64)
-    if values.ndim != 1 or values.size == 0:
-        raise InputError(f"residuals: got shape {values.shape}; expected (iterations,), not empty")
+    some = values.ndim == 1 and values.size > 0
+    require(some, "residuals", f"shape {values.shape}", "(iterations,), not empty")
     shown = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
 
     def draw(canvas: Canvas) -> None:
@@ -215,8 +215,7 @@ def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
 def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     """Draw the relative error of each measurement as a bar, with its tolerance as two marks."""
     shown = [item for item in measurements if np.isfinite(item.error_relative)]
-    if not shown:
-        raise InputError("measurements: got none with a relative error; expected at least one")
+    require(bool(shown), "measurements", "none with a relative error", "at least one")
 
     def draw(canvas: Canvas) -> None:
         draw_error_bars(canvas.subplots(), shown)

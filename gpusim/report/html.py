@@ -24,6 +24,7 @@ from gpusim.printable import printable
 from gpusim.report.model import Figure, FramePair, Measurement, Report, Stage
 from gpusim.report.stage_rows import stage_rows
 from gpusim.report.text import duration, number, percent, signed_percent
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from jinja2 import Environment, Template
@@ -56,11 +57,8 @@ def page_pair(pair: FramePair) -> PagePair:
     Raises InputError if an image can't be read or the two differ in size.
     """
     reference, deformed = read_image(pair.reference), read_image(pair.deformed)
-    if reference.shape != deformed.shape:
-        raise InputError(
-            f"frame pair of camera {pair.camera!r}: got {reference.shape} and {deformed.shape};"
-            " expected two images of one size"
-        )
+    what, got = f"frame pair of camera {pair.camera!r}", f"{reference.shape} and {deformed.shape}"
+    require(reference.shape == deformed.shape, what, got, "two images of one size")
     height, width = reference.shape[:2]
     bits = pair.bits or max(_bits_of(reference), _bits_of(deformed))
     crops = tuple(

@@ -14,11 +14,11 @@ import numpy as np
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float
 from gpusim.display import notebook_html, plotted
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.printable import printable
 from gpusim.report.findings import Budget, Mechanics, MeshSummary, Published
 from gpusim.report.text import plain_data
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -133,19 +133,13 @@ class Series:
     figure: str = ""
 
     def __post_init__(self) -> None:
-        shape = (len(self.x),)
-        if len(self.x) == 0 or any(
-            array.shape != shape for array in (self.x, self.y_measured, self.y_truth)
-        ):
-            raise InputError(
-                f"series {self.name!r}: got x {self.x.shape}, measured {self.y_measured.shape},"
-                f" truth {self.y_truth.shape}; expected three times (M,), M > 0"
-            )
-        if self.truth_x.shape != self.truth_y.shape or self.truth_x.ndim != 1:
-            raise InputError(
-                f"series {self.name!r}: got truth_x {self.truth_x.shape}, truth_y"
-                f" {self.truth_y.shape}; expected twice (T,)"
-            )
+        what, x, measured, truth = f"series {self.name!r}", self.x, self.y_measured, self.y_truth
+        alike = all(array.shape == (len(x),) for array in (x, measured, truth))
+        got = f"x {x.shape}, measured {measured.shape}, truth {truth.shape}"
+        require(len(x) > 0 and alike, what, got, "three times (M,), M > 0")
+        x, truth = self.truth_x, self.truth_y
+        got = f"truth_x {x.shape}, truth_y {truth.shape}"
+        require(x.shape == truth.shape and x.ndim == 1, what, got, "twice (T,)")
 
 
 @dataclass(frozen=True)
@@ -186,18 +180,12 @@ class Overlay:
     unit: str = "mm"
 
     def __post_init__(self) -> None:
-        if self.points.ndim != 2 or self.points.shape[1] != 2 or len(self.points) == 0:
-            raise InputError(
-                f"overlay {self.title!r}: points: got shape {self.points.shape};"
-                " expected (M, 2), M > 0"
-            )
-        if self.displacement.shape != self.points.shape:
-            raise InputError(
-                f"overlay {self.title!r}: displacement: got shape {self.displacement.shape};"
-                f" expected {self.points.shape}"
-            )
-        if not np.isfinite(self.points).all():
-            raise InputError(f"overlay {self.title!r}: points: expected finite numbers, px")
+        what, shape, moved = f"overlay {self.title!r}", self.points.shape, self.displacement.shape
+        places = len(shape) == 2 and shape[1] == 2 and shape[0] > 0
+        require(places, f"{what}: points", f"shape {shape}", "(M, 2), M > 0")
+        require(moved == shape, f"{what}: displacement", f"shape {moved}", f"{shape}")
+        known = np.isfinite(self.points).all()
+        require(known, f"{what}: points", "some that aren't finite", "finite numbers, px")
 
 
 @dataclass(frozen=True)
@@ -233,11 +221,9 @@ class Table:
 
     def __post_init__(self) -> None:
         for row in self.rows:
-            if len(row) != len(self.columns):
-                raise InputError(
-                    f"table {self.title!r}: got a row of {len(row)} cells; expected"
-                    f" {len(self.columns)}"
-                )
+            cells, columns = len(row), len(self.columns)
+            got = f"a row of {cells} cells"
+            require(cells == columns, f"table {self.title!r}", got, f"{columns}")
 
 
 @dataclass(frozen=True)
@@ -283,11 +269,9 @@ class Report:
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        if (self.status == "failed") != bool(self.failure):
-            raise InputError(
-                f"report: got status {self.status!r} with failure {self.failure!r};"
-                " expected a failure message exactly if the run failed"
-            )
+        fits = (self.status == "failed") == bool(self.failure)
+        got = f"status {self.status!r} with failure {self.failure!r}"
+        require(fits, "report", got, "a failure message exactly if the run failed")
 
     def _repr_html_(self) -> str | None:
         return notebook_html("report", self)

@@ -46,7 +46,8 @@ def check_overlay(device: Device) -> Pairs:
     overlay.line([(3.0, 3.0), (44.0, 52.0), (95.0, 41.0)], (1.0, 0.5, 0.1), 2.5)
     overlay.text(50.0, 25.0, "Ag µ\n→ é漢", 14, "#ffffff", anchor="mm", halo="#000000c0")
     quads = overlay.quads()
-    overlay.draw(target)
+    with device.recording("twin.overlay") as recording:
+        overlay.draw(target, recording)
     empty = np.zeros((61, 97, 4), np.float32)
     twin = overlay_twin(empty, quads, overlay.atlas.coverage)
     yield Pair(pixels_of(device, target) * STEP, twin)
@@ -70,7 +71,9 @@ def check_field_colors(device: Device) -> Pairs:
                        [0.8, 0.0, 0.1, 0.6]])  # fmt: skip
     target = device.texture(camera.width, camera.height, "rgba8unorm", "twin.field")
     options: dict[str, Any] = {"white": 0.8, "samples": 2}
-    draw_field_colors(device, target, frame, values, (-1.2, 1.2), colors, **options)
+    coloring = frame, values, (-1.2, 1.2), colors
+    with device.recording("twin.field") as recording:
+        draw_field_colors(device, target, *coloring, recording=recording, **options)
     ids = VisibilityBuffer.of(device, finer(frame.view, 2), 2 * camera.height).read()
     empty = np.zeros((camera.height, camera.width, 4), np.float32)
     twin = field_colors_twin(empty, frame, ids, values, (-1.2, 1.2), colors, **options)

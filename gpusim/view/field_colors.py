@@ -7,7 +7,6 @@ interpolated as perspective has it, with more samples a pixel where borders shou
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,13 +15,13 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded, encoded
-from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
 from gpusim.optics.frame import Frame
 from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.visibility_buffer import VertexBuffers
 from gpusim.surface.surface import Surface
+from gpusim.validation import require
 from gpusim.view.picture.placement import Placement
 
 NONE = -1e30
@@ -56,12 +55,9 @@ def corner_values(
         first += len(topology.triangles)
         if field is None:
             continue
-        expected = len(surface.faces) if field.by_face else len(surface.rest)
-        if field.values.shape != (expected,):
-            raise InputError(
-                f"field on surface {surface.name!r}; got shape {field.values.shape}; expected "
-                f"({expected},)"
-            )
+        shape, count = field.values.shape, len(surface.faces if field.by_face else surface.rest)
+        what = f"field on surface {surface.name!r}"
+        require(shape == (count,), what, f"shape {shape}", f"({count},)")
         if field.by_face:
             result[own] = field.values[topology.source[triangle]][:, None]
             continue
@@ -86,11 +82,10 @@ def finer(view: View, samples: int) -> View:
     """The view for a camera with as many pixels along each of its own; triangles are the same."""
     if samples == 1:
         return view
-    K = np.diag([samples, samples, 1.0]) @ view.camera.K
-    K[:2, 2] += 0.5 * (samples - 1)
-    width, height = samples * view.camera.width, samples * view.camera.height
     # its distortion is the same in (x, y), which the triangles have been through already
-    camera = replace(view.camera, width=width, height=height, K=K, distortion=None, lens_K=None)
+    ideal = view.camera.without_distortion()
+    width, height = samples * ideal.width, samples * ideal.height
+    camera = ideal.reframed(width, height, scale=(samples, samples))
     return replace(view, camera=camera, place=samples * (view.place + 0.5) - 0.5)
 
 
@@ -103,11 +98,11 @@ def draw_field_colors(
     colors: npt.NDArray[Any],
     *,
     white: float,
+    recording: Recording,
     place: Placement | None = None,
     samples: int = 1,
     shade: float = SHADE,
     opacity: float = 1.0,
-    recording: Recording | None = None,
 ) -> None:
     """Draw the colours of ``values`` over ``target``, on which the picture of ``frame`` is.
 
@@ -118,11 +113,11 @@ def draw_field_colors(
     limits : values that the first and the last colour stand for; others have these, too.
     colors : (C, 3) from 0 to 1 as sRGB has them, C at least 2; (C, 4) with an opacity.
     white : the radiance that the picture shows as white.
+    recording : takes what is drawn, to be submitted with what comes before.
     place : where the picture lies on the target; None: pixel for pixel.
     samples : along a side of a pixel; 1 while things move, 2 or 3 for smooth borders. One that
         makes the image larger than a texture may be is lowered.
     shade : what is left of a colour on a black surface; 1: the radiance isn't looked at.
-    recording : adds to it, to be submitted with what comes before; None: at once.
 
     Examples
     --------
@@ -135,10 +130,14 @@ def draw_field_colors(
     >>> values = corner_values(frame.view, [wall], [height])
     >>> target = device.texture(60, 40, "rgba8unorm", "window")
     >>> black_to_white = np.array([[0, 0, 0], [1, 1, 1.0]])
-    >>> draw_field_colors(device, target, frame, values, (-1.0, 1.0), black_to_white, white=1.0)
+    >>> with device.recording("view") as recording:
+    ...     draw_field_colors(
+    ...         device, target, frame, values, (-1.0, 1.0), black_to_white, white=1.0,
+    ...         recording=recording,
+    ...     )
     """
-    if values.shape != (frame.view.count, 3):
-        raise InputError(f"field values; got {values.shape}; expected ({frame.view.count}, 3)")
+    shape = frame.view.count, 3
+    require(values.shape == shape, "field values", f"shape {values.shape}", f"{shape}")
     shown = _box_of(frame.view, values)
     if shown is None:
         return
@@ -158,17 +157,13 @@ def draw_field_colors(
         "shade": shade, "opacity": opacity,
         "encode": int(not target.format.endswith("-srgb")),
     }  # fmt: skip
-    begun = (
-        nullcontext(recording) if recording is not None else device.recording("view.field_colors")
-    )
-    with begun as own:
-        view, relative = finer(frame.view, samples), _relative(values, limits)
-        layer = _layer(device, view, relative, colors, own)
-        bindings = raster.bind(placing=placing, layer=layer, radiance=radiance)
-        own.draw(
-            raster, bindings, colors=(target,), depth=None, vertices=6,
-            size=(target.width, target.height), clear=None,
-        )  # fmt: skip
+    view, relative = finer(frame.view, samples), _relative(values, limits)
+    layer = _layer(device, view, relative, colors, recording)
+    bindings = raster.bind(placing=placing, layer=layer, radiance=radiance)
+    recording.draw(
+        raster, bindings, colors=(target,), depth=None, vertices=6,
+        size=(target.width, target.height), clear=None,
+    )  # fmt: skip
 
 
 def _layer(
@@ -215,8 +210,7 @@ def _radiance(device: Device, frame: Frame) -> tuple[Buffer, int]:
 
 def _relative(values: Float, limits: tuple[float, float]) -> Single:
     low, high = limits
-    if not high > low:
-        raise InputError(f"field limits; got {low:g} to {high:g}; expected growing numbers")
+    require(high > low, "field limits", f"{low:g} to {high:g}", "growing numbers")
     result = ((values - low) / (high - low)).astype(np.float32).reshape(-1)
     result[~np.isfinite(result)] = NONE
     return result if len(result) else np.full(3, NONE, np.float32)

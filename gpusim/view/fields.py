@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.surface import Skin
+from gpusim.validation import require
 from gpusim.view.content.body_state import BodyState
 from gpusim.view.field_colors import SurfaceField
 from gpusim.view.overlay import INK, PAPER, Overlay
@@ -106,8 +106,7 @@ def field_kind(name: str) -> FieldKind:
     >>> field_kind("von_mises").unit
     'MPa'
     """
-    if name not in FIELDS:
-        raise InputError(f"field; got {name!r}; expected one of {', '.join(FIELDS)}")
+    require(name in FIELDS, "field", repr(name), f"one of {', '.join(FIELDS)}")
     return FIELDS[name]
 
 

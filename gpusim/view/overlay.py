@@ -7,7 +7,6 @@ pixel's centre to its edges; that of a letter is copied from a `gpusim.view.glyp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
+from gpusim.validation import require
 from gpusim.view.glyphs import GlyphAtlas
 
 Shade = str | Sequence[float]
@@ -90,7 +90,8 @@ class Overlay:
     >>> overlay.rectangle(4, 4, 40, 20, "#202830c0")
     >>> overlay.line([(4, 40), (30, 30), (60, 44)], "orange", width=2)
     >>> overlay.text(24, 14, "12 µm", 12, "white", anchor="mm")
-    >>> overlay.draw(picture)
+    >>> with device.recording("view") as recording:
+    ...     overlay.draw(picture, recording)
     """
 
     def __init__(self, device: Device) -> None:
@@ -121,10 +122,9 @@ class Overlay:
         InputError
             Another shape. Those that aren't finite or have no area are left out.
         """
-        if corners.ndim != 3 or corners.shape[1] not in (3, 4) or corners.shape[2] != 2:
-            raise InputError(
-                f"overlay: corners; got shape {corners.shape}; expected (n, 3, 2) or (n, 4, 2)"
-            )
+        shape = corners.shape
+        fits = len(shape) == 3 and shape[1:] in ((3, 2), (4, 2))
+        require(fits, "overlay: corners", f"shape {shape}", "(n, 3, 2) or (n, 4, 2)")
         quads = np.zeros(len(corners), QUAD)
         quads["sprite"][:, 3] = hard
         each = isinstance(color, np.ndarray) and color.ndim == 2
@@ -168,10 +168,8 @@ class Overlay:
         ``halo``: a border of this colour, to be read over pictures. A character that
         the font hasn't is a box.
         """
-        if len(anchor) != 2 or anchor[0] not in "lmr" or anchor[1] not in "amsd":
-            raise InputError(
-                f"overlay: anchor; got {anchor!r}; expected one of l m r, then a m s d"
-            )
+        known = len(anchor) == 2 and anchor[0] in "lmr" and anchor[1] in "amsd"
+        require(known, "overlay: anchor", repr(anchor), "one of l m r, then a m s d")
         pixels, lines = max(round(size), 6), text.split("\n")
         step, ascent = LINE_HEIGHT * pixels, self.atlas.ascent(pixels)
         above = {"a": ascent, "s": 0.0, "d": -(len(lines) - 1) * step}
@@ -207,12 +205,12 @@ class Overlay:
         """What has been collected, (n,) `QUAD`."""
         return np.concatenate([np.zeros(0, QUAD), *self._quads])
 
-    def draw(self, target: Any, recording: Recording | None = None) -> None:
+    def draw(self, target: Any, recording: Recording) -> None:
         """Draw what has been collected over ``target``, and forget it.
 
         ``target``: a `gpusim.gpu.Texture` or a `Target` of an 8-bit format, with sRGB's curve
-        ("…-srgb") or without; what is there stays beneath. ``recording``: adds the pass to it, to
-        be submitted with what comes before; None: it is submitted at once.
+        ("…-srgb") or without; what is there stays beneath. ``recording``: takes the pass, to be
+        submitted with what comes before.
         """
         quads = self.quads()
         self.clear()
@@ -229,14 +227,10 @@ class Overlay:
             params={"width": target.width, "height": target.height},
             quads=self.device.buffer(quads, "overlay.quads"), letters=self._letters,
         )  # fmt: skip
-        begun = (
-            self.device.recording("view.overlay") if recording is None else nullcontext(recording)
-        )
-        with begun as own:
-            own.draw(
-                raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
-                size=(target.width, target.height), clear=None,
-            )  # fmt: skip
+        recording.draw(
+            raster, bindings, colors=(target,), depth=None, vertices=6 * len(quads),
+            size=(target.width, target.height), clear=None,
+        )  # fmt: skip
 
 
 def pixels_of(device: Device, texture: Texture) -> npt.NDArray[Any]:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
 
 from gpusim.errors import InputError, NotConverged
-from gpusim.files.atomic_files import atomic_stream
+from gpusim.export.images import write_image
+from gpusim.validation import require
 from gpusim.view.overlay import pixels_of
 from gpusim.view.viewer import Viewer
 
@@ -38,8 +38,8 @@ def screenshot(viewer: Viewer, size: tuple[int, int] | None = None) -> npt.NDArr
 
 def check_ending(path: Path) -> None:
     """Raises InputError for another than that of a PNG."""
-    if path.suffix.lower() != ".png":
-        raise InputError(f"view: screenshot; got {path}; expected a name that ends with .png")
+    png = path.suffix.lower() == ".png"
+    require(png, "view: screenshot", path, "a name that ends with .png")
 
 
 def save_screenshot(viewer: Viewer, path: Path) -> None:
@@ -51,12 +51,7 @@ def save_screenshot(viewer: Viewer, path: Path) -> None:
         Another ending, or a place that can't be written to.
     """
     check_ending(path)
-    pixels = Image.fromarray(screenshot(viewer))
-    try:
-        with atomic_stream(path) as stream:
-            pixels.save(stream, "PNG")
-    except OSError as error:
-        raise InputError(f"{path}: can't be written; got {error.strerror or error}") from None
+    write_image(path, screenshot(viewer))
 
 
 def wait_for_solution(viewer: Viewer) -> None:
@@ -88,12 +83,11 @@ def look_as_asked(viewer: Viewer, camera: str | None, frame: int | None, field: 
         raise InputError(viewer.fault)
     if camera is not None:
         names = [own.name for own in content.cameras]
-        if camera not in names:
-            raise InputError(f"view --camera; got {camera!r}; expected one of {names}")
+        require(camera in names, "view --camera", repr(camera), f"one of {names}")
         viewer.look_through(names.index(camera))
     if frame is not None:
-        if not 0 <= frame < content.frames:
-            raise InputError(f"view --frame; got {frame}; expected 0 to {content.frames - 1}")
+        last = content.frames - 1
+        require(0 <= frame <= last, "view --frame", frame, f"0 to {last}")
         viewer.show_frame(frame)
     if field is not None:
         viewer.show_field(field)

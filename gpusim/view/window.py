@@ -9,6 +9,7 @@ from typing import Any
 from gpusim.errors import InputError
 from gpusim.interrupts import DelayedSignals
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.validation import require
 from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
@@ -120,19 +121,14 @@ def open_window(viewer: Viewer) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what a missing display makes glfw say
             import glfw
+            from rendercanvas.glfw import RenderCanvas, loop
 
             shows = glfw.init()
     except ImportError as error:
         raise InputError(f"view: {error.name or 'glfw'} is missing; {INSTALL}") from None
-    if not shows:
-        raise InputError(
-            "view: no display (DISPLAY and WAYLAND_DISPLAY say where one is); expected one, or "
-            "--screenshot FILE.png, which needs none, or --serve"
-        )
-    try:
-        from rendercanvas.glfw import RenderCanvas, loop
-    except ImportError as error:
-        raise InputError(f"view: {error.name or 'rendercanvas'} is missing; {INSTALL}") from None
+    got = "no display (DISPLAY and WAYLAND_DISPLAY say where one is)"
+    expected = "one, or --screenshot FILE.png, which needs none, or --serve"
+    require(bool(shows), "view", got, expected)
     canvas = RenderCanvas(
         size=viewer.size, title=f"{viewer.path.name} – {TITLE}", max_fps=FRAMES_PER_SECOND,  # noqa: RUF001
         vsync=False,

@@ -45,9 +45,12 @@ def test_what_is_not_sharp_is_tinted(device: Device, distortion: list[float] | N
     near, far = np.quantile(truth.depth, [0.2, 0.6])
     found = DepthOfField(float(near), float(far), 0.5 * float(near + far), 1.0)
     target = device.texture(camera.width, camera.height, "rgba8unorm", "test.tint")
-    Overlay(device).draw(target)
-    depths, limits, colors = defocus_tint(found, frame.view)
-    draw_field_colors(device, target, frame, depths, limits, colors, white=1.0, shade=1.0)
+    with device.recording("test") as recording:
+        Overlay(device).draw(target, recording)
+        draw_field_colors(
+            device, target, frame, *defocus_tint(found, frame.view), white=1.0, shade=1.0,
+            recording=recording,
+        )  # fmt: skip
     red, green, blue, _ = pixels_of(device, target)[truth.row, truth.column].astype(int).T
     clear = np.abs(truth.depth - near) > 0.01 * (far - near)
     clear &= np.abs(truth.depth - far) > 0.01 * (far - near)
@@ -65,7 +68,8 @@ def test_the_frame_leaves_the_image_free(device: Device) -> None:
     overlay = Overlay(device)
     draw_image_frame(overlay, camera, place, 150, 140)
     target = device.texture(150, 140, "rgba8unorm", "test.frame")
-    overlay.draw(target)
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)
     found = pixels_of(device, target)
     assert (found[20:120, :, 3] == 0).all()
     assert (found[:19, :, 3] == 0xC0).all() and (found[:19, :, 2] > found[:19, :, 0]).all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,11 @@ from tests.support.view_bodies import camera_before, small_crane
 
 RAMP = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
 SLOPE = np.array([0.7, -3.0, 1.1])
+
+
+def draw_colors(device: Device, *arguments: Any, **options: Any) -> None:
+    with device.recording("test") as recording:
+        draw_field_colors(device, *arguments, recording=recording, **options)
 
 
 @pytest.mark.parametrize("distortion", [None, [-0.2, 0.05, 1e-3, -2e-3]])
@@ -59,8 +66,9 @@ def test_on_the_device_as_the_truth_has_it(device: Device) -> None:
     target = device.texture(frame.width, frame.height, "rgba8unorm", "test.window")
     overlay = Overlay(device)
     overlay.rectangle(0, 0, frame.width, frame.height, (0.2, 0.4, 0.6))
-    overlay.draw(target)
-    draw_field_colors(device, target, frame, values, (low, high), RAMP, white=1.0, shade=1.0)
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)
+    draw_colors(device, target, frame, values, (low, high), RAMP, white=1.0, shade=1.0)
     found, truth = pixels_of(device, target) / 255.0, frame.truth()
     # a ramp is straight in linear light
     share = (truth.reference[:, 2] - low) / (high - low)
@@ -92,7 +100,7 @@ def test_a_shaded_surface_is_darker_where_its_radiance_is(device: Device) -> Non
         frame = gs.render([surface], camera, device=device)
         values = corner_values(frame.view, [surface], [SurfaceField(np.ones(4))])
         target = device.texture(30, 20, "rgba8unorm-srgb", "test.window")
-        draw_field_colors(device, target, frame, values, (0.0, 1.0), RAMP, white=1.0, shade=0.2)
+        draw_colors(device, target, frame, values, (0.0, 1.0), RAMP, white=1.0, shade=0.2)
         encoded = pixels_of(device, target)[10, 15, 0] / 255.0
         bright.append(((encoded + 0.055) / 1.055) ** 2.4)
     assert bright == pytest.approx([0.2 + 0.8 * 0.5, 1.0], abs=6e-3)
@@ -111,7 +119,7 @@ def test_borders_are_smooth_and_where_they_belong(device: Device) -> None:
     errors = []
     for samples in (1, 4):
         target = device.texture(114, 90, "rgba8unorm", "test.window")
-        draw_field_colors(
+        draw_colors(
             device,
             target, frame, values, (0.0, 1.0), RAMP, white=1.0, samples=samples,
             place=Placement(0.0, 7.0, 2.0),
@@ -147,6 +155,6 @@ def test_what_does_not_fit_is_refused(device: Device) -> None:
     target = device.texture(30, 20, "rgba8unorm", "test.window")
     values = np.zeros((frame.view.count, 3))
     with pytest.raises(InputError, match="limits; got 1 to 1"):
-        draw_field_colors(device, target, frame, values, (1.0, 1.0), RAMP, white=1.0)
+        draw_colors(device, target, frame, values, (1.0, 1.0), RAMP, white=1.0)
     with pytest.raises(InputError, match="field values; got"):
-        draw_field_colors(device, target, frame, values[1:], (0.0, 1.0), RAMP, white=1.0)
+        draw_colors(device, target, frame, values[1:], (0.0, 1.0), RAMP, white=1.0)

@@ -132,7 +132,8 @@ def test_the_legend_has_its_colours_beside_their_ticks(device: Device) -> None:
     right = 10 + legend_width(overlay, scale, "Displacement z (mm)", 13)
     wide, tall = draw_legend(overlay, scale, "Displacement z (mm)", right, 10, 201, 13)
     assert wide < 180 and tall < 280
-    overlay.draw(target)
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)
     found = pixels_of(device, target)[..., :3] / 255.0
     colors = color_map("coolwarm")
     bar = found[:, 24]

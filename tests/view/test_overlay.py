@@ -21,7 +21,8 @@ WIDTH, HEIGHT = 97, 61
 
 def drawn(device: Device, overlay: Overlay, format: str = "rgba8unorm") -> npt.NDArray[Any]:
     target = device.texture(WIDTH, HEIGHT, format, "test.overlay")
-    overlay.draw(target)
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)
     return pixels_of(device, target)
 
 
@@ -37,15 +38,18 @@ def test_what_is_there_stays_and_the_last_is_on_top(device: Device) -> None:
     target = device.texture(WIDTH, HEIGHT, "rgba8unorm", "test.overlay")
     overlay = Overlay(device)
     overlay.rectangle(0, 0, WIDTH, HEIGHT, "#640000")
-    overlay.draw(target)
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)
     overlay.rectangle(10, 10, 20, 20, "#00c80080")
     overlay.rectangle(20, 20, 20, 20, "blue")
-    overlay.draw(target)
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)
     found = pixels_of(device, target)
     assert found[5, 5].tolist() == [100, 0, 0, 255]
     assert np.abs(found[15, 15].astype(int) - [50, 100, 0, 255]).max() <= 1
     assert found[25, 25].tolist() == [0, 0, 255, 255]
-    overlay.draw(target)  # it was forgotten
+    with device.recording("test") as recording:
+        overlay.draw(target, recording)  # it was forgotten
     assert (pixels_of(device, target) == found).all()
     with device.recording("test") as recording:
         for x in (0, 50):

@@ -22,9 +22,8 @@ class DepthOfField:
 
     def blur_at(self, depth: float) -> float:
         """Diameter of the disc that a point at a depth is blurred to, px."""
-        return (
-            self.blur * abs(1.0 / depth - 1.0 / self.focus) / (1.0 / self.near - 1.0 / self.focus)
-        )
+        nearest = 1.0 / self.near - 1.0 / self.focus
+        return self.blur * abs(1.0 / depth - 1.0 / self.focus) / nearest
 
     def describe(self) -> str:
         """For people.
@@ -35,11 +34,9 @@ class DepthOfField:
         >>> DepthOfField(0.95, 1.06, 1.0, 1.0).describe()
         'sharp within 1 px from 950 to 1060 mm, focus at 1000 mm'
         """
-        far = "infinity" if np.isinf(self.far) else f"{1e3 * self.far:.4g}"
-        return (
-            f"sharp within {self.blur:g} px from {1e3 * self.near:.4g} to {far} mm, focus at "
-            f"{1e3 * self.focus:.4g} mm"
-        ).replace("infinity mm", "infinity")
+        far = "infinity" if np.isinf(self.far) else f"{1e3 * self.far:.4g} mm"
+        limits = f"sharp within {self.blur:g} px from {1e3 * self.near:.4g} to {far}"
+        return f"{limits}, focus at {1e3 * self.focus:.4g} mm"
 
 
 def depth_of_field(camera: Camera, lens: Lens | None, blur: float = 1.0) -> DepthOfField | None:

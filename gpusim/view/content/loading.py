@@ -27,6 +27,7 @@ from gpusim.scene.description.table import FileUnit, file_unit, metres
 from gpusim.scene.frames import frame_table
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
+from gpusim.validation import require
 from gpusim.view.content.content import Content
 from gpusim.view.picture.neutral import PAINT
 
@@ -59,18 +60,16 @@ def load_content(
     'bar'
     """
     suffix = path.suffix.lower()
-    if unit not in (None, "mm") and (path.is_dir() or suffix in (".toml", *STEP)):
-        raise InputError(f"view --unit; got {unit!r} for {path}; expected none: it says its own")
+    says_own = path.is_dir() or suffix in (".toml", *STEP)
+    fits = unit in (None, "mm") or not says_own
+    require(fits, "view --unit", f"{unit!r} for {path}", "none: it says its own")
     if path.is_dir():
         return _run(path)
     if suffix == ".toml":
         return _scene(path, earlier)
     known = sorted({*MESH_SUFFIXES, *SURFACE_SUFFIXES, *CAD_SUFFIXES})
-    if suffix not in known:
-        raise InputError(
-            f"view {path}; got {suffix or 'no ending'!r}; expected a scene (.toml), the output "
-            f"folder of a run, or a mesh: {' '.join(known)}"
-        )
+    expected = f"a scene (.toml), the output folder of a run, or a mesh: {' '.join(known)}"
+    require(suffix in known, f"view {path}", repr(suffix or "no ending"), expected)
     surface, skins = _part(path, suffix, metres(unit or file_unit(path.name)))
     return Content(path.name, (path,), parts=(surface,), part_skins=skins)
 
@@ -106,8 +105,8 @@ def _scene(path: Path, earlier: Content | None = None) -> Content:
     if any(parts.field is not None for parts in objects.bodies):
         objects.motions = [Given(parts.field.at) for parts in objects.bodies if parts.field]
     objects.props = [build_prop(prop, scene.input) for prop in scene.props]
-    if not objects.bodies and not objects.props:
-        raise InputError(f"view {path}: nothing to see; expected a body or a prop")
+    some = bool(objects.bodies or objects.props)
+    require(some, f"view {path}", "nothing to see", "a body or a prop")
     return Content(
         scene.name,
         (path, *(Path(name) for name, _ in scene.files)),
@@ -127,8 +126,7 @@ def check_room(scene: Scene, *stages: str) -> None:
 
 def _run(folder: Path) -> Content:
     path = folder / "scene.toml"
-    if not path.is_file():
-        raise InputError(f"view {folder}: no scene.toml; expected the output folder of a run")
+    require(path.is_file(), f"view {folder}", "no scene.toml", "the output folder of a run")
     content = _scene(path)
     solution = folder / "solution"
     content.files += tuple(

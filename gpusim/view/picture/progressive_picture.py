@@ -80,11 +80,8 @@ class ProgressivePicture:
 
     def begin(self, shot: Shot) -> None:
         """Show something else from now on."""
-        earlier, camera = self.shot, shot.camera
-        if earlier is not None and (earlier.camera.width, earlier.camera.height) != (
-            camera.width,
-            camera.height,
-        ):
+        before, now = self.shot.camera if self.shot is not None else None, shot.camera
+        if before is not None and (before.width, before.height) != (now.width, now.height):
             self.level = FIRST_LEVEL
         self.shot, self._changed = shot, time.monotonic()
         self._sharp = self._made = False
