@@ -198,8 +198,6 @@ class OccluderBVH:
         )  # fmt: skip
         self._gathered = True
         self._trees: list[_Tree] = []
-        self.notes: dict[str, object] = {}
-        """What others keep with these from one frame to the next."""
 
     def move(self, points: Single) -> None:
         """Put the vertices at ``points`` (V, 3), relative to the eye."""
