@@ -26,14 +26,13 @@ from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
-from gpusim.optics.shading.spectrum import is_coloured_scene
 from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.color import BANDS, Color, color, in_band
 from gpusim.surface.surface import Surface
-from gpusim.validation import checked
+from gpusim.validation import checked, require
 
 MAX_SIDE = 8192
 """px, of an image."""
@@ -150,20 +149,10 @@ def backdrop(background: float | str | Sequence[float]) -> Color:
         found = color(background)
     except InputError:
         found = -1.0
-    if not min(in_band(found, band) for band in BANDS) >= 0.0:
-        raise InputError(
-            f"render background; got {background!r}; expected a radiance from 0 up: a number, "
-            "three (red, green, blue), or '#rrggbb'"
-        )
+    from_zero = min(in_band(found, band) for band in BANDS) >= 0.0
+    expected = "a radiance from 0 up: a number, three (red, green, blue), or '#rrggbb'"
+    require(from_zero, "render background", repr(background), expected)
     return found
-
-
-def is_coloured(
-    surfaces: Sequence[Surface], lights: Sequence[Light] | None, background: Color
-) -> bool:
-    """Whether a picture of these has planes of red, green and blue."""
-    paints = [paint for surface in surfaces for paint in surface.paints.values()]
-    return is_coloured_scene(paints, lights, background)
 
 
 def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: range) -> list[Band]:
@@ -230,8 +219,7 @@ def _check(
     if not (np.isfinite(error) and error >= MIN_ERROR):
         raise InputError(f"render error; got {error}; expected at least {MIN_ERROR} grey levels")
     for name, size in (("width", camera.width), ("height", camera.height)):
-        if size > MAX_SIDE:
-            raise InputError(f"render: image {name}; got {size}; expected at most {MAX_SIDE} px")
+        require(size <= MAX_SIDE, f"render: image {name}", size, f"at most {MAX_SIDE} px")
 
 
 def _all_are(kind: type | UnionType, values: object) -> bool:

@@ -181,38 +181,25 @@ class PieceShares:
         return _enlarged(self._found)
 
 
-class ListedShares:
+def listed_shares(
+    shadows: Shadows, x: Float, y: Float, at: Float, normal: Float, across: Float, down: Float,
+    triangle: Long,
+) -> Float:  # fmt: skip
     """`Shadows.shares` by a device."""
-
-    def __init__(self, shadows: Shadows) -> None:
-        self._shadows = shadows
-
-    def __call__(
-        self,
-        x: Float,
-        y: Float,
-        at: Float,
-        normal: Float,
-        across: Float,
-        down: Float,
-        triangle: Long,
-    ) -> Float:
-        """As `Shadows.shares`."""
-        shadows = self._shadows
-        result = np.ones((len(x), len(shadows.lamps)))
-        if not len(x):
-            return result
-        # those of a tile look past the same
-        tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
-        order = np.lexsort(tile)
-        last = np.flatnonzero(np.any(np.diff(tile[:, order], append=-1.0) != 0.0, axis=0))
-        receivers = replace(
-            shadows.receivers(at, normal, across, down, triangle)[order],
-            start=group_starts(np.diff(last + 1, prepend=0)),
-        )
-        assert shadows.trees is not None
-        listed = _listed(shadows.trees.device, shadows, receivers.starts)
-        listed.fill(receivers)
-        found = _shares_of(shadows, listed).found(shadows.spaces)
-        result[order[:, None], lamp_numbers(shadows.spaces)] = found
+    assert shadows.trees is not None
+    result = np.ones((len(x), len(shadows.lamps)))
+    if not len(x):
         return result
+    # those of a tile look past the same
+    tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
+    order = np.lexsort(tile)
+    last = np.flatnonzero(np.any(np.diff(tile[:, order], append=-1.0) != 0.0, axis=0))
+    receivers = replace(
+        shadows.receivers(at, normal, across, down, triangle)[order],
+        start=group_starts(np.diff(last + 1, prepend=0)),
+    )
+    listed = _listed(shadows.trees.device, shadows, receivers.starts)
+    listed.fill(receivers)
+    found = _shares_of(shadows, listed).found(shadows.spaces)
+    result[order[:, None], lamp_numbers(shadows.spaces)] = found
+    return result
