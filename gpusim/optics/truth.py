@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import NORMAL, POSITION, REFERENCE
 from gpusim.optics.geometry.view import View
+from gpusim.validation import require
 
 DEPTH_TOLERANCE = 1e-3
 """Relative depth by which a point may lie behind what its pixel sees and still count as seen."""
@@ -59,8 +59,8 @@ class Truth:
 
     def image(self, layer: str) -> Float:
         """A layer as an (H, W) or (H, W, k) image; pixels that see nothing hold NaN."""
-        if layer not in self.LAYERS:
-            raise InputError(f"truth layer; got {layer!r}; expected one of {list(self.LAYERS)}")
+        expected = f"one of {list(self.LAYERS)}"
+        require(layer in self.LAYERS, "truth layer", repr(layer), expected)
         values = getattr(self, layer)
         image = np.full((*self.shape, *values.shape[1:]), np.nan)
         image[self.row, self.column] = values

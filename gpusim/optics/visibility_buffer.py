@@ -81,14 +81,12 @@ class VisibilityBuffer:
     ``ids``: numbers + 1, 0 is background; ``depth``: what the rasteriser leaves.
     """
 
-    def __init__(
-        self, vertex_buffers: VertexBuffers, view: View, rows: int, label: str = "shade"
-    ) -> None:
-        """Of bands of ``rows``; textures are called ``label``.…"""
+    def __init__(self, vertex_buffers: VertexBuffers, view: View, rows: int) -> None:
+        """Of bands of ``rows``."""
         self.vertex_buffers, self.view, self.rows = vertex_buffers, view, rows
         self.device, width = vertex_buffers.device, view.camera.width
-        self.ids = self.device.target(width, rows, "r32uint", f"{label}.ids")
-        self.depth = self.device.target(width, rows, "depth32float", f"{label}.depth")
+        self.ids = self.device.target(width, rows, "r32uint", "shade.ids")
+        self.depth = self.device.target(width, rows, "depth32float", "shade.depth")
 
     @staticmethod
     def of(device: Device, view: View, rows: int) -> VisibilityBuffer:

@@ -152,12 +152,10 @@ class Image(Colored):
 
     def __post_init__(self) -> None:
         pixels = np.asarray(self.pixels)
-        shaped = pixels.ndim == 2 or pixels.shape[2:] == (3,)
-        if not shaped or not pixels.size or pixels.dtype.kind not in "uif":
-            raise InputError(
-                f"Image pixels; got {pixels.dtype} of shape {pixels.shape}; expected one grey "
-                "picture (H, W), or one of colours (H, W, 3), of integers or floats"
-            )
+        shaped = (pixels.ndim == 2 or pixels.shape[2:] == (3,)) and pixels.size > 0
+        got = f"{pixels.dtype} of shape {pixels.shape}"
+        expected = "one grey picture (H, W), or one of colours (H, W, 3), of integers or floats"
+        require(shaped and pixels.dtype.kind in "uif", "Image pixels", got, expected)
         small = max(pixels.shape) <= WIDEST
         require(small, "Image pixels", pixels.shape, f"at most {WIDEST} pixels a side")
         full = _full_scale(pixels)

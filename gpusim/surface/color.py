@@ -116,11 +116,9 @@ class Albedo:
             found = color(value)
         except InputError:
             found = -1.0
-        if not all(0.0 <= in_band(found, band) <= 1.0 for band in BANDS):
-            raise InputError(
-                f"{type(paint).__name__} {self.name}; got {value}; expected an albedo from 0 to 1: "
-                "a number, three (red, green, blue), or '#rrggbb'"
-            )
+        fits = all(0.0 <= in_band(found, band) <= 1.0 for band in BANDS)
+        expected = "an albedo from 0 to 1: a number, three (red, green, blue), or '#rrggbb'"
+        require(fits, f"{type(paint).__name__} {self.name}", value, expected)
         paint.__dict__[self.name] = found
 
 

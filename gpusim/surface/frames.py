@@ -287,10 +287,8 @@ class Atlas:
 
     def of_triangles(self, corners: Float, number: Long) -> Float:
         """The coordinates kept; the surface's triangles must be those that were unfolded."""
-        if number.size and not number.max() < len(self.st):
-            raise InputError(
-                f"Atlas; got triangle {number.max()}; expected the {len(self.st)} it was made for"
-            )
+        last, count = number.max(initial=-1), len(self.st)
+        require(last < count, "Atlas", f"triangle {last}", f"the {count} it was made for")
         st = self.st[number]
         if not np.isfinite(st).all():
             raise InputError("Atlas: got a triangle outside the faces that were unfolded")

@@ -211,12 +211,9 @@ def _discs(
         margin = 0.0
     first = np.floor(np.array(low) / size - margin)
     last = np.floor(np.array(high) / size + margin)
-    expected = np.prod(last + 1.0 - first) * np.prod(size) * speckle.intensity
-    if not expected <= MOST_DISCS:
-        raise InputError(
-            f"Speckle diameter; got {speckle.diameter:g}, which makes {expected:.3g} discs in the "
-            f"visible region; expected at most {MOST_DISCS}"
-        )
+    discs = np.prod(last + 1.0 - first) * np.prod(size) * speckle.intensity
+    got = f"{speckle.diameter:g}, which makes {discs:.3g} discs in the visible region"
+    require(discs <= MOST_DISCS, "Speckle diameter", got, f"at most {MOST_DISCS}")
     i = np.arange(first[0], last[0] + 1.0).astype(np.int64)
     j = np.arange(first[1], last[1] + 1.0).astype(np.int64)
     cells = np.stack(np.meshgrid(i, j, indexing="xy"), axis=-1).reshape(-1, 2)

@@ -87,11 +87,10 @@ class Surface:
         require(integers, f"{where} region", f"dtype {region.dtype}", "integers")
         given = self.region is not None or len(paints) == 1
         require(given, f"{where} region", f"None with {len(paints)} paints", "(F,)")
-        if region.shape != (len(faces),) or region.min() < 0 or region.max() >= len(paints):
-            raise InputError(
-                f"{where} region; got shape {region.shape}, values {region.min(initial=0)} to "
-                f"{region.max(initial=0)}; expected ({len(faces)},) with 0 to {len(paints) - 1}"
-            )
+        low, high = region.min(initial=0), region.max(initial=0)
+        fits = region.shape == (len(faces),) and low >= 0 and high < len(paints)
+        got = f"shape {region.shape}, values {low} to {high}"
+        require(fits, f"{where} region", got, f"({len(faces)},) with 0 to {len(paints) - 1}")
         cut, whole = cut_at_dents(reference, faces)
         region = region[whole]
         if not isinstance(self.frames, Mapping):

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.errors import InputError
 from gpusim.surface.bitmap import WIDEST, Image
+from gpusim.validation import require
 
 ROUND = 1e-4
 """Of a picture's side, by which coordinates may miss its border."""
@@ -51,8 +51,8 @@ def textured(
     ((4, 8), [[2.0, 0.0], [6.0, 0.0], [6.0, 4.0]])
     """
     uv = np.array(uv, np.float64).reshape(-1, 3, 2)
-    if not np.isfinite(uv).all():
-        raise InputError("texture coordinates; got faces without; expected some for every corner")
+    whole = np.isfinite(uv).all()
+    require(whole, "texture coordinates", "faces without", "some for every corner")
     low = uv.min(axis=1, keepdims=True) + ROUND
     periods, first = [PERIODS[kind] for kind in wrap], np.floor(low.min(axis=(0, 1), initial=0.0))
     for axis, period in enumerate(periods):
@@ -63,12 +63,10 @@ def textured(
     rows, columns = picture.pixels.shape[:2]
     tiles = np.maximum(np.ceil(uv.max(axis=(0, 1), initial=1.0) - ROUND), 1.0)
     wanted = tiles * (columns, rows)
-    if not ((wanted <= WIDEST).all() and wanted.prod() <= max(MOST_TEXELS, rows * columns)):
-        raise InputError(
-            f"texture coordinates; got some that repeat a picture of {columns} x {rows} "
-            f"{tiles[0]:g} x {tiles[1]:g} times; expected at most {WIDEST} pixels a side, "
-            f"{MOST_TEXELS:,} in all"
-        )
+    fits = (wanted <= WIDEST).all() and wanted.prod() <= max(MOST_TEXELS, rows * columns)
+    repeated = f"some that repeat a picture of {columns} x {rows} {tiles[0]:g} x {tiles[1]:g} times"
+    expected = f"at most {WIDEST} pixels a side, {MOST_TEXELS:,} in all"
+    require(fits, "texture coordinates", repeated, expected)
     if tiles.prod() > 1.0 or first.any():
         across, up = (
             _continued(int(count), size, period, int(start))

@@ -28,6 +28,8 @@ from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.optics.calibration.document import read_document
@@ -196,13 +198,11 @@ def write_calibration(
     require(format in _FORMATS, "write_calibration format", repr(format), f"{sorted(_FORMATS)}")
     require(len(cameras) > 0, "write_calibration cameras", "none", "at least one")
     for camera in cameras:
-        if not isinstance(camera, Camera):
-            raise InputError(f"write_calibration cameras; got {camera!r}; expected a Camera")
-        if camera.distortion is not None and (camera.distorting_K != camera.K).any():
-            raise InputError(
-                f"write_calibration: camera {camera.name!r} lens_K; got one; expected None: no "
-                "format holds a lens with an axis of its own"
-            )
+        require(isinstance(camera, Camera), "write_calibration cameras", repr(camera), "a Camera")
+        straight = camera.distortion is None or np.array_equal(camera.distorting_K, camera.K)
+        expected = "None: no format holds a lens with an axis of its own"
+        what = f"write_calibration: camera {camera.name!r} lens_K"
+        require(straight, what, "one", expected)
     names = [camera.name for camera in cameras]
     distinct = len(set(names)) == len(names) or format != "opencv"
     require(distinct, "write_calibration cameras", f"names {names}", "different ones")

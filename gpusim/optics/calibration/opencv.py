@@ -75,11 +75,9 @@ def _check_poses(rig: Sequence[Document], where: str) -> None:
     for keys in (_TURN, _SHIFT):
         known = (*keys, "camera_from_first_mm")
         lack = [i for i, node in enumerate(rig) if not any(key in node for key in known)]
-        if lack and len(lack) < len(rig):
-            raise InputError(
-                f"{where}: cameras[{lack[0]}]: {keys[0]}; got nothing; expected it, as the other "
-                "cameras have"
-            )
+        expected = "it, as the other cameras have"
+        key = f"{where}: cameras[{min(lack, default=0)}]: {keys[0]}"
+        require(len(lack) in (0, len(rig)), key, "nothing", expected)
 
 
 def needs_extrinsics(root: Document) -> bool:
@@ -124,13 +122,12 @@ def _single(node: Document, where: str, name: str, size: Size) -> Camera:
     bent = _matrix(node, _BENT, where)
     _check_lens(node, bent, where, "distortion_coefficients")
     pose = _matrix(node, ("camera_from_first_mm",), where)
-    if pose is not None and pose.shape != (4, 4):
-        raise InputError(f"{where}: camera_from_first_mm; got {pose.shape}; expected (4, 4)")
+    if pose is not None:
+        require(pose.shape == (4, 4), f"{where}: camera_from_first_mm", pose.shape, "(4, 4)")
     R = _matrix(node, _TURN, where) if pose is None else pose[:3, :3]
     T = _matrix(node, _SHIFT, where) if pose is None else pose[:3, 3]
     label = node.get("name", node.get("camera_name", name))
-    if K.shape != (3, 3):
-        raise InputError(f"{where}: camera_matrix; got shape {K.shape}; expected (3, 3)")
+    require(K.shape == (3, 3), f"{where}: camera_matrix", f"shape {K.shape}", "(3, 3)")
     K, shape = read_out(node, K, _size(node, where) or size, where)
     return make(
         where,
@@ -304,11 +301,9 @@ def _read_side(
     first, count = (_count(roi, key, f"{where}: roi") for key in (offset, length))
     if count == 0:
         count = 0 if whole is None else whole - first
-    if whole is not None and not 0 < count <= whole - first:
-        raise InputError(
-            f"{where}: roi.{length}; got {count} from {offset} {first}; expected a part of the "
-            f"sensor's {whole} pixels"
-        )
+    fits = whole is None or 0 < count <= whole - first
+    got = f"{count} from {offset} {first}"
+    require(fits, f"{where}: roi.{length}", got, f"a part of the sensor's {whole} pixels")
     return count or None, first
 
 

@@ -63,15 +63,13 @@ def _intrinsics(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -
 def _chain(document: Document, where: str) -> list[tuple[str, Any]]:
     """The entries cam0, cam1 … by number: programs that write YAML put cam10 before cam2."""
     for name in document:
-        if not re.fullmatch(r"cam(0|[1-9]\d{0,5})", name):
-            raise InputError(f"{where}: {name[:60]}; got an unknown key; expected cam0, cam1 …")
-    for index in range(max(1, len(document))):
-        if f"cam{index}" not in document:
-            raise InputError(
-                f"{where}: cam{index}; got nothing; expected it: each camera stands by the one "
-                "before it"
-            )
-    return [(f"cam{index}", document[f"cam{index}"]) for index in range(len(document))]
+        known = re.fullmatch(r"cam(0|[1-9]\d{0,5})", name) is not None
+        require(known, f"{where}: {name[:60]}", "an unknown key", "cam0, cam1 …")
+    names = [f"cam{index}" for index in range(max(1, len(document)))]
+    for name in names:
+        expected = "it: each camera stands by the one before it"
+        require(name in document, f"{where}: {name}", "nothing", expected)
+    return [(name, document[name]) for name in names]
 
 
 def _row(values: Document, key: str, count: int, where: str) -> list[float]:
@@ -89,12 +87,9 @@ def write_kalibr(cameras: Sequence[Camera], where: str, unit: str) -> str:
     lines = [f"# length_unit: {unit}"]  # a key of its own would be taken for a camera
     for index, camera in enumerate(cameras):
         values = five(camera, where)
-        if values[4] != 0.0 or camera.K[0, 1] != 0.0:
-            raise InputError(
-                f"{where}: camera {camera.name!r}; got k3 = {values[4]:g}, skew = "
-                f"{camera.K[0, 1]:g}; expected 0, as Kalibr has neither"
-            )
         K = camera.K
+        got, neither = f"k3 = {values[4]:g}, skew = {K[0, 1]:g}", values[4] == K[0, 1] == 0.0
+        require(neither, f"{where}: camera {camera.name!r}", got, "0, as Kalibr has neither")
         inner = [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
         lines += [f"cam{index}:"]
         if index:
@@ -123,22 +118,21 @@ def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
         label, _, value = line.partition(";")
         label = label[:LONGEST_LABEL]
         unit = re.search(r"\[(.*?)\]", label)
+        named = unit[1] if unit else "mm"
         key = re.sub(r"\[.*?\]|\s", "", label).lower()
-        if unit and unit.group(1).lower() not in ("pixels", "pixel", "mm", "deg"):
-            raise InputError(
-                f"{where} line {line_number}, {label.strip()}; got unit [{unit.group(1)}]; "
-                "expected [pixels], [mm] or [deg]"
-            )
-        values[key] = number(value, f"{where} line {line_number}, {label.strip()}")
+        place = f"{where} line {line_number}, {label.strip()}"
+        known = named.lower() in ("pixels", "pixel", "mm", "deg")
+        require(known, place, f"unit [{named}]", "[pixels], [mm] or [deg]")
+        values[key] = number(value, place)
     numbers = sorted({int(m.group(1)) for k in values if (m := re.match(r"cam(\d+)_fx$", k))})
-    if not 1 <= len(numbers) <= 2:
-        raise InputError(f"{where}: Cam0_Fx, Cam1_Fx; got {len(numbers)} cameras; expected 1 or 2")
+    got = f"{len(numbers)} cameras"
+    require(1 <= len(numbers) <= 2, f"{where}: Cam0_Fx, Cam1_Fx", got, "1 or 2")
     cameras = []
     for index, camera in enumerate(numbers):
         own = {k.split("_", 1)[1]: v for k, v in values.items() if k.startswith(f"cam{camera}_")}
         for needed in ("fx", "fy", "cx", "cy"):
-            if needed not in own:
-                raise InputError(f"{where}: Cam{camera}_{needed.capitalize()}; got nothing")
+            label = f"{where}: Cam{camera}_{needed.capitalize()}"
+            require(needed in own, label, "nothing", "a number")
         K = _intrinsics(own["fx"], own["fy"], own["cx"], own["cy"], own.get("fs", 0.0))
         coefficients = [own.get(k, 0.0) for k in ("kappa1", "kappa2", "p1", "p2", "kappa3")]
         R, T = np.eye(3), np.zeros(3)
@@ -247,8 +241,9 @@ def read_dice(text: str, where: str, size: Size) -> list[Camera]:
             if matrix.get("name") == "rotation_3x3_matrix":
                 rows = {p.get("name"): _braces(p.get("value", ""), f"{key} rotation_3x3_matrix", 3)
                         for p in matrix.findall("Parameter")}  # fmt: skip
-                if set(rows) != {"ROW 0", "ROW 1", "ROW 2"}:
-                    raise InputError(f"{key} rotation_3x3_matrix; got {sorted(map(str, rows))}")
+                three = set(rows) == {"ROW 0", "ROW 1", "ROW 2"}
+                got = sorted(map(str, rows))
+                require(three, f"{key} rotation_3x3_matrix", got, "ROW 0, ROW 1 and ROW 2")
                 R = np.array([rows[f"ROW {i}"] for i in range(3)])
         shape = size
         if "IMAGE_HEIGHT_WIDTH" in words:

@@ -78,11 +78,9 @@ class Camera:
         for key in ("width", "height"):
             object.__setattr__(self, key, int(getattr(self, key)))
         K = _matrix(self.K, (3, 3), f"{where} K")
-        if not (K[0, 0] > 0 and K[1, 1] > 0) or K[1, 0] != 0 or (K[2] != [0, 0, 1]).any():
-            raise InputError(
-                f"{where} K; got {K.tolist()}; expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] "
-                "with fx, fy above 0"
-            )
+        fits = K[0, 0] > 0 and K[1, 1] > 0 and K[1, 0] == 0 and (K[2] == [0, 0, 1]).all()
+        expected = "[[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with fx, fy above 0"
+        require(fits, f"{where} K", K.tolist(), expected)
         through = K if self.lens_K is None else np.asarray(self.lens_K, np.float64)
         fits = through.shape == (3, 3) and np.array_equal(through[:, :2], K[:, :2])
         expected = "K with another principal point"

@@ -28,7 +28,7 @@ from gpusim.optics.geometry.triangle_corners import ST
 from gpusim.optics.paint.bitmap import BITMAP
 from gpusim.optics.paint.disc_coverage import EDGE_ROWS, row_turns
 from gpusim.optics.paint.feature_grid import LOOP_TURNS, FeatureGrid
-from gpusim.optics.shading.relighting import ListedShares, PieceShares, no_pieces
+from gpusim.optics.shading.relighting import PieceShares, listed_shares, no_pieces
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shadow.receivers import TILE, group_starts
@@ -161,7 +161,7 @@ class EdgePixelPass:
         """
         setup = self.buffers.setup
         shadows = setup.lighting.shadows
-        shares = None if shadows is None else ListedShares(shadows)
+        shares = None if shadows is None else partial(listed_shares, shadows)
         value, doubt = self._values[:, :-1].T.copy(), self._values[:, -1] > 0.0
         if doubt.any():
             value[:, doubt] = resolve_on_host(setup, self.edges.select(doubt), shares)

@@ -42,10 +42,10 @@ from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.rendering.renderer import (
     MIN_ERROR,
     backdrop,
-    is_coloured,
     picture_warnings,
     render,
 )
+from gpusim.optics.shading.spectrum import is_coloured_scene
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.surface import Surface
 from gpusim.validation import Finite, checked, require
@@ -144,7 +144,8 @@ def photograph(
             combined = _combine_twin(exposure, shoot)
             frame = Frame.of_planes([Frame(view, None, radiance=plane) for plane in combined])
         else:
-            planes = 3 if is_coloured(exposure.sight[0], lights, behind) else 1
+            paints = [paint for one in exposure.sight[0] for paint in one.paints.values()]
+            planes = 3 if is_coloured_scene(paints, lights, behind) else 1
             frame = Frame.of_bands(view, device, list(_combine(exposure, shoot, device, planes)))
     if lens.vignetting is not None:
         frame = _vignetted(frame, lens, exposure.sight[1])

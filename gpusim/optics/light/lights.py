@@ -224,12 +224,10 @@ class EnvironmentLight(ColoredLight):
             return
         image = np.array(self.image, np.float64)
         image.setflags(write=False)  # what follows from it is kept
-        shaped = image.ndim == 2 or image.shape[2:] == (3,)
-        if not shaped or not image.size or not np.isfinite(image).all():
-            raise InputError(
-                f"EnvironmentLight image; got shape {image.shape}; expected finite values (H, W), "
-                "or (H, W, 3) of three colours"
-            )
+        shaped = (image.ndim == 2 or image.shape[2:] == (3,)) and image.size > 0
+        expected = "finite values (H, W), or (H, W, 3) of three colours"
+        whole = shaped and bool(np.isfinite(image).all())
+        require(whole, "EnvironmentLight image", f"shape {image.shape}", expected)
         require((image >= 0.0).all(), "EnvironmentLight image", image.min(), "radiances >= 0")
         if image.ndim == 3 and (image == image[..., :1]).all():
             image = image[..., 0]

@@ -16,11 +16,11 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.arrays.ragged import cells_of_boxes
-from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.pixel_footprint import MAX_CUTS, SAFETY, Pieces, pieces_of
 from gpusim.surface.speckle import EDGE, Speckle, outer_radius
+from gpusim.validation import require
 
 CELL = 0.42
 """Side of a cell over a disc's outer radius, before it is rounded to a power of two."""
@@ -137,12 +137,9 @@ def _table(requests: tuple[Request, ...]) -> DiscGrid:
         discs.append(disc)
         cells += len(start) - 1
         entries += len(disc)
-        if cells + entries > MAX_TEXELS:
-            raise InputError(
-                f"Speckle diameter; got {paint.diameter:g}, which makes {entries} entries in "
-                f"{cells} cells; expected at most {MAX_TEXELS}: larger speckles, or a view that "
-                "is less grazing"
-            )
+        got = f"{paint.diameter:g}, which makes {entries} entries in {cells} cells"
+        expected = f"at most {MAX_TEXELS}: larger speckles, or a view that is less grazing"
+        require(cells + entries <= MAX_TEXELS, "Speckle diameter", got, expected)
     return DiscGrid(tuple(grids), np.concatenate(starts), np.concatenate(discs))
 
 
@@ -159,11 +156,8 @@ def _region(
         cell *= 2.0
     lowest = np.floor(low / cell).astype(int) - 1
     columns, rows = (np.floor(high / cell).astype(int) + 2 - lowest).tolist()
-    if columns * rows > MAX_TEXELS:
-        raise InputError(
-            f"Speckle diameter; got {paint.diameter:g}, which makes {columns} x {rows} cells; "
-            f"expected at most {MAX_TEXELS}"
-        )
+    got = f"{paint.diameter:g}, which makes {columns} x {rows} cells"
+    require(columns * rows <= MAX_TEXELS, "Speckle diameter", got, f"at most {MAX_TEXELS}")
     cuts = _cuts(paint, reach)
     varied = half == 0.0 and cuts > 1 and paint.smallest < paint.largest
     grid = SpeckleGrid(
@@ -208,10 +202,9 @@ def _cuts(paint: Speckle, reach: float) -> int:
         return int(np.clip(np.ceil(wanted - 1e-9), 1, MAX_CUTS))
     # the circle's series holds while a piece's half diagonal is below 2/3 of the radius
     wanted = np.ceil(1.5 * np.sqrt(2.0) * reach / paint.smallest - 1e-9)
-    if not wanted <= MAX_CUTS:
-        raise InputError(
-            f"Speckle diameter; got discs down to {2.0 * paint.smallest:g} with hard edges under "
-            f"pixels up to {2.0 * reach:g} wide; expected at least a quarter of a pixel: larger "
-            "speckles, soft edges, or a view that is less grazing"
-        )
+    small, wide = 2.0 * paint.smallest, 2.0 * reach
+    got = f"discs down to {small:g} with hard edges under pixels up to {wide:g} wide"
+    less = "larger speckles, soft edges, or a view that is less grazing"
+    expected = f"at least a quarter of a pixel: {less}"
+    require(wanted <= MAX_CUTS, "Speckle diameter", got, expected)
     return int(max(wanted, 1))

@@ -18,7 +18,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.ragged import cells_of_boxes, in_boxes, summed
-from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.texture_array import Texels
 from gpusim.optics.geometry.pixel_footprint import RegionPaint
@@ -29,6 +28,7 @@ from gpusim.optics.paint.feature_overlap import refuse_overlap
 from gpusim.surface.color import Colored
 from gpusim.surface.features import Features, Paint
 from gpusim.surface.speckle import Speckle
+from gpusim.validation import require
 
 PAINT = np.dtype(
     [("ground", "<f4"), ("cell", "<f4"), ("i0", "<i4"), ("j0", "<i4"), ("columns", "<i4"),
@@ -94,12 +94,10 @@ class FeatureGrid:
             all_filed.append((number, slice(total, total + len(filed.which)), filed.which))
             starts.append(total + np.cumsum(filed.counts))
             furthest = max(abs(k) + n for k, n in zip(filed.lowest, filed.shape, strict=True))
-            if not furthest < CELL_NUMBERS:
-                raise InputError(
-                    f"paint: surface too large for its pattern; got cells of {filed.cell:g} up to "
-                    f"{furthest * filed.cell:.3g} from the pattern's origin; expected below "
-                    f"{CELL_NUMBERS * filed.cell:.3g}"
-                )
+            reach, most = furthest * filed.cell, CELL_NUMBERS * filed.cell
+            got = f"cells of {filed.cell:g} up to {reach:.3g} from the pattern's origin"
+            what = "paint: surface too large for its pattern"
+            require(furthest < CELL_NUMBERS, what, got, f"below {most:.3g}")
             record["cell"], record["featured"] = filed.cell, 1
             record["i0"], record["j0"] = filed.lowest
             record["columns"], record["rows"] = filed.shape
@@ -158,11 +156,9 @@ class FeatureGrid:
         """
         cells = len(self.cell_start) - 1
         count = cells + 4 * len(self.features)
-        if count > MAX_TEXELS:
-            raise InputError(
-                f"render: paint patterns; got {cells} cells with {len(self.features)} features; "
-                f"expected at most {MAX_TEXELS} cells and quarter features: take a coarser pattern"
-            )
+        got = f"{cells} cells with {len(self.features)} features"
+        most = f"at most {MAX_TEXELS} cells and quarter features: take a coarser pattern"
+        require(count <= MAX_TEXELS, "render: paint patterns", got, most)
         data = np.zeros((max(count, 1), 4), np.float32)
         data[:cells, 0] = cells + 4 * self.cell_start[:-1].astype(np.int64)
         data[:cells, 1] = np.diff(self.cell_start.astype(np.int64))

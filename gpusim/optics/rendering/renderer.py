@@ -13,7 +13,6 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
-from gpusim.optics.edge_pixels.plate_border import PlateBorderPass
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.culling import wound_inwards
@@ -27,14 +26,13 @@ from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
-from gpusim.optics.shading.spectrum import is_coloured_scene
 from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.surface.color import BANDS, Color, color, in_band
 from gpusim.surface.surface import Surface
-from gpusim.validation import checked
+from gpusim.validation import checked, require
 
 MAX_SIDE = 8192
 """px, of an image."""
@@ -110,7 +108,7 @@ def render(
     else:
         bands: list[Band] = []
         for rows, part in _parts(view, range(camera.height)):
-            plan = plan_frame(part, lights, len(rows), scene.coloured)
+            plan = plan_frame(part, lights, len(rows))
             plan = plan if shortcuts else plan.without_shortcuts()
             bands += _draw(device, part, scene, plan, rows)
         frame = Frame.of_bands(shown, device, bands)
@@ -125,11 +123,6 @@ class _Scene:
     surfaces: Sequence[Surface]
     lights: Sequence[Light] | None
     background: Color
-
-    @property
-    def coloured(self) -> bool:
-        """Whether something in it isn't grey."""
-        return is_coloured(self.surfaces, self.lights, self.background)
 
 
 def picture_warnings(
@@ -156,20 +149,10 @@ def backdrop(background: float | str | Sequence[float]) -> Color:
         found = color(background)
     except InputError:
         found = -1.0
-    if not min(in_band(found, band) for band in BANDS) >= 0.0:
-        raise InputError(
-            f"render background; got {background!r}; expected a radiance from 0 up: a number, "
-            "three (red, green, blue), or '#rrggbb'"
-        )
+    from_zero = min(in_band(found, band) for band in BANDS) >= 0.0
+    expected = "a radiance from 0 up: a number, three (red, green, blue), or '#rrggbb'"
+    require(from_zero, "render background", repr(background), expected)
     return found
-
-
-def is_coloured(
-    surfaces: Sequence[Surface], lights: Sequence[Light] | None, background: Color
-) -> bool:
-    """Whether a picture of these has planes of red, green and blue."""
-    paints = [paint for surface in surfaces for paint in surface.paints.values()]
-    return is_coloured_scene(paints, lights, background)
 
 
 def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: range) -> list[Band]:
@@ -184,11 +167,7 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
     tiles = LightTiles.of(setup) if plan.tile_light else None
     lit_by_all = ShadingPass(buffers, plan.rows, plan.deferred, tiles=tiles, marked=plan.shadowed)
     shading = RelightingPass(lit_by_all) if plan.shadowed else lit_by_all
-    edge_pixels: EdgePixelPass | PlateBorderPass
-    if plan.plate_border:
-        edge_pixels = PlateBorderPass(device, view, setup.background)
-    else:
-        edge_pixels = EdgePixelPass(buffers, find_edge_pixels(view))
+    edge_pixels = EdgePixelPass(buffers, find_edge_pixels(view))
     bands = [
         Band.of(device, row0, min(plan.rows, rows.stop - row0), shading.stride, len(setup.bands))
         for row0 in rows[:: plan.rows]
@@ -240,8 +219,7 @@ def _check(
     if not (np.isfinite(error) and error >= MIN_ERROR):
         raise InputError(f"render error; got {error}; expected at least {MIN_ERROR} grey levels")
     for name, size in (("width", camera.width), ("height", camera.height)):
-        if size > MAX_SIDE:
-            raise InputError(f"render: image {name}; got {size}; expected at most {MAX_SIDE} px")
+        require(size <= MAX_SIDE, f"render: image {name}", size, f"at most {MAX_SIDE} px")
 
 
 def _all_are(kind: type | UnionType, values: object) -> bool:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.gpu.buffer import F32_MAX
 from gpusim.optics.ambient.sky_irradiance import SkyIrradiance
@@ -24,6 +23,7 @@ from gpusim.optics.light.microfacet_material import Gloss, Reflection, sharpest
 from gpusim.optics.light.quadrature import closest_points, emitter_light, emitters, lamps_of
 from gpusim.optics.shadow.scene import Shadows
 from gpusim.surface.surface import Surface
+from gpusim.validation import require
 
 MAX_EMITTERS = 256
 
@@ -96,17 +96,13 @@ class Lighting:
         """
         lights = lights or []
         rows = emitting_points(view, lights)
-        if len(rows) > MAX_EMITTERS:
-            raise InputError(
-                f"render lights; got {len(rows)} emitting points; expected at most "
-                f"{MAX_EMITTERS}: use fewer lamps, or smaller ones farther away"
-            )
+        expected = f"at most {MAX_EMITTERS}: use fewer lamps, or smaller ones farther away"
+        got = f"{len(rows)} emitting points"
+        require(len(rows) <= MAX_EMITTERS, "render lights", got, expected)
         rows[:, :3] -= rows[:, 8:9] * view.camera.eye
-        if not np.abs(rows).max(initial=0.0) <= F32_MAX:
-            raise InputError(
-                f"render lights; got values up to {np.abs(rows).max():.3g}; expected positions "
-                f"and intensities below {F32_MAX:.3g}"
-            )
+        largest = np.abs(rows).max(initial=0.0)
+        expected = f"positions and intensities below {F32_MAX:.3g}"
+        require(largest <= F32_MAX, "render lights", f"values up to {largest:.3g}", expected)
         environment = Environment.of(lights)
         even = ambient(lights)
         gloss = Gloss.build(view.paints, environment, even / np.pi) if lights else None

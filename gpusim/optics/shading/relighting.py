@@ -7,7 +7,6 @@ edges, and what the host resolves, ask one by one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +18,7 @@ from gpusim.optics.frame import Band
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.shading_pass import ShadingPass
 from gpusim.optics.shadow.lamp_visibility import CAPACITY, VisibleShares
-from gpusim.optics.shadow.light_space import LightSpace, lamp_numbers
+from gpusim.optics.shadow.light_space import lamp_numbers
 from gpusim.optics.shadow.receivers import (
     TILE,
     DeviceList,
@@ -33,43 +32,23 @@ NEEDED = "shadow.capacity"
 WORDS = {"r32uint": 1, "rg32uint": 2, "rgba32uint": 4}
 
 
-def _found_by(shadows: Shadows, receivers: DeviceReceivers, label: str) -> VisibleShares:
-    """What of the last frame is kept under ``label``, if it is of these receivers; with as many
-    chunks as were needed last."""
+def _shares_of(shadows: Shadows, receivers: DeviceReceivers) -> VisibleShares:
+    """What ``receivers`` see; with as many chunks as were needed last."""
     trees = shadows.trees
     assert trees is not None
     known = trees.device.pool.notes.get(NEEDED)
-    found = trees.notes.get(label)
-    if not (isinstance(found, VisibleShares) and found.receivers is receivers):
-        capacity = known if isinstance(known, int) else CAPACITY
-        found = VisibleShares(trees.device, trees, receivers, capacity)
-        trees.notes[label] = found
-    return found
+    capacity = known if isinstance(known, int) else CAPACITY
+    return VisibleShares(trees.device, trees, receivers, capacity)
 
 
-def _kept_receivers(shadows: Shadows, label: str) -> DeviceReceivers | None:
-    """Those of the last frame."""
-    assert shadows.trees is not None
-    found = shadows.trees.notes.get(label)
-    return found.receivers if isinstance(found, VisibleShares) else None
+def _listed(device: Device, shadows: Shadows, starts: Long) -> DeviceList:
+    """Receivers that are listed in groups which begin at ``starts`` (G + 1,)."""
+    return DeviceList(device, shadows.occluders, starts, shadows.view.camera)
 
 
-def _listed(shadows: Shadows, starts: Long, label: str) -> VisibleShares:
-    """What those see that are listed in groups which begin at ``starts`` (G + 1,)."""
-    receivers = _kept_receivers(shadows, label)
-    assert shadows.trees is not None
-    if not (isinstance(receivers, DeviceList) and receivers.holds(starts)):
-        # in the next frames there may be some more
-        groups, count = (n + n // 4 for n in (len(starts) - 1, int(starts[-1])))
-        camera = shadows.view.camera
-        receivers = DeviceList(shadows.trees.device, shadows.occluders, groups, count, camera)
-    receivers.list(starts)
-    return _found_by(shadows, receivers, label)
-
-
-def _enlarged(found: VisibleShares, spaces: Sequence[LightSpace]) -> bool:
+def _enlarged(found: VisibleShares) -> bool:
     """`VisibleShares.enlarged`, of which the next ones know."""
-    result = found.enlarged(spaces)
+    result = found.enlarged()
     if result:
         found.device.pool.notes[NEEDED] = found.search.capacity
     return result
@@ -87,7 +66,7 @@ class RelightingPass:
         # a relief may turn normals any way
         self._spaces = shadows.spaces if setup.traits.bumps is None else shadows.turned(1.0)
         self._receivers = self._pixels(shadows, shade.marks, shade.rows)
-        self._found = _found_by(shadows, self._receivers, "band")
+        self._found = _shares_of(shadows, self._receivers)
         self._band: Band | None = None
         self._tiles = buffers.device.empty(4 * self._receivers.most_groups, "relit.tiles_listed")
         self._counters = buffers.device.empty(16, "relit.counters")
@@ -97,10 +76,6 @@ class RelightingPass:
         """Those that marks are of."""
         camera, planes, device = shadows.view.camera, self.buffers.planes, self.buffers.device
         layout = marks.stride // 4, WORDS[marks.format]
-        found = _kept_receivers(shadows, "band")
-        if isinstance(found, DevicePixels) and found.suits(camera, rows, planes, *layout):
-            found.look(camera)
-            return found
         ids = device.empty(marks.stride * rows, "shadow.ids")
         return DevicePixels(device, shadows.occluders, camera, rows, planes, ids, *layout)
 
@@ -122,7 +97,7 @@ class RelightingPass:
     def finish(self) -> None:
         """Do the last band again where the lists of what hides lamps were too short; waits for the
         device."""
-        while self._band is not None and _enlarged(self._found, self._spaces):
+        while self._band is not None and _enlarged(self._found):
             self._draw(self._band)
         self._band = None
 
@@ -172,9 +147,9 @@ class PieceShares:
     def __init__(self, buffers: SceneBuffers, shadows: Shadows, starts: Long) -> None:
         device = buffers.device
         self._spaces, self._planes = shadows.spaces, buffers.planes
-        self._found = _listed(shadows, starts, "pieces")
+        self._receivers, self._casting = _listed(device, shadows, starts), shadows.casting
+        self._found = _shares_of(shadows, self._receivers)
         self._found.make_room(shadows.spaces)
-        self._receivers, self._casting = self._found.receivers, shadows.casting
         size = 16 if buffers.setup.palette is None else 32
         self._painted = device.empty(size * self._receivers.most, "shadow.painted")
         with device.recording("optics.shadow") as recording:
@@ -203,40 +178,28 @@ class PieceShares:
 
     def failed(self) -> bool:
         """Whether that has to be done again; waits for the device."""
-        return _enlarged(self._found, self._spaces)
+        return _enlarged(self._found)
 
 
-class ListedShares:
+def listed_shares(
+    shadows: Shadows, x: Float, y: Float, at: Float, normal: Float, across: Float, down: Float,
+    triangle: Long,
+) -> Float:  # fmt: skip
     """`Shadows.shares` by a device."""
-
-    def __init__(self, shadows: Shadows) -> None:
-        self._shadows = shadows
-
-    def __call__(
-        self,
-        x: Float,
-        y: Float,
-        at: Float,
-        normal: Float,
-        across: Float,
-        down: Float,
-        triangle: Long,
-    ) -> Float:
-        """As `Shadows.shares`."""
-        shadows = self._shadows
-        result = np.ones((len(x), len(shadows.lamps)))
-        if not len(x):
-            return result
-        # those of a tile look past the same
-        tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
-        order = np.lexsort(tile)
-        last = np.flatnonzero(np.any(np.diff(tile[:, order], append=-1.0) != 0.0, axis=0))
-        receivers = replace(
-            shadows.receivers(at, normal, across, down, triangle)[order],
-            start=group_starts(np.diff(last + 1, prepend=0)),
-        )
-        found = _listed(shadows, receivers.starts, "listed")
-        assert isinstance(found.receivers, DeviceList)
-        found.receivers.fill(receivers)
-        result[order[:, None], lamp_numbers(shadows.spaces)] = found.found(shadows.spaces)
+    assert shadows.trees is not None
+    result = np.ones((len(x), len(shadows.lamps)))
+    if not len(x):
         return result
+    # those of a tile look past the same
+    tile = np.stack([np.floor((x + 0.5) / TILE), np.floor((y + 0.5) / TILE)])
+    order = np.lexsort(tile)
+    last = np.flatnonzero(np.any(np.diff(tile[:, order], append=-1.0) != 0.0, axis=0))
+    receivers = replace(
+        shadows.receivers(at, normal, across, down, triangle)[order],
+        start=group_starts(np.diff(last + 1, prepend=0)),
+    )
+    listed = _listed(shadows.trees.device, shadows, receivers.starts)
+    listed.fill(receivers)
+    found = _shares_of(shadows, listed).found(shadows.spaces)
+    result[order[:, None], lamp_numbers(shadows.spaces)] = found
+    return result

@@ -109,7 +109,7 @@ class OccluderSearch:
 
 
 class VisibleShares:
-    """What receivers see of lamps, found on a device; what is bound stays for the next time.
+    """What receivers see of lamps, found on a device; what is bound stays for the next band.
 
     ``states`` (L, E) uint32: of each lamp and entry, `LIT`, `UMBRA` or `PENUMBRA`;
     ``shares`` (L, n) float32: of receivers in entries that see a lamp in part, of those in a list
@@ -164,7 +164,7 @@ class VisibleShares:
     def found(self, spaces: Sequence[LightSpace], until: str = STAGES[-1]) -> Single:
         """`find` where vertices are now."""
         self.record(spaces, until)
-        while self.enlarged(spaces):
+        while self.enlarged():
             self.record(spaces, until)
         count, numbers = self.receivers.count, lamp_numbers(spaces)
         if not numbers or not count:
@@ -189,10 +189,10 @@ class VisibleShares:
         states = self.states.read(np.uint32)[number * entries : (number + 1) * entries]
         return np.asarray(states, np.uint32)
 
-    def enlarged(self, spaces: Sequence[LightSpace]) -> bool:
+    def enlarged(self) -> bool:
         """Whether the pool was too small for what was recorded, which is to be done again; waits
         for the device."""
-        most = self._most_chunks(len(spaces))
+        most = self._most_chunks()
         if most < self.search.capacity - 1:
             return False
         self.enlarge(most + most // 8 + 2)
@@ -215,11 +215,10 @@ class VisibleShares:
         stages = STAGES[: STAGES.index(until) + 1]
         receivers = self.receivers
         self.make_room(spaces)
-        for place, space in enumerate(spaces):
-            if place < len(self._spaces) and self._spaces[place].number == space.number:
-                self._spaces[place].update(space)
-            else:
-                self._spaces[place:] = [_SpaceOnDevice(self, place, space)]
+        if [own.space for own in self._spaces] != list(spaces):
+            self._spaces = [
+                _SpaceOnDevice(self, place, space) for place, space in enumerate(spaces)
+            ]
         if not spaces or not receivers.count:
             return
         with self.device.recording("optics.shadow") as recording:
@@ -229,8 +228,8 @@ class VisibleShares:
             recording.begin("optics.shadow.cells")
             self.trees.gather(recording)
             record_cells(recording, receivers, self._spaces[0].bound)
-            for own in self._spaces[: len(spaces)]:
-                own.record(recording, stages)
+            for own in self._spaces:
+                own.record(recording, self, stages)
 
     def make_room(self, spaces: Sequence[LightSpace]) -> None:
         """For `states` and `shares` of so many lamps."""
@@ -242,10 +241,10 @@ class VisibleShares:
             self.states = self.device.empty(4 * lamps * entries, "shadow.states")
             self.shares = self.device.empty(4 * lamps * self.receivers.most, "shadow.shares")
 
-    def _most_chunks(self, count: int) -> int:
-        """That the search for any of so many spaces has taken; waits for the device."""
+    def _most_chunks(self) -> int:
+        """That the search for any of the spaces has taken; waits for the device."""
         self.counts = []
-        for own in self._spaces[:count]:
+        for own in self._spaces:
             numbers = own.counters.read(np.uint32)[: len(COUNTERS)].tolist()
             self.counts.append(dict(zip(COUNTERS, numbers, strict=True)))
         return max((numbers["taken"] for numbers in self.counts), default=0)
@@ -255,33 +254,25 @@ class _SpaceOnDevice:
     """A light space as the programs bind it; ``place`` among all."""
 
     def __init__(self, shares: VisibleShares, place: int, space: LightSpace) -> None:
-        device, self._shares, self._place = shares.device, shares, place
+        device, self._place, self.space = shares.device, place, space
         self.counters = device.empty(4 * len(COUNTERS), "shadow.counters")
-        self._light = Uniform(device, space.uniform(), "shadow.light")
-        self._lamp = Uniform(device, space.face(), "shadow.lamp")
-        self._space, self.number = space, space.number
         self.bound = Bound(
             device,
             {
-                "light": self._light, "lamp": self._lamp, "states": shares.states,
+                "light": Uniform(device, space.uniform(), "shadow.light"),
+                "lamp": Uniform(device, space.face(), "shadow.lamp"), "states": shares.states,
                 "shares": shares.shares, "groups_of": shares.search.groups_of,
                 "counters": self.counters, **shares.trees.bindings(place),
                 **shares.receivers.bindings(shares.search.capacity), **shares.search.bindings(),
             },
         )  # fmt: skip
 
-    def update(self, space: LightSpace) -> None:
-        """The lamp may stand elsewhere now."""
-        self._space = space
-        self._light.update(space.uniform())
-        self._lamp.update(space.face())
-
-    def record(self, recording: Recording, stages: Sequence[str]) -> None:
+    def record(self, recording: Recording, shares: VisibleShares, stages: Sequence[str]) -> None:
         """All of ``stages`` for this lamp."""
-        receivers, search, bound = self._shares.receivers, self._shares.search, self.bound
+        receivers, search, bound = shares.receivers, shares.search, self.bound
         recording.clear(self.counters)
         recording.begin("optics.shadow.refit")
-        self._shares.trees.fit(recording, self._place, self._space)
+        shares.trees.fit(recording, self._place, self.space)
         if "groups" in stages:
             recording.begin("optics.shadow.groups")
             record_groups(recording, receivers, bound)

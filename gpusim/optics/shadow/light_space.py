@@ -156,12 +156,7 @@ def lamp_numbers(spaces: Sequence[LightSpace]) -> list[int]:
     return sorted({space.number for space in spaces})
 
 
-def light_spaces(
-    lamps: Sequence[Lamp],
-    points: Real,
-    eye: Float,
-    terminator: float = 0.0,
-) -> list[LightSpace]:
+def light_spaces(lamps: Sequence[Lamp], points: Real, eye: Float) -> list[LightSpace]:
     """The spaces of all ``lamps`` that cast shadows; ``points`` (V, 3 or more): vertices, relative
     to the ``eye``; see `LightSpace`."""
     result = []
@@ -176,12 +171,12 @@ def light_spaces(
         if lamp.extended:
             half = float(np.linalg.norm(lamp.u)), float(np.linalg.norm(lamp.v))
             frame = lamp.u / half[0], lamp.v / half[1], lamp.axis
-            result.append(LightSpace(lamp, number, *frame, half, scale, terminator))
+            result.append(LightSpace(lamp, number, *frame, half, scale))
             continue
         for axis in _axes(lamp, places, box):
             across, along = _beside(lamp, axis, places)
             frame = across, along, axis
-            result.append(LightSpace(lamp, number, *frame, (0.0, 0.0), scale, terminator))
+            result.append(LightSpace(lamp, number, *frame, (0.0, 0.0), scale))
     return result
 
 

@@ -21,12 +21,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int, Long, Single
-from gpusim.errors import InputError
 from gpusim.gpu import Bound, Device, Recording, Texels, Uniform
 from gpusim.optics.geometry.triangle_corners import CHUNK, parts
 from gpusim.optics.shadow.light_space import ANGLE, UNLIMITED, LightSpace
 from gpusim.surface.surface import Surface
 from gpusim.surface.topology import Topology
+from gpusim.validation import require
 
 NO_OCCLUDER = 0xFFFFFFFF
 """What lies across an edge that isn't shared by two triangles, one each way."""
@@ -73,8 +73,7 @@ class Occluders:
             sheets.append(np.full(count, 0 if topology.closed else min(number, SHEETS) + 1))
             vertex += len(surface.points)
             first += count
-        if not first:
-            raise InputError("shadows occluders; got no triangles; expected one at least")
+        require(first > 0, "shadows occluders", "no triangles", "one at least")
         every = np.concatenate(triangles)
         points = np.concatenate([surface.points for surface in surfaces])
         order = np.argsort(morton_codes(points[every].mean(axis=1)), kind="stable")
@@ -198,16 +197,12 @@ class OccluderBVH:
         )  # fmt: skip
         self._gathered = True
         self._trees: list[_Tree] = []
-        self.notes: dict[str, object] = {}
-        """What others keep with these from one frame to the next."""
 
     def move(self, points: Single) -> None:
         """Put the vertices at ``points`` (V, 3), relative to the eye."""
         used = self._vertices.nbytes // 12
-        if len(points) < used or points.shape[1:] != (3,):
-            raise InputError(
-                f"shadows vertices; got shape {points.shape}; expected ({used}, 3) at least"
-            )
+        fits = len(points) >= used and points.shape[1:] == (3,)
+        require(fits, "shadows vertices", f"shape {points.shape}", f"({used}, 3) at least")
         self._vertices.write(points[:used])
         self._gathered = False
         for tree in self._trees:

@@ -143,8 +143,8 @@ def lens_constants(camera: Camera) -> dict[str, float]:
 
 
 class DeviceReceivers:
-    """Receivers on a device, with room for `most_groups` and `most` of them: programs are bound to
-    them once."""
+    """Receivers on a device, `most_groups` and `most` of them at a time: programs are bound to them
+    once."""
 
     def __init__(
         self, device: Device, occluders: Occluders, listed: bool, groups: int, count: int
@@ -180,11 +180,6 @@ class DeviceReceivers:
         """Twice the groups."""
         return 2 * self.groups
 
-    def update(self) -> None:
-        """Other numbers from the next submit on."""
-        if self._uniform is not None:
-            self._uniform.update(self._numbers())
-
     def _numbers(self) -> dict[str, object]:
         return {
             **self._rays, "size": np.array(self.size, np.uint32), "columns": self.columns,
@@ -207,35 +202,24 @@ class DeviceReceivers:
 
 
 class DeviceList(DeviceReceivers):
-    """Listed receivers, which a program may fill in."""
+    """Listed receivers, which a program may fill in, in groups that begin at ``starts`` (G + 1,);
+    the last number is their count."""
 
     def __init__(
-        self, device: Device, occluders: Occluders, groups: int, count: int,
-        camera: Camera | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__(device, occluders, True, groups, count)
+        self, device: Device, occluders: Occluders, starts: Long, camera: Camera | None = None
+    ) -> None:
+        super().__init__(device, occluders, True, len(starts) - 1, int(starts[-1]))
         if camera is not None:  # programs that work for its pixels, too, are compiled once
             self.constants = lens_constants(camera)
         self.pieces: Buffer = device.empty(64 * self.most, "shadow.pieces")
+        self.halves.write(starts.astype(np.uint32))
 
     @staticmethod
     def of(device: Device, receivers: Receivers, occluders: Occluders) -> DeviceList:
         """Those of a list."""
-        starts = receivers.starts
-        result = DeviceList(device, occluders, len(starts) - 1, len(receivers.at))
-        result.list(starts)
+        result = DeviceList(device, occluders, receivers.starts)
         result.fill(receivers)
         return result
-
-    def holds(self, starts: Long) -> bool:
-        """Whether there is room for these."""
-        return len(starts) - 1 <= self.most_groups and int(starts[-1]) <= self.most
-
-    def list(self, starts: Long) -> None:
-        """Let groups begin there; the last number is the count."""
-        self.groups, self.count = len(starts) - 1, int(starts[-1])
-        self.halves.write(starts.astype(np.uint32))
-        self.update()
 
     def fill(self, receivers: Receivers) -> None:
         """Let them be these."""
@@ -262,16 +246,16 @@ class DevicePixels(DeviceReceivers):
         columns = -(-camera.width // TILE)
         groups = columns * -(-rows // TILE)
         super().__init__(device, occluders, False, groups, camera.width * rows)
-        self.columns, self.rows, self.planes, self.ids = columns, rows, planes, ids
+        self.columns, self.planes, self.ids = columns, planes, ids
         self.stride, self.step = stride, step
-        # kept for cameras of the same lens and size
-        self._distortion = bends = distortion_map(camera)
+        self._width, bends = camera.width, distortion_map(camera)
         if bends is not None:
             self.bends, texels = bends.tiles(), bends.texels()
             self.undistortion = device.texels(len(texels), "rgba32float", "shadow.bends")
             self.undistortion.write(texels)
         self.constants = lens_constants(camera)
-        self.look(camera)
+        rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
+        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
         self.aim(0, rows)
 
     @staticmethod
@@ -288,26 +272,12 @@ class DevicePixels(DeviceReceivers):
         result.source = receivers
         return result
 
-    def look(self, camera: Camera) -> None:
-        """Let them be pixels of a camera of the same size and lens."""
-        rays = camera.camera_from_world[:3, :3].T @ camera.ray_matrix()
-        self._rays = {key: np.array([*rays[:, k], 0.0]) for k, key in enumerate(("x", "y", "one"))}
-        self._camera = camera
-
-    def suits(self, camera: Camera, rows: int, planes: Texels, stride: int, step: int) -> bool:
-        """Whether they may be those of another camera."""
-        own = self._camera
-        return (
-            distortion_map(camera) is self._distortion
-            and (own.width, own.pixel_side, self.rows) == (camera.width, camera.pixel_side, rows)
-            and self.planes is planes and (self.stride, self.step) == (stride, step)
-        )  # fmt: skip
-
     def aim(self, row0: int, rows: int) -> None:
         """Take the pixels of these rows."""
-        self.size, self.row0 = (self._camera.width, rows), row0
-        self.groups, self.count = self.columns * -(-rows // TILE), self.size[0] * rows
-        self.update()
+        self.size, self.row0 = (self._width, rows), row0
+        self.groups, self.count = self.columns * -(-rows // TILE), self._width * rows
+        if self._uniform is not None:  # from the next submit on
+            self._uniform.update(self._numbers())
 
 
 def on_device(

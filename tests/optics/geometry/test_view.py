@@ -13,7 +13,8 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels, segment_pixels
 from gpusim.optics.geometry.clipping import MAX_EDGE
-from gpusim.optics.geometry.feature_edges import area_normals, creases, feature_edges
+from gpusim.optics.geometry.feature_edges import creases, feature_edges
+from gpusim.optics.geometry.vertex_attributes import SurfaceNormals
 from gpusim.optics.geometry.view import look
 from tests.support.optics_reference import Array, Plate, flat, pattern, reference
 
@@ -271,7 +272,7 @@ def test_which_edges_show() -> None:
     surface = cube((0.2, 0.1, 0.2))
     topology = surface.topology
     eye = np.array([0.0, -1.0, 0.0])
-    normal = area_normals(surface.points, topology.triangles)
+    normal = SurfaceNormals(surface).area
     front = np.sum(normal.T * (surface.points[topology.triangles[:, 0]] - eye), axis=1) < 0.0
 
     def lengths(

@@ -11,7 +11,8 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.optics.geometry.feature_edges import area_normals, sharp_normals, smooth_normals
+from gpusim.optics.geometry.feature_edges import sharp_normals, smooth_normals
+from gpusim.optics.geometry.vertex_attributes import SurfaceNormals
 from gpusim.optics.light.lights import AmbientLight
 from gpusim.optics.light.quadrature import emitters, irradiance
 from gpusim.optics.shading.lighting import ambient
@@ -162,7 +163,7 @@ def test_normals_are_smooth_on_a_cylinder_and_sharp_on_a_box() -> None:
     for sides, smooth in ((24, True), (4, False)):
         surface = prism(sides)
         triangles, source = triangulate(surface.faces)
-        area = area_normals(surface.points, triangles)
+        area = SurfaceNormals(surface).area
         angle = surface.smooth_angle
         mean, sharp = smooth_normals(area, triangles, len(surface.points), angle)
         normals = mean.T[triangles]

@@ -49,7 +49,7 @@ def found(
     for space in spaces:
         own = VisibleShares(device, occluders, pixels)
         shares.append(own.find(points, [space])[:, 0])
-        own.enlarged([space])
+        own.enlarged()
         sifted.append(own.counts[0]["sifted"])
     return shares, sifted
 

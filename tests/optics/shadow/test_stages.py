@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -140,7 +142,10 @@ def test_receivers_beyond_the_terminator(device: Device) -> None:
     points = relative_points(surfaces, eye)
     occluders = Occluders.of(surfaces)
     for terminator, share in ((0.0, 0.0), (0.2, 1.0)):
-        spaces = light_spaces(lamps_of(lights), points, eye, terminator)
+        spaces = [
+            replace(space, terminator=terminator)
+            for space in light_spaces(lamps_of(lights), points, eye)
+        ]
         assert (VisibleShares(device, occluders, own).find(points, spaces) == share).all()
 
 
