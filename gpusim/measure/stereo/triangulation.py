@@ -20,7 +20,7 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 STEPS = 10
 UNDISTORT_STEPS = 60
@@ -250,8 +250,7 @@ def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) 
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
         raise InputError(f"align: got shapes {a.shape} and {b.shape}; expected (M, 3) twice")
     good = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
-    if good.sum() < 3:
-        raise InputError(f"align: got {int(good.sum())} common points; expected at least three")
+    require(good.sum() >= 3, "align", f"{int(good.sum())} common points", "at least three")
     mean_a, mean_b = a[good].mean(axis=0), b[good].mean(axis=0)
     own, other = a[good] - mean_a, b[good] - mean_b
     left, values, right = np.linalg.svd(other.T @ own)
