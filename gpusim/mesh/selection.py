@@ -15,7 +15,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import by_number, unmasked
+from gpusim.validation import by_number, require, unmasked
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -183,12 +183,9 @@ def _one_of(name: str, known: Iterable[str]) -> str:
 def _inside(points: Float, bounds: Bounds, tolerance: float) -> Bool:
     keep = np.ones(len(points), dtype=bool)
     for key, value in bounds.items():
-        if key not in _BOUND_KEYS:
-            raise InputError(
-                f"selection: unknown bound; got {key!r}; expected one of {', '.join(_BOUND_KEYS)}"
-            )
-        if not np.isfinite(value):
-            raise InputError(f"selection: {key}; got {value}; expected a finite coordinate")
+        expected = f"one of {', '.join(_BOUND_KEYS)}"
+        require(key in _BOUND_KEYS, "selection: unknown bound", repr(key), expected)
+        require(np.isfinite(value), f"selection: {key}", value, "a finite coordinate")
         coordinate = points[:, "xyz".index(key[0])]
         if key.endswith("min"):
             keep &= coordinate >= value - tolerance
@@ -207,11 +204,8 @@ def _on_plane(points: Float, plane: Plane, tolerance: float) -> Bool:
 
 def _direction(value: str | npt.ArrayLike) -> Float:
     if isinstance(value, str):
-        if value not in _AXES:
-            raise InputError(
-                f"selection: unknown direction; got {value!r}; "
-                f"expected one of {', '.join(_AXES)} or a vector"
-            )
+        expected = f"one of {', '.join(_AXES)} or a vector"
+        require(value in _AXES, "selection: unknown direction", repr(value), expected)
         return np.array(_AXES[value])
     vector = np.asarray(value, dtype=np.float64)
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else 0.0

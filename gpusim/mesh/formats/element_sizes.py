@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.errors import InputError
-from gpusim.validation import by_number
+from gpusim.validation import by_number, require
 
 Named = Mapping[str, Sequence[tuple[int, int]]]
 
@@ -64,12 +64,9 @@ def check_sizes(ask: CadOptions) -> None:
                 f"mesh_cad: boxes[{number}].transition; got {box.transition}; expected a length"
             )
     for name, value in numbers.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"mesh_cad: {name}; got {value}; expected a number > 0")
-    if not (isinstance(ask.curvature, int) and 0 <= ask.curvature <= 1000):
-        raise InputError(
-            f"mesh_cad: curvature; got {ask.curvature}; expected a whole number 0 … 1000"
-        )
+        require(np.isfinite(value) and value > 0.0, f"mesh_cad: {name}", value, "a number > 0")
+    fits = isinstance(ask.curvature, int) and 0 <= ask.curvature <= 1000
+    require(fits, "mesh_cad: curvature", ask.curvature, "a whole number 0 … 1000")
 
 
 def set_sizes(gmsh: Any, ask: CadOptions, named: Named) -> None:
