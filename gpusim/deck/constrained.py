@@ -20,6 +20,7 @@ from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.assembly.stiffness_rounding import Deformation, signed
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.supports import rigid_modes
+from gpusim.validation import require
 
 _MOST_COUPLED = 3000
 # an unknown is given up for an equation that holds it with at least this share of its largest
@@ -65,11 +66,8 @@ def eliminate(held: csr_matrix, right: Float, where: str) -> Reduced:
     held.eliminate_zeros()
     alone, column = _own_unknowns(held)
     rest = np.flatnonzero(~alone)
-    if len(rest) > _MOST_COUPLED:
-        raise InputError(
-            f"{where}: equations: got {len(rest)} that share all their unknowns; expected at most "
-            f"{_MOST_COUPLED}"
-        )
+    got = f"{len(rest)} that share all their unknowns"
+    require(len(rest) <= _MOST_COUPLED, f"{where}: equations", got, f"at most {_MOST_COUPLED}")
     inner, keep = _pivots(held[rest], right[rest], where)
     left = np.ones(held.shape[1], dtype=bool)
     left[column[alone]] = left[inner] = False
