@@ -17,7 +17,7 @@ from gpusim.field_summary import field_summary
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 
 class Cells(Protocol):
@@ -176,12 +176,10 @@ def _boundary(mesh: Cells) -> Faces:
     corners, pairs = _all_faces(mesh)
     order, start, count = _matched(corners, mesh.node_count)
     crowded = np.flatnonzero(count > 2)
-    if crowded.size:
-        bad = pairs[order[start[crowded[:5]]], 0]
-        raise InputError(
-            f"mesh: {crowded.size} faces belong to more than two cells; got for example faces of "
-            f"cells {', '.join(str(c) for c in bad)}; expected at most two cells per face"
-        )
+    bad = pairs[order[start[crowded[:5]]], 0]
+    got = f"for example faces of cells {', '.join(str(c) for c in bad)}"
+    what = f"mesh: {crowded.size} faces belong to more than two cells"
+    require(not crowded.size, what, got, "at most two cells per face")
     if _width(mesh) > 4:
         inner = start[count == 2]
         one, two = (set_faces(mesh, pairs[order[inner + side]]) for side in (0, 1))

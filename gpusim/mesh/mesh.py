@@ -187,11 +187,8 @@ def _points(value: Any) -> Float:
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InputError(f"Mesh.points: wrong shape; got {points.shape}; expected (N,3), N > 0")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"Mesh.points: {bad.size} nodes have a coordinate that isn't finite; "
-            f"got nodes {_first(bad)}; expected finite numbers"
-        )
+    what = f"Mesh.points: {bad.size} nodes have a coordinate that isn't finite"
+    require(not bad.size, what, f"nodes {_first(bad)}", "finite numbers")
     points.setflags(write=False)
     return points
 

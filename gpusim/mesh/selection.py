@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import by_number, require, unmasked
+from gpusim.validation import FromZero, by_number, checked, require, within
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -31,7 +32,7 @@ class EmptySelection(InputError):
     """Nothing of the mesh is where it was asked for."""
 
 
-@unmasked()
+@checked
 def select_nodes(
     mesh: Mesh,
     *,
@@ -39,7 +40,7 @@ def select_nodes(
     plane: Plane | None = None,
     normal: str | npt.ArrayLike | None = None,
     name: str | None = None,
-    tolerance: float | None = None,
+    tolerance: FromZero | None = None,
 ) -> Int:
     """Numbers of the nodes that meet every given condition, sorted, (K,) int32.
 
@@ -74,16 +75,16 @@ def select_nodes(
     return _found(mesh, np.flatnonzero(keep).astype(np.int32), "nodes", bounds, plane, name, normal)
 
 
-@unmasked()
+@checked
 def select_faces(
     mesh: Mesh,
     *,
     bounds: Bounds | None = None,
     plane: Plane | None = None,
     normal: str | npt.ArrayLike | None = None,
-    angle: float = np.deg2rad(30.0),
+    angle: Annotated[float, within(0.0, np.pi, "rad")] = np.deg2rad(30.0),
     name: str | None = None,
-    tolerance: float | None = None,
+    tolerance: FromZero | None = None,
     faces: Faces | None = None,
 ) -> Faces:
     """The boundary faces that meet every given condition.
@@ -115,8 +116,6 @@ def select_faces(
     if plane is not None:
         keep &= (_on_plane(mesh.points, plane, length)[nodes] | ~real).all(axis=1)
     if normal is not None:
-        if not (np.isfinite(angle) and 0.0 <= angle <= np.pi):
-            raise InputError(f"select_faces: angle; got {angle}; expected 0 … pi rad")
         keep &= faces.normals @ _direction(normal) >= np.cos(angle) - 1e-12
     found = np.flatnonzero(keep)
     return faces[_found(mesh, found.astype(np.int32), "faces", bounds, plane, name, normal)]
@@ -125,8 +124,6 @@ def select_faces(
 def _tolerance(mesh: Mesh, tolerance: float | None) -> float:
     if tolerance is None:
         return 1e-6 * float((mesh.bounds[1] - mesh.bounds[0]).max())
-    if not (np.isfinite(tolerance) and tolerance >= 0.0):
-        raise InputError(f"selection: tolerance; got {tolerance}; expected a length >= 0")
     return float(tolerance)
 
 

@@ -118,11 +118,9 @@ def triangulate(
     array([[0., 0., 1.]])
     """
     seen = np.asarray(pixels, dtype=np.float64)
-    if len(cameras) < 2 or seen.ndim != 3 or seen.shape[0] != len(cameras) or seen.shape[2] != 2:
-        raise InputError(
-            f"triangulate: got {len(cameras)} cameras and pixels of shape {seen.shape}; expected "
-            "at least two and (C, M, 2)"
-        )
+    fits = len(cameras) >= 2 and seen.ndim == 3 and seen.shape[::2] == (len(cameras), 2)
+    got = f"{len(cameras)} cameras and pixels of shape {seen.shape}"
+    require(fits, "triangulate", got, "at least two and (C, M, 2)")
     noise = np.broadcast_to(np.asarray(1.0 if sigma_px is None else sigma_px), seen.shape[:2])
     rays = np.stack([normalised(c, p) for c, p in zip(cameras, seen, strict=True)])
     usable = np.isfinite(rays).all(axis=2) & (noise > 0)

@@ -99,11 +99,10 @@ class CharucoBoard(_Fields):
         got = f"marker {self.marker}, square {self.square}"
         require(0 < self.marker < self.square < np.inf, "CharucoBoard", got, "0 < marker < square")
         markers = len(check_dictionary(self.dictionary, "CharucoBoard dictionary").bytesList)
-        if self.columns * self.rows // 2 > markers:
-            raise InputError(
-                f"CharucoBoard dictionary: got {self.dictionary} of {markers} markers; expected at "
-                f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
-            )
+        needed = self.columns * self.rows // 2
+        got = f"{self.dictionary} of {markers} markers"
+        expected = f"at least {needed} for {self.columns} x {self.rows} squares"
+        require(needed <= markers, "CharucoBoard dictionary", got, expected)
 
     def detector(self) -> Any:
         """OpenCV's detector of this board."""

@@ -122,11 +122,10 @@ def notch_axes(body: Float, sizes: Sequence[float], notches: Sequence[Notch]) ->
         inside = notch.bounds(body)
         along, across = "xyz".index(notch.axis), "xyz".index(notch.side[1])
         low, high = float(inside[0, along]), float(inside[1, along])
-        if not (body[0, along] < low and high < body[1, along]):
-            raise InputError(
-                f"notch {number}: leaves the body; got {notch.axis} {low:.6g} … {high:.6g}; "
-                f"expected inside {body[0, along]:.6g} … {body[1, along]:.6g}"
-            )
+        extent = f"{notch.axis} {low:.6g} … {high:.6g}"
+        fits = body[0, along] < low and high < body[1, along]
+        expected = f"inside {body[0, along]:.6g} … {body[1, along]:.6g}"
+        require(fits, f"notch {number}: leaves the body", extent, expected)
         room = float(body[1, across] - body[0, across])
         fits = notch.depth < room
         expected = f"less than {room:.6g}"
@@ -135,12 +134,9 @@ def notch_axes(body: Float, sizes: Sequence[float], notches: Sequence[Notch]) ->
             beside = other.axis == notch.axis and low <= end and start <= high
             opposite = other.side[1] == notch.side[1] and other.side != notch.side
             through = opposite and not other.depth + notch.depth < room
-            if beside and (other.side == notch.side or through):
-                raise InputError(
-                    f"notch {number}: meets an earlier one; got {notch.axis} {low:.6g} … "
-                    f"{high:.6g} beside {start:.6g} … {end:.6g}; expected notches apart from each "
-                    "other"
-                )
+            apart = not (beside and (other.side == notch.side or through))
+            got = f"{extent} beside {start:.6g} … {end:.6g}"
+            require(apart, f"notch {number}: meets an earlier one", got, "notches apart")
         taken.append((notch, low, high))
         fine = notch.width / notch.cells
         tip = float(inside[0 if notch.side[0] == "+" else 1, across])

@@ -122,11 +122,9 @@ def _check_options(file: InputFile, ask: CadOptions) -> None:
     require(ask.order in (1, 2), "mesh_cad: order", ask.order, "1 or 2")
     if file.suffix == ".stl":
         _refuse_nonfinite_corners(file)
-    if ask.curvature and file.suffix == ".stl":
-        raise InputError(
-            f"{file.path}: curvature for a surface of flat triangles; got {ask.curvature}; "
-            "expected 0 (or the part as STEP or BREP)"
-        )
+    fits = not ask.curvature or file.suffix != ".stl"
+    what = f"{file.path}: curvature for a surface of flat triangles"
+    require(fits, what, ask.curvature, "0 (or the part as STEP or BREP)")
     if ask.hexahedra and ask.hex_dominant:
         raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
     check_sizes(ask)

@@ -54,15 +54,10 @@ def check_sizes(ask: CadOptions) -> None:
     for number, box in enumerate(ask.boxes):
         numbers[f"boxes[{number}].size"] = box.size
         corners = np.array([box.lower, box.upper], dtype=np.float64)
-        if corners.shape != (2, 3) or not (corners[0] < corners[1]).all():
-            raise InputError(
-                f"mesh_cad: boxes[{number}]; got {box.lower} to {box.upper}; expected two corners, "
-                "the lower one first"
-            )
-        if not (np.isfinite(box.transition) and box.transition >= 0.0):
-            raise InputError(
-                f"mesh_cad: boxes[{number}].transition; got {box.transition}; expected a length"
-            )
+        fits = corners.shape == (2, 3) and (corners[0] < corners[1]).all()
+        what, got = f"mesh_cad: boxes[{number}]", f"{box.lower} to {box.upper}"
+        require(fits, what, got, "two corners, the lower one first")
+        require(0.0 <= box.transition < np.inf, f"{what}.transition", box.transition, "a length")
     for name, value in numbers.items():
         require(np.isfinite(value) and value > 0.0, f"mesh_cad: {name}", value, "a number > 0")
     fits = isinstance(ask.curvature, int) and 0 <= ask.curvature <= 1000
