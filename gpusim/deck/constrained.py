@@ -20,6 +20,7 @@ from gpusim.fem.assembly.element_batches import model_groups
 from gpusim.fem.assembly.stiffness_rounding import Deformation, signed
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.model.supports import rigid_modes
+from gpusim.validation import require
 
 _MOST_COUPLED = 3000
 # an unknown is given up for an equation that holds it with at least this share of its largest
@@ -65,11 +66,8 @@ def eliminate(held: csr_matrix, right: Float, where: str) -> Reduced:
     held.eliminate_zeros()
     alone, column = _own_unknowns(held)
     rest = np.flatnonzero(~alone)
-    if len(rest) > _MOST_COUPLED:
-        raise InputError(
-            f"{where}: equations: got {len(rest)} that share all their unknowns; expected at most "
-            f"{_MOST_COUPLED}"
-        )
+    got = f"{len(rest)} that share all their unknowns"
+    require(len(rest) <= _MOST_COUPLED, f"{where}: equations", got, f"at most {_MOST_COUPLED}")
     inner, keep = _pivots(held[rest], right[rest], where)
     left = np.ones(held.shape[1], dtype=bool)
     left[column[alone]] = left[inner] = False
@@ -250,11 +248,10 @@ def _unknowns(model: Model, equations: Equations, where: str) -> Long:
     free = ~model.fixed
     free[model.mesh.dangling_nodes] &= coupled[model.mesh.dangling_nodes]
     result = np.flatnonzero(free.ravel())
-    if len(result) > _MOST_UNKNOWNS:
-        raise InputError(
-            f"{where}: equations: got {len(result)} unknowns; expected at most {_MOST_UNKNOWNS} "
-            "(a deck with equations, ties or turned supports is factorised)"
-        )
+    fits = len(result) <= _MOST_UNKNOWNS
+    why = "a deck with equations, ties or turned supports is factorised"
+    got, expected = f"{len(result)} unknowns", f"at most {_MOST_UNKNOWNS} ({why})"
+    require(fits, f"{where}: equations", got, expected)
     return result
 
 
@@ -296,8 +293,6 @@ def _refuse_free(model: Model, stiffness: csr_matrix, matrix: csr_matrix, where:
         modes[rows, 6 * k : 6 * k + 6] = motion
     held = np.concatenate([modes[model.fixed.ravel()], matrix @ modes])
     rank = np.linalg.matrix_rank(held, tol=1e-9 * max(1.0, float(np.abs(held).max(initial=0.0))))
-    if rank < modes.shape[1]:
-        raise InputError(
-            f"{where}: supports and equations leave {modes.shape[1] - rank} rigid-body motions "
-            f"free; got {len(parts)} parts; expected supports that hold every part"
-        )
+    free = modes.shape[1] - rank
+    what = f"{where}: supports and equations leave {free} rigid-body motions free"
+    require(free == 0, what, f"{len(parts)} parts", "supports that hold every part")

@@ -21,6 +21,7 @@ from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
 from gpusim.mesh.nearest_places import nearest_places
+from gpusim.validation import require
 
 # columns (3 node + axis), factors and right side of one equation
 TieRow = tuple[Sequence[int], Sequence[float], float]
@@ -151,11 +152,9 @@ class Constraints:
                 first = whole(row[1], where)
                 last = whole(row[2], where) if len(row) > 2 and row[2] else first
                 group = self._directions(first, last, value, where)
-            if value != 0.0 and not scale.step:
-                raise InputError(
-                    f"{where}: displacement before the first step; got {value:g}; expected zero "
-                    "there, other values inside of a step"
-                )
+            fits = value == 0.0 or bool(scale.step)
+            expected = "zero there, other values inside of a step"
+            require(fits, f"{where}: displacement before the first step", f"{value:g}", expected)
             for axis in group:
                 self.fixed[nodes, axis] = True
                 self.value[nodes, axis] = value
@@ -180,8 +179,7 @@ class Constraints:
             terms = []
             for k in range(0, 3 * count, 3):
                 axis = whole(fields[k + 1], where)
-                if not 1 <= axis <= 3:
-                    raise InputError(f"{where}: degree of freedom; got {axis}; expected 1, 2 or 3")
+                require(1 <= axis <= 3, f"{where}: degree of freedom", axis, "1, 2 or 3")
                 node = self.content.node_rows(str(whole(fields[k], where)), where)[0]
                 terms.append((int(node), axis - 1, number(fields[k + 2], where)))
             self.equations.append(terms)
@@ -220,11 +218,9 @@ class Constraints:
         return fixed, value, Equations.build(rows, fixed.size) if rows else None
 
     def _directions(self, first: int, last: int, value: float, where: str) -> tuple[int, ...]:
-        if not 1 <= first <= last <= 6 or (last > 3 and value != 0.0):
-            raise InputError(
-                f"{where}: degree of freedom; got {first} … {last}; expected 1 … 3 (4 … 6, "
-                "rotations, only as zero: solids have none)"
-            )
+        fits = 1 <= first <= last <= 6 and (last <= 3 or value == 0.0)
+        expected = "1 … 3 (4 … 6, rotations, only as zero: solids have none)"
+        require(fits, f"{where}: degree of freedom", f"{first} … {last}", expected)
         return tuple(range(first - 1, min(last, 3)))
 
 

@@ -16,7 +16,7 @@ from gpusim.fem import Material, Model, Solution, solve
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.mesh import Mesh
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,19 +159,15 @@ class Deck:
         """
         step = self._step(number)
         field = np.asarray(u, dtype=np.float64)
-        if field.shape != self.mesh.points.shape or not np.isfinite(field).all():
-            raise InputError(
-                f"Deck.point_stress: u; got shape {field.shape}; expected "
-                f"{self.mesh.points.shape} finite numbers"
-            )
+        fits = field.shape == self.mesh.points.shape and np.isfinite(field).all()
+        expected = f"{self.mesh.points.shape} finite numbers"
+        require(fits, "Deck.point_stress: u", f"shape {field.shape}", expected)
         found = point_stresses(self, field, step.temperature)
         return {kind: one + self.initial_stress.get(kind, 0.0) for kind, one in found.items()}
 
     def _step(self, number: int) -> Step:
-        if not 1 <= number <= len(self.steps):
-            raise InputError(
-                f"Deck: step; got {number!r}; expected 1 … {len(self.steps)}, the deck's steps"
-            )
+        expected = f"1 … {len(self.steps)}, the deck's steps"
+        require(1 <= number <= len(self.steps), "Deck: step", repr(number), expected)
         return self.steps[number - 1]
 
     def _model(self, steps: Sequence[Step]) -> Model:

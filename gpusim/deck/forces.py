@@ -18,6 +18,7 @@ from gpusim.mesh import Faces, Mesh, set_faces
 from gpusim.mesh.formats.abaqus.cards import Card, number, whole
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.validation import require
 
 
 def pressure_forces(
@@ -113,11 +114,8 @@ class Forces:
         for where, row in card.records(3, 3, "node or set, degree of freedom, force"):
             nodes = self.content.node_rows(row[0], where)
             axis = whole(row[1], where)
-            if not 1 <= axis <= 3:
-                raise InputError(
-                    f"{where}: degree of freedom; got {axis}; expected 1, 2 or 3 (solids take "
-                    "no moments)"
-                )
+            expected = "1, 2 or 3 (solids take no moments)"
+            require(1 <= axis <= 3, f"{where}: degree of freedom", axis, expected)
             self.nodal.add((nodes, axis - 1), number(row[2], where), scale, where)
             if self.loose:
                 self.loose |= dict.fromkeys(self.loose.keys() & nodes.tolist(), where)
@@ -143,11 +141,8 @@ class Forces:
             elif label == "CENTRIF":
                 vector = _vector(row[3:], 6, where, "a point on the axis and its direction")
                 _length(vector[3:], where)
-                if value < 0.0:
-                    raise InputError(
-                        f"{where}: CENTRIF; got {value:g}; expected the square of the angular "
-                        "velocity, >= 0"
-                    )
+                expected = "the square of the angular velocity, >= 0"
+                require(value >= 0.0, f"{where}: CENTRIF", f"{value:g}", expected)
             else:
                 raise InputError(f"{where}: load {row[1]} isn't supported; expected {_EXPECTED}")
             load = _BodyLoad(label, cells, vector, value, scale, where)
@@ -231,6 +226,5 @@ def _vector(fields: Sequence[str], count: int, where: str, what: str) -> Float:
 
 def _length(vector: Float, where: str) -> float:
     length = float(np.linalg.norm(vector))
-    if not length > 0.0:
-        raise InputError(f"{where}: direction; got {vector.tolist()}; expected one that isn't zero")
+    require(length > 0.0, f"{where}: direction", vector.tolist(), "one that isn't zero")
     return length

@@ -20,6 +20,7 @@ from gpusim.mesh.formats.abaqus.keywords import (
     read_parameters,
 )
 from gpusim.mesh.formats.abaqus.reader import label_mesh
+from gpusim.validation import require
 
 # Element type -> formulation of its integration rule, as CalculiX integrates it.
 FORMULATIONS = {
@@ -164,8 +165,7 @@ def load_deck(source: Source) -> Deck:
     _read_all(content.history, history.readers())
     if history.open is not None:
         history.open.card.fail("the step doesn't end; expected *END STEP (is the file cut off?)")
-    if not history.steps:
-        raise InputError(f"{path}: no step; got a deck without *STEP; expected at least one")
+    require(bool(history.steps), f"{path}: no step", "a deck without *STEP", "at least one")
     return Deck(
         path=path,
         mesh=labelled.mesh,

@@ -17,6 +17,7 @@ from gpusim.mesh.file_content.coordinate_systems import Frame
 from gpusim.mesh.formats.abaqus.cards import Card, Names, number
 from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.reader import LabelledMesh
+from gpusim.validation import require
 
 # Abaqus orders stress 11 22 33 12 13 23, we xx yy zz xy yz zx.
 _FROM_ABAQUS = np.array([0, 1, 2, 3, 5, 4])
@@ -115,11 +116,8 @@ class Sections:
             name = card.parameters.get("ELSET", "")
             cells = self.content.cell_sets.get(name, where)
             other = of_set.setdefault(name.upper(), card)
-            if other is not card:
-                raise InputError(
-                    f"{where}: a second section for set {name}; got the first at "
-                    f"{other.where()}; expected one"
-                )
+            got = f"the first at {other.where()}"
+            require(other is card, f"{where}: a second section for set {name}", got, "one")
             of_cell[labelled.cell_index(cells)] = found[key]
         bare = np.flatnonzero(of_cell < 0)
         if bare.size:

@@ -20,7 +20,7 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 Image = npt.NDArray[Any]
 MARGIN = 32  # pixels around a crop, so that its border isn't felt
@@ -62,17 +62,11 @@ def check_image(image: object, name: str) -> Image:
     which the luminance is taken (`gpusim.arrays.grey`).
     """
     array = grey_of(pixels_of(image))
-    if array.ndim != 2:
-        raise InputError(
-            f"{name}: not one image; got shape {array.shape}; expected (H, W), or (H, W, 3) in "
-            "colour"
-        )
-    if array.dtype.kind not in "uif":
-        raise InputError(
-            f"{name}: wrong pixel type; got {array.dtype}; expected an integer or float type"
-        )
-    if min(array.shape) < 7:
-        raise InputError(f"{name}: too small; got shape {array.shape}; expected at least (7, 7)")
+    expected = "(H, W), or (H, W, 3) in colour"
+    require(array.ndim == 2, f"{name}: not one image", f"shape {array.shape}", expected)
+    expected = "an integer or float type"
+    require(array.dtype.kind in "uif", f"{name}: wrong pixel type", array.dtype, expected)
+    require(min(array.shape) >= 7, f"{name}: too small", f"shape {array.shape}", "at least (7, 7)")
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         count = int(array.size - np.count_nonzero(np.isfinite(array)))
         raise InputError(f"{name}: {count} pixels are NaN or infinite; expected finite values")
@@ -82,10 +76,8 @@ def check_image(image: object, name: str) -> Image:
 def check_points(points: object, name: str) -> Float:
     """Return ``points`` as (M, 2) float64 pixel positions (x = column, y = row), all finite."""
     array = np.asarray(points, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 2 or array.shape[0] == 0:
-        raise InputError(
-            f"{name}: wrong shape; got {array.shape}; expected (M, 2) with at least one point"
-        )
+    fits = array.ndim == 2 and array.shape[1] == 2 and array.shape[0] > 0
+    require(fits, f"{name}: wrong shape", array.shape, "(M, 2) with at least one point")
     if not np.isfinite(array).all():
         raise InputError(f"{name}: got NaN or infinite positions; expected finite x, y in pixels")
     return array.copy()
@@ -191,8 +183,7 @@ class SplineImage:
         ``blur_px`` is the standard deviation of a Gaussian applied first. It takes away what is
         too sharp for any interpolation between pixels (black-white borders one pixel wide).
         """
-        if not 0.0 <= blur_px <= 20.0:
-            raise InputError(f"blur_px: got {blur_px!r}; expected 0..20 px")
+        require(0.0 <= blur_px <= 20.0, "blur_px", repr(blur_px), "0..20 px")
         array = check_image(image, "image")
         height, width = array.shape
         whole = (0.0, 0.0, width - 1.0, height - 1.0)

@@ -17,7 +17,7 @@ from gpusim.field_summary import field_summary
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_gradients
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 
 class Cells(Protocol):
@@ -176,12 +176,10 @@ def _boundary(mesh: Cells) -> Faces:
     corners, pairs = _all_faces(mesh)
     order, start, count = _matched(corners, mesh.node_count)
     crowded = np.flatnonzero(count > 2)
-    if crowded.size:
-        bad = pairs[order[start[crowded[:5]]], 0]
-        raise InputError(
-            f"mesh: {crowded.size} faces belong to more than two cells; got for example faces of "
-            f"cells {', '.join(str(c) for c in bad)}; expected at most two cells per face"
-        )
+    bad = pairs[order[start[crowded[:5]]], 0]
+    got = f"for example faces of cells {', '.join(str(c) for c in bad)}"
+    what = f"mesh: {crowded.size} faces belong to more than two cells"
+    require(not crowded.size, what, got, "at most two cells per face")
     if _width(mesh) > 4:
         inner = start[count == 2]
         one, two = (set_faces(mesh, pairs[order[inner + side]]) for side in (0, 1))
@@ -229,21 +227,13 @@ def set_faces(mesh: Cells, pairs: npt.ArrayLike) -> Faces:
     array([[1., 0., 0.]])
     """
     wanted = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
-    if wanted.size and (wanted[:, 0].min() < 0 or wanted[:, 0].max() >= mesh.cell_count):
-        raise InputError(
-            f"set_faces: cell number out of range; got {wanted[:, 0].min()} … "
-            f"{wanted[:, 0].max()}; expected 0 … {mesh.cell_count - 1}"
-        )
+    check_range("set_faces: cell number", wanted[:, 0], mesh.cell_count)
     nodes = np.full((len(wanted), _width(mesh)), -1, dtype=np.int32)
     for kind, first, block in mesh.blocks():
         inside = (wanted[:, 0] >= first) & (wanted[:, 0] < first + len(block))
         sides = CELL_TYPES[kind].faces
         local = wanted[inside, 1]
-        if local.size and (local.min() < 0 or local.max() >= len(sides)):
-            raise InputError(
-                f"set_faces: local face number out of range; got {local.min()} … {local.max()}; "
-                f"expected 0 … {len(sides) - 1} for {kind}"
-            )
+        check_range(f"set_faces: local face number of {kind}", local, len(sides))
         template = sides[local]
         cells = block[wanted[inside, 0] - first]
         picked = np.take_along_axis(cells, np.maximum(template, 0), axis=1)
@@ -252,6 +242,13 @@ def set_faces(mesh: Cells, pairs: npt.ArrayLike) -> Faces:
     for array in arrays:
         array.setflags(write=False)
     return Faces(*arrays, mesh.points)
+
+
+def check_range(what: str, numbers: npt.NDArray[np.integer], count: int) -> None:
+    """Refuse numbers that don't all lie in 0 … ``count`` - 1."""
+    if numbers.size and (numbers.min() < 0 or numbers.max() >= count):
+        got = f"{numbers.min()} … {numbers.max()}"
+        raise InputError(f"{what} out of range; got {got}; expected 0 … {count - 1}")
 
 
 def _width(mesh: Cells) -> int:

@@ -15,10 +15,10 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float, Int
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
-from gpusim.mesh.boundary import boundary_faces
+from gpusim.mesh.boundary import boundary_faces, check_range
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quality import least_jacobian
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,8 +75,7 @@ class Mesh:
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "cells", MappingProxyType(cells))
         total = sum(len(block) for block in cells.values())
-        if total == 0:
-            raise InputError("Mesh.cells: no cells; got empty arrays; expected at least one cell")
+        require(total > 0, "Mesh.cells: no cells", "empty arrays", "at least one cell")
         _refuse_inverted(self)
         _refuse_duplicate_cells(self)
         if any(CELL_TYPES[kind].linear != kind for kind in cells):
@@ -157,10 +156,8 @@ class Mesh:
     def moved(self, displacement: npt.ArrayLike) -> Mesh:
         """The same mesh with ``displacement`` (N,3) added to its points."""
         shift = np.asarray(displacement, dtype=np.float64)
-        if shift.shape != self.points.shape:
-            raise InputError(
-                f"Mesh.moved: wrong shape; got {shift.shape}; expected {self.points.shape}"
-            )
+        expected = str(self.points.shape)
+        require(shift.shape == self.points.shape, "Mesh.moved: wrong shape", shift.shape, expected)
         return Mesh(self.points + shift, self.cells, self.node_sets, self.face_sets, self.cell_sets)
 
     def with_sets(
@@ -190,20 +187,15 @@ def _points(value: Any) -> Float:
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise InputError(f"Mesh.points: wrong shape; got {points.shape}; expected (N,3), N > 0")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if bad.size:
-        raise InputError(
-            f"Mesh.points: {bad.size} nodes have a coordinate that isn't finite; "
-            f"got nodes {_first(bad)}; expected finite numbers"
-        )
+    what = f"Mesh.points: {bad.size} nodes have a coordinate that isn't finite"
+    require(not bad.size, what, f"nodes {_first(bad)}", "finite numbers")
     points.setflags(write=False)
     return points
 
 
 def _cells(name: str, value: Any, count: int) -> Int:
-    if name not in CELL_TYPES:
-        raise InputError(
-            f"Mesh.cells: unknown cell type; got {name!r}; expected one of {', '.join(CELL_TYPES)}"
-        )
+    expected = f"one of {', '.join(CELL_TYPES)}"
+    require(name in CELL_TYPES, "Mesh.cells: unknown cell type", repr(name), expected)
     width = CELL_TYPES[name].nodes
     try:
         block = np.asarray(value)
@@ -211,14 +203,10 @@ def _cells(name: str, value: Any, count: int) -> Int:
         raise InputError(
             f"Mesh.cells[{name!r}]: rows of unequal length; expected (M,{width})"
         ) from None
-    if block.ndim != 2 or block.shape[1] != width:
-        raise InputError(
-            f"Mesh.cells[{name!r}]: wrong shape; got {block.shape}; expected (M,{width})"
-        )
-    if block.dtype.kind not in "iu":
-        raise InputError(
-            f"Mesh.cells[{name!r}]: wrong type; got {block.dtype}; expected integer node numbers"
-        )
+    fits = block.ndim == 2 and block.shape[1] == width
+    require(fits, f"Mesh.cells[{name!r}]: wrong shape", block.shape, f"(M,{width})")
+    expected = "integer node numbers"
+    require(block.dtype.kind in "iu", f"Mesh.cells[{name!r}]: wrong type", block.dtype, expected)
     bad = np.flatnonzero(((block < 0) | (block >= count)).any(axis=1))
     if bad.size:
         raise InputError(
@@ -252,11 +240,7 @@ def _index_set(where: str, value: Any, limit: int, dimensions: int) -> Int:
         shape = "(K,)" if dimensions == 1 else "(K,2)"
         raise InputError(f"Mesh.{where}: wrong shape; got {numbers.shape}; expected {shape}")
     first = numbers if dimensions == 1 else numbers[:, 0]
-    if numbers.size and (first.min() < 0 or first.max() >= limit):
-        raise InputError(
-            f"Mesh.{where}: number out of range; got {first.min()} … {first.max()}; "
-            f"expected 0 … {limit - 1}"
-        )
+    check_range(f"Mesh.{where}: number", first, limit)
     copy = np.array(numbers, dtype=np.int32)
     copy.setflags(write=False)
     return copy
@@ -265,13 +249,8 @@ def _index_set(where: str, value: Any, limit: int, dimensions: int) -> Int:
 def _check_local_faces(name: str, pairs: Int, mesh: Mesh) -> None:
     for kind, first, block in mesh.blocks():
         inside = (pairs[:, 0] >= first) & (pairs[:, 0] < first + len(block))
-        local = pairs[inside, 1]
-        sides = len(CELL_TYPES[kind].faces)
-        if local.size and (local.min() < 0 or local.max() >= sides):
-            raise InputError(
-                f"Mesh.face_sets[{name!r}]: local face number out of range; "
-                f"got {local.min()} … {local.max()}; expected 0 … {sides - 1} for {kind}"
-            )
+        where = f"Mesh.face_sets[{name!r}]: local face number of {kind}"
+        check_range(where, pairs[inside, 1], len(CELL_TYPES[kind].faces))
 
 
 def _refuse_inverted(mesh: Mesh) -> None:
@@ -283,11 +262,9 @@ def _refuse_inverted(mesh: Mesh) -> None:
         if wrong.size:
             bad.extend((wrong + first).tolist())
             worst = min(worst, float(smallest[wrong].min()))
-    if bad:
-        raise InputError(
-            f"Mesh.cells: {len(bad)} inverted or zero-volume cells; got cells {_first(bad)} "
-            f"(least Jacobian {worst:.3g}); expected right-handed cells with positive volume"
-        )
+    expected = "right-handed cells with positive volume"
+    got = f"cells {_first(bad)} (least Jacobian {worst:.3g})"
+    require(not bad, f"Mesh.cells: {len(bad)} inverted or zero-volume cells", got, expected)
 
 
 def _refuse_duplicate_cells(mesh: Mesh) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import by_number, unmasked
+from gpusim.validation import FromZero, by_number, checked, require, within
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -31,7 +32,7 @@ class EmptySelection(InputError):
     """Nothing of the mesh is where it was asked for."""
 
 
-@unmasked()
+@checked
 def select_nodes(
     mesh: Mesh,
     *,
@@ -39,7 +40,7 @@ def select_nodes(
     plane: Plane | None = None,
     normal: str | npt.ArrayLike | None = None,
     name: str | None = None,
-    tolerance: float | None = None,
+    tolerance: FromZero | None = None,
 ) -> Int:
     """Numbers of the nodes that meet every given condition, sorted, (K,) int32.
 
@@ -74,16 +75,16 @@ def select_nodes(
     return _found(mesh, np.flatnonzero(keep).astype(np.int32), "nodes", bounds, plane, name, normal)
 
 
-@unmasked()
+@checked
 def select_faces(
     mesh: Mesh,
     *,
     bounds: Bounds | None = None,
     plane: Plane | None = None,
     normal: str | npt.ArrayLike | None = None,
-    angle: float = np.deg2rad(30.0),
+    angle: Annotated[float, within(0.0, np.pi, "rad")] = np.deg2rad(30.0),
     name: str | None = None,
-    tolerance: float | None = None,
+    tolerance: FromZero | None = None,
     faces: Faces | None = None,
 ) -> Faces:
     """The boundary faces that meet every given condition.
@@ -115,8 +116,6 @@ def select_faces(
     if plane is not None:
         keep &= (_on_plane(mesh.points, plane, length)[nodes] | ~real).all(axis=1)
     if normal is not None:
-        if not (np.isfinite(angle) and 0.0 <= angle <= np.pi):
-            raise InputError(f"select_faces: angle; got {angle}; expected 0 … pi rad")
         keep &= faces.normals @ _direction(normal) >= np.cos(angle) - 1e-12
     found = np.flatnonzero(keep)
     return faces[_found(mesh, found.astype(np.int32), "faces", bounds, plane, name, normal)]
@@ -125,8 +124,6 @@ def select_faces(
 def _tolerance(mesh: Mesh, tolerance: float | None) -> float:
     if tolerance is None:
         return 1e-6 * float((mesh.bounds[1] - mesh.bounds[0]).max())
-    if not (np.isfinite(tolerance) and tolerance >= 0.0):
-        raise InputError(f"selection: tolerance; got {tolerance}; expected a length >= 0")
     return float(tolerance)
 
 
@@ -183,12 +180,9 @@ def _one_of(name: str, known: Iterable[str]) -> str:
 def _inside(points: Float, bounds: Bounds, tolerance: float) -> Bool:
     keep = np.ones(len(points), dtype=bool)
     for key, value in bounds.items():
-        if key not in _BOUND_KEYS:
-            raise InputError(
-                f"selection: unknown bound; got {key!r}; expected one of {', '.join(_BOUND_KEYS)}"
-            )
-        if not np.isfinite(value):
-            raise InputError(f"selection: {key}; got {value}; expected a finite coordinate")
+        expected = f"one of {', '.join(_BOUND_KEYS)}"
+        require(key in _BOUND_KEYS, "selection: unknown bound", repr(key), expected)
+        require(np.isfinite(value), f"selection: {key}", value, "a finite coordinate")
         coordinate = points[:, "xyz".index(key[0])]
         if key.endswith("min"):
             keep &= coordinate >= value - tolerance
@@ -207,11 +201,8 @@ def _on_plane(points: Float, plane: Plane, tolerance: float) -> Bool:
 
 def _direction(value: str | npt.ArrayLike) -> Float:
     if isinstance(value, str):
-        if value not in _AXES:
-            raise InputError(
-                f"selection: unknown direction; got {value!r}; "
-                f"expected one of {', '.join(_AXES)} or a vector"
-            )
+        expected = f"one of {', '.join(_AXES)} or a vector"
+        require(value in _AXES, "selection: unknown direction", repr(value), expected)
         return np.array(_AXES[value])
     vector = np.asarray(value, dtype=np.float64)
     length = float(np.linalg.norm(vector)) if vector.shape == (3,) else 0.0

@@ -28,7 +28,7 @@ from gpusim.measure.calibration.bundle_adjustment import (
 from gpusim.measure.calibration.first_estimate import MIN_POINTS, calibrated_single, first_rig
 from gpusim.measure.targets.boards import Sighting
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 MIN_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
@@ -96,8 +96,7 @@ def rig_camera(
     if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or (matrix[2] != [0, 0, 1]).any():
         raise InputError(f"{name} K: got {matrix.tolist()}; expected [[fx, 0, cx], [0, fy, cy], …]")
     rigid = turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-6
-    if not (rigid and np.linalg.det(turn) > 0):
-        raise InputError(f"{name} R: got {turn.tolist()}; expected a (3, 3) rotation")
+    require(rigid and np.linalg.det(turn) > 0, f"{name} R", turn.tolist(), "a (3, 3) rotation")
     if shift.shape != (3,) or not np.isfinite(shift).all():
         raise InputError(f"{name} t: got {shift.tolist()}; expected 3 finite lengths")
     if given.size > 14 or not np.isfinite(given).all():
@@ -158,10 +157,8 @@ class Calibration:
         return angle, float(np.sqrt(along @ self.covariance[np.ix_(at, at)] @ along))
 
     def _rig_rows(self, camera: int) -> list[int]:
-        if not 1 <= camera < len(self.cameras):
-            raise InputError(
-                f"calibration: got camera {camera} of {len(self.cameras)}; expected 1 or more"
-            )
+        fits = 1 <= camera < len(self.cameras)
+        require(fits, "calibration", f"camera {camera} of {len(self.cameras)}", "1 or more")
         return [
             i for i, (kind, number, _) in enumerate(self.names) if (kind, number) == ("rig", camera)
         ]
@@ -225,8 +222,7 @@ def calibrate(
 def _checked(
     sightings: Mapping[str, Sequence[Sighting]] | Sequence[Sighting], lens: str
 ) -> dict[str, list[Sighting]]:
-    if lens not in LENSES:
-        raise InputError(f"calibrate: lens; got {lens!r}; expected one of {', '.join(LENSES)}")
+    require(lens in LENSES, "calibrate: lens", repr(lens), f"one of {', '.join(LENSES)}")
     named = sightings if isinstance(sightings, Mapping) else {"camera": sightings}
     seen = {name: list(views) for name, views in named.items()}
     counts = {name: len(views) for name, views in seen.items()}

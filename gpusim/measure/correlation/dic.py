@@ -31,7 +31,7 @@ from gpusim.measure.correlation.start_values import feature_motions, global_shif
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 Start = Literal["auto", "search", "features"]
 MIN_FOUND_SEEDS = 0.5  # share of the seeds that must be found by searching
@@ -182,11 +182,9 @@ def _check_guess(guess: npt.ArrayLike | DicResult, points: Float, settings: Sett
     """Coefficients (M, 2, 3) to start from, NaN where there are none."""
     begin = np.zeros((len(points), 2, 3))
     if isinstance(guess, DicResult):
-        if guess.points.shape != points.shape or not np.array_equal(guess.points, points):
-            raise InputError(
-                f"guess: got a result of {len(guess.points)} points; expected one at the same "
-                f"{len(points)} points"
-            )
+        fits = guess.points.shape == points.shape and np.array_equal(guess.points, points)
+        expected = f"one at the same {len(points)} points"
+        require(fits, "guess", f"a result of {len(guess.points)} points", expected)
         begin[:, :, 0] = guess.displacement
         begin[:, :, 1:3] = guess.gradient * settings.half
         return begin
@@ -250,10 +248,8 @@ def grid_points(
     half = subset // 2
     columns = np.arange(x0 + half, x1 - half + 1, step, dtype=np.float64)
     rows = np.arange(y0 + half, y1 - half + 1, step, dtype=np.float64)
-    if columns.size == 0 or rows.size == 0:
-        raise InputError(
-            f"roi: holds no subset; got {x1 - x0 + 1}x{y1 - y0 + 1} px; expected at least "
-            f"{subset}x{subset}"
-        )
+    fits = columns.size > 0 and rows.size > 0
+    expected = f"at least {subset}x{subset}"
+    require(fits, "roi: holds no subset", f"{x1 - x0 + 1}x{y1 - y0 + 1} px", expected)
     x, y = np.meshgrid(columns, rows)
     return np.column_stack([x.ravel(), y.ravel()])

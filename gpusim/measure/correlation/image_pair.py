@@ -19,6 +19,7 @@ from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.measure.images import SplineImage
+from gpusim.validation import require
 
 Box = tuple[int, int, int, int]
 
@@ -275,11 +276,9 @@ class Subsets:
 
     def __post_init__(self) -> None:
         count = len(self.points)
-        if self.points.shape != (count, 2) or self.start.shape != (count, 2, 6):
-            raise InputError(
-                f"subsets: shapes don't match; got points {self.points.shape}, start "
-                f"{self.start.shape}; expected (M, 2) and (M, 2, 6)"
-            )
+        fits = self.points.shape == (count, 2) and self.start.shape == (count, 2, 6)
+        got = f"points {self.points.shape}, start {self.start.shape}"
+        require(fits, "subsets: shapes don't match", got, "(M, 2) and (M, 2, 6)")
         if not (np.isfinite(self.points).all() and np.isfinite(self.start).all()):
             raise InputError("subsets: got NaN or infinite points or start values; expected finite")
 

@@ -25,6 +25,7 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.warp import UNKNOWNS, Shape, check_shape
 from gpusim.measure.images import BLUR_REACH, SplineImage
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,22 +85,16 @@ class Settings:
 
     def __post_init__(self) -> None:
         window, most = self.window, self.max_iterations
-        if not 0 < self.tolerance < 1:
-            raise InputError(f"tolerance: got {self.tolerance!r}; expected 0 < tolerance < 1 px")
+        require(0 < self.tolerance < 1, "tolerance", repr(self.tolerance), "0 < tolerance < 1 px")
         if not isinstance(most, (int, np.integer)) or most < 1:
             raise InputError(f"max_iterations: got {most!r}; expected a whole number >= 1")
-        if not -1 <= self.min_zncc <= 1:
-            raise InputError(f"min_zncc: got {self.min_zncc!r}; expected -1..1")
-        if not 0 < self.max_move < np.inf:
-            raise InputError(f"max_move: got {self.max_move!r}; expected px > 0")
-        if not self.apart_px > 0:
-            raise InputError(f"apart_px: got {self.apart_px!r}; expected px > 0, or inf")
+        require(-1 <= self.min_zncc <= 1, "min_zncc", repr(self.min_zncc), "-1..1")
+        require(0 < self.max_move < np.inf, "max_move", repr(self.max_move), "px > 0")
+        require(self.apart_px > 0, "apart_px", repr(self.apart_px), "px > 0, or inf")
         check_shape(self.shape)
         size = len(window)
-        if window.shape != (size, size) or size % 2 == 0 or size < 5:
-            raise InputError(
-                f"window: wrong shape; got {window.shape}; expected (S, S), S odd, at least 5"
-            )
+        fits = window.shape == (size, size) and size % 2 == 1 and size >= 5
+        require(fits, "window: wrong shape", window.shape, "(S, S), S odd, at least 5")
         if not (np.isfinite(window).all() and window.min() >= 0 and 0 < window.max() <= 1):
             raise InputError("window: weights out of range; expected 0..1, not all 0")
         if window.sum() <= UNKNOWNS[self.shape] + 2:
@@ -133,10 +128,8 @@ def make_window(subset: int, window: Window | npt.ArrayLike) -> Float:
             return (radius <= subset / 2).astype(np.float64)
         raise InputError(f"window: got {window!r}; expected 'square', 'round' or an array")
     weights = np.asarray(window, dtype=np.float64)
-    if weights.shape != (subset, subset):
-        raise InputError(
-            f"window: wrong shape; got {weights.shape}; expected ({subset}, {subset}) as subset"
-        )
+    expected = f"({subset}, {subset}) as subset"
+    require(weights.shape == (subset, subset), "window: wrong shape", weights.shape, expected)
     return weights.copy()
 
 

@@ -23,6 +23,7 @@ from gpusim.errors import InputError
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.warp import basis
 from gpusim.measure.images import Image, check_image, pixels_of
+from gpusim.validation import require
 
 BLOB = 0.4  # width of a saturated area that isn't pattern any more, over the subset's width
 RIM = 2  # px around such an area over which its edge disturbs the interpolation
@@ -137,10 +138,8 @@ def masked_image(
 
 def _given_mask(mask: npt.NDArray[Any], image: Image, whose: str) -> Bool:
     array = np.asarray(mask)
-    if array.dtype != np.bool_ or array.shape != image.shape:
-        raise InputError(
-            f"mask: got {array.dtype} {array.shape}; expected bool {image.shape} as {whose}"
-        )
+    fits = array.dtype == np.bool_ and array.shape == image.shape
+    require(fits, "mask", f"{array.dtype} {array.shape}", f"bool {image.shape} as {whose}")
     return array
 
 

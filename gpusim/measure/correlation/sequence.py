@@ -22,7 +22,7 @@ from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 Update = Literal["never", "auto", "always"]
 
@@ -92,8 +92,7 @@ def dic_sequence(
     """
     if update not in ("never", "auto", "always"):
         raise InputError(f"update: got {update!r}; expected 'never', 'auto' or 'always'")
-    if not -1 <= update_zncc <= 1:
-        raise InputError(f"update_zncc: got {update_zncc!r}; expected -1..1")
+    require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     if points is not None:
         places = check_points(points, "points")
     elif np.ndim(reference) in (2, 3):

@@ -27,7 +27,7 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.matching import PointResult
 from gpusim.measure.images import point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
 KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
@@ -163,13 +163,11 @@ def strain(
     """
     points, displacement = result.points, result.displacement
     _check_gauge("strain", window, points)
-    if order not in TERMS:
-        raise InputError(f"order: got {order!r}; expected 1 or 2")
+    require(order in TERMS, "order", repr(order), "1 or 2")
     check_kind(kind)
     if spacing is None:
         spacing = point_spacing(points)
-    if not 0 < spacing < np.inf:
-        raise InputError(f"spacing: got {spacing!r}; expected a distance > 0 between points")
+    require(0 < spacing < np.inf, "spacing", repr(spacing), "a distance > 0 between points")
     gradient, residual, count = fit_gradients(
         points, displacement, 0.5 * (window - 1) * spacing, order, window
     )
@@ -295,8 +293,7 @@ def strain_tensor(gradient: Float, kind: StrainKind) -> Float:
 
 def check_kind(kind: object) -> None:
     """Refuse what is no strain."""
-    if kind not in KINDS:
-        raise InputError(f"kind: unknown strain; got {kind!r}; expected one of {KINDS}")
+    require(kind in KINDS, "kind: unknown strain", repr(kind), f"one of {KINDS}")
 
 
 def fit_gradients(

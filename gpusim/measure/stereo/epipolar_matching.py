@@ -25,7 +25,7 @@ from gpusim.measure.correlation.propagation import Front, seeds
 from gpusim.measure.correlation.start_values import common_motions, feature_matches, search_template
 from gpusim.measure.images import Image
 from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 FEATURE_PX = 4.0  # from its epipolar line: further away a feature match is wrong
 MIN_EPIPOLAR_SHARE = 0.1  # share of the feature matches that at least satisfy a right calibration
@@ -139,14 +139,12 @@ def match_epipolar(
     for name, points in (("pixels_1", a), ("pixels_2", b)):
         if points.ndim != 2 or points.shape[1] != 2:
             raise InputError(f"match_epipolar {name}; got shape {points.shape}; expected (M, 2)")
-    if not limit_px > 0:
-        raise InputError(f"match_epipolar limit_px; got {limit_px}; expected px > 0")
+    require(limit_px > 0, "match_epipolar limit_px", limit_px, "px > 0")
     distance = epipolar_distance(first, second, a, b)
     possible = np.asarray(distance <= limit_px)  # false for NaN
     if depth is not None:
         low, high = depth
-        if not 0 < low < high:
-            raise InputError(f"match_epipolar depth; got {depth}; expected 0 < nearest < farthest")
+        require(0 < low < high, "match_epipolar depth", depth, "0 < nearest < farthest")
         i, j = np.nonzero(possible)
         if len(i):
             points = triangulate((first, second), np.stack([a[i], b[j]]), refine=False).points

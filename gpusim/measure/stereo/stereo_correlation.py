@@ -35,7 +35,7 @@ from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import match_views, paired_epipolar_distance
 from gpusim.measure.stereo.triangulation import triangulate
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 Cameras = tuple[CalibratedCamera, CalibratedCamera]
 
@@ -130,10 +130,8 @@ def stereo_shape(
     >>> print(f"{result.shape[0, 2]:.2f} from the left camera")
     1.00 from the left camera
     """
-    if len(cameras) != 2:
-        raise InputError(f"cameras: got {len(cameras)}; expected the left and the right one")
-    if not 0 < epipolar_px < np.inf:
-        raise InputError(f"epipolar_px: got {epipolar_px!r}; expected px > 0")
+    require(len(cameras) == 2, "cameras", len(cameras), "the left and the right one")
+    require(0 < epipolar_px < np.inf, "epipolar_px", repr(epipolar_px), "px > 0")
     settings = make_settings(
         subset, "square", shape=match_shape, tolerance=tolerance, max_iterations=max_iterations,
         min_zncc=min_zncc, max_move=float(subset), blur_px=blur_px,

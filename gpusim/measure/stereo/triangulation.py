@@ -20,7 +20,7 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 STEPS = 10
 UNDISTORT_STEPS = 60
@@ -118,11 +118,9 @@ def triangulate(
     array([[0., 0., 1.]])
     """
     seen = np.asarray(pixels, dtype=np.float64)
-    if len(cameras) < 2 or seen.ndim != 3 or seen.shape[0] != len(cameras) or seen.shape[2] != 2:
-        raise InputError(
-            f"triangulate: got {len(cameras)} cameras and pixels of shape {seen.shape}; expected "
-            "at least two and (C, M, 2)"
-        )
+    fits = len(cameras) >= 2 and seen.ndim == 3 and seen.shape[::2] == (len(cameras), 2)
+    got = f"{len(cameras)} cameras and pixels of shape {seen.shape}"
+    require(fits, "triangulate", got, "at least two and (C, M, 2)")
     noise = np.broadcast_to(np.asarray(1.0 if sigma_px is None else sigma_px), seen.shape[:2])
     rays = np.stack([normalised(c, p) for c, p in zip(cameras, seen, strict=True)])
     usable = np.isfinite(rays).all(axis=2) & (noise > 0)
@@ -250,8 +248,7 @@ def align(source: npt.ArrayLike, target: npt.ArrayLike, *, scale: bool = False) 
     if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
         raise InputError(f"align: got shapes {a.shape} and {b.shape}; expected (M, 3) twice")
     good = np.isfinite(a).all(axis=1) & np.isfinite(b).all(axis=1)
-    if good.sum() < 3:
-        raise InputError(f"align: got {int(good.sum())} common points; expected at least three")
+    require(good.sum() >= 3, "align", f"{int(good.sum())} common points", "at least three")
     mean_a, mean_b = a[good].mean(axis=0), b[good].mean(axis=0)
     own, other = a[good] - mean_a, b[good] - mean_b
     left, values, right = np.linalg.svd(other.T @ own)

@@ -26,7 +26,7 @@ import scipy
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 ROUNDS = 60
 SETTLED = 1e-9  # of the length
@@ -100,11 +100,9 @@ def difference_curve(
     """
     x, y = np.asarray(position, np.float64), np.asarray(deflection, np.float64)
     x0, y0 = np.asarray(reference_position, np.float64), np.asarray(reference, np.float64)
-    if x.ndim != 1 or y.shape != x.shape or x0.ndim != 1 or y0.shape != x0.shape:
-        raise InputError(
-            f"difference_curve: got {x.shape}, {y.shape} and {x0.shape}, {y0.shape}; expected "
-            "positions and deflections of one length each"
-        )
+    fits = x.ndim == 1 and y.shape == x.shape and x0.ndim == 1 and y0.shape == x0.shape
+    expected = "positions and deflections of one length each"
+    require(fits, "difference_curve", f"{x.shape}, {y.shape} and {x0.shape}, {y0.shape}", expected)
     if x.shape == x0.shape and np.array_equal(x, x0):
         same: Float = y - y0
         return same
@@ -161,10 +159,8 @@ def slope_changes(
     # from the first point on: far from zero the columns of a fit would hardly differ
     start = float(a[0]) if len(a) else 0.0
     a = a - start
-    if len(a) < 8 or not (np.diff(a) > 0).all():
-        raise InputError(
-            f"slope_changes: got {len(a)} measured points; expected 8 or more, at distinct places"
-        )
+    fits = len(a) >= 8 and (np.diff(a) > 0).all()
+    require(fits, "slope_changes", f"{len(a)} measured points", "8 or more, at distinct places")
     shares = 0 < significance < 1 and 0 <= least_share < 1
     if not (shares and 0 <= most <= 50 and 0 <= clearance < np.inf):
         raise InputError(

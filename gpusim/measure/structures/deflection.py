@@ -19,7 +19,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.display import plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -249,11 +249,9 @@ def deflection_line(
     points = np.asarray(points_px, dtype=np.float64)
     moved = np.asarray(displacement_px, dtype=np.float64)
     count = position.size
-    if position.shape != (count,) or points.shape != (count, 2) or moved.shape != (count, 2):
-        raise InputError(
-            f"deflection line: got {position.shape}, {points.shape}, {moved.shape}; expected "
-            "(M,), (M, 2), (M, 2)"
-        )
+    fits = position.shape == (count,) and points.shape == (count, 2) and moved.shape == (count, 2)
+    expected = "(M,), (M, 2), (M, 2)"
+    require(fits, "deflection line", f"{position.shape}, {points.shape}, {moved.shape}", expected)
     if not (np.isfinite(position).all() and np.isfinite(points).all()):
         raise InputError("deflection line: got NaN or infinite positions; expected finite")
     measured = np.isfinite(moved).all(axis=1)

@@ -20,14 +20,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.calibration.calibration import CalibratedCamera
 from gpusim.measure.images import check_image, check_points
 from gpusim.measure.stereo.plane_mapping import plane_mapping
 from gpusim.measure.stereo.triangulation import project
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 RIM = 3  # px around a dot that blur and pixels reach …
 RING = 3  # … and of its surroundings beyond
@@ -87,8 +86,7 @@ def find_dots(image: npt.NDArray[Any], size_px: tuple[float, float], *, dark: bo
     """
     array = check_image(image, "image")
     low, high = float(size_px[0]), float(size_px[1])
-    if not 5 <= low <= high < np.inf:
-        raise InputError(f"size_px: got {size_px}; expected (lowest, highest) width, at least 5 px")
+    require(5 <= low <= high < np.inf, "size_px", size_px, "(lowest, highest) width, at least 5 px")
     grey = array.astype(np.float64)
     span = float(np.ptp(grey))
     rows: list[tuple[float, ...]] = []
@@ -123,8 +121,7 @@ def circle_centres(
     array([[80., 60.]])
     """
     seen = check_points(points, "points")
-    if not 0 < radius < np.inf:
-        raise InputError(f"radius: got {radius!r}; expected a length above 0")
+    require(0 < radius < np.inf, "radius", repr(radius), "a length above 0")
     on_plane = plane_mapping(camera, camera_from_plane)
     pose = np.asarray(camera_from_plane, dtype=np.float64)
     # nodes that integrate polynomials over a disc exactly: equal areas in the radius' square

@@ -30,7 +30,7 @@ from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_image, check_points
 from gpusim.measure.structures.marker_matching import Matcher, Matches
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 MAX_SOURCES = 3  # tracked markers from which each one is predicted
 CHORD_MARKERS = 4  # markers back along a chain, whose chord tells how the member has turned
@@ -107,16 +107,14 @@ def track(
     array([[1.5, 0. ],
            [1.5, 0. ]])
     """
-    if backend not in ("auto", "numpy"):
-        raise InputError(f"track backend; got {backend!r}; expected 'auto' or 'numpy': markers are "
-                         "matched on the host")  # fmt: skip
+    expected = "'auto' or 'numpy': markers are matched on the host"
+    require(backend in ("auto", "numpy"), "track backend", repr(backend), expected)
     first = check_image(reference, "reference")
     second = check_image(deformed, "deformed")
     positions = check_points(points, "points")
     if not isinstance(search_px, (int, np.integer)) or search_px < 1:
         raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
-    if not 0 < backward_px < np.inf:
-        raise InputError(f"backward_px: got {backward_px!r}; expected px > 0")
+    require(0 < backward_px < np.inf, "backward_px", repr(backward_px), "px > 0")
     settings = make_settings(
         subset, window, shape=shape, tolerance=tolerance, max_iterations=max_iterations,
         min_zncc=min_zncc, max_move=max(3.0, subset / 4), blur_px=blur_px,
@@ -136,10 +134,8 @@ def check_groups(groups: Sequence[Sequence[int]], count: int) -> list[list[int]]
     """Chains must name existing points, each once."""
     chains = [[int(i) for i in chain] for chain in groups]
     named = [i for chain in chains for i in chain]
-    if len(set(named)) != len(named) or any(not 0 <= i < count for i in named):
-        raise InputError(
-            f"groups: got indices {sorted(named)}; expected each of 0..{count - 1} at most once"
-        )
+    fits = len(set(named)) == len(named) and all(0 <= i < count for i in named)
+    require(fits, "groups", f"indices {sorted(named)}", f"each of 0..{count - 1} at most once")
     return chains
 
 

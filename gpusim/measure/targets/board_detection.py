@@ -19,12 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.errors import InputError
 from gpusim.measure.images import check_image, eight_bit
 from gpusim.measure.targets.boards import CharucoBoard, Chessboard, Sighting
 from gpusim.measure.targets.crossings import fit_crossings
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 DETECTION_SIZES = (1000, 1800, 500, 3200)  # px on the longer side, tried in this order
 ATTEMPTS = 3  # detections that are tried while a whole line of corners is missing
@@ -61,11 +60,9 @@ def find_chessboard(
     """
     array = check_image(image, "image")
     x0, y0, x1, y1 = region or (0, 0, array.shape[1], array.shape[0])
-    if not (0 <= x0 < x1 <= array.shape[1] and 0 <= y0 < y1 <= array.shape[0]):
-        raise InputError(
-            f"find_chessboard region; got {region}; expected left < right <= {array.shape[1]} and "
-            f"top < bottom <= {array.shape[0]}"
-        )
+    fits = 0 <= x0 < x1 <= array.shape[1] and 0 <= y0 < y1 <= array.shape[0]
+    expected = f"left < right <= {array.shape[1]} and top < bottom <= {array.shape[0]}"
+    require(fits, "find_chessboard region", region, expected)
     height, width = array.shape
     across, down = board.corners
     nothing = (width, height), across * down

@@ -17,6 +17,7 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.targets.crossings import Crossings
+from gpusim.validation import require
 
 
 @dataclass(frozen=True)
@@ -95,17 +96,13 @@ class CharucoBoard(_Fields):
     def __post_init__(self) -> None:
         if not (self.columns >= 3 and self.rows >= 3):
             raise InputError(f"CharucoBoard; got {self.columns} x {self.rows}; expected 3 x 3 up")
-        if not 0 < self.marker < self.square < np.inf:
-            raise InputError(
-                f"CharucoBoard: got marker {self.marker}, square {self.square}; expected "
-                "0 < marker < square"
-            )
+        got = f"marker {self.marker}, square {self.square}"
+        require(0 < self.marker < self.square < np.inf, "CharucoBoard", got, "0 < marker < square")
         markers = len(check_dictionary(self.dictionary, "CharucoBoard dictionary").bytesList)
-        if self.columns * self.rows // 2 > markers:
-            raise InputError(
-                f"CharucoBoard dictionary: got {self.dictionary} of {markers} markers; expected at "
-                f"least {self.columns * self.rows // 2} for {self.columns} x {self.rows} squares"
-            )
+        needed = self.columns * self.rows // 2
+        got = f"{self.dictionary} of {markers} markers"
+        expected = f"at least {needed} for {self.columns} x {self.rows} squares"
+        require(needed <= markers, "CharucoBoard dictionary", got, expected)
 
     def detector(self) -> Any:
         """OpenCV's detector of this board."""
@@ -227,8 +224,7 @@ def target_statistics(sightings: Sequence[Sighting]) -> TargetStatistics:
     >>> gs.measure.target_statistics([seen]).found
     1
     """
-    if not sightings:
-        raise InputError("target_statistics: got no sightings; expected at least one image")
+    require(bool(sightings), "target_statistics", "no sightings", "at least one image")
     good = [s for s in sightings if len(s) >= 4]
     problems: dict[str, int] = {}
     for s in sightings:

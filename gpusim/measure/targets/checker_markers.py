@@ -19,13 +19,12 @@ import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Bool, Float, Single
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.images import Image, check_image, check_points
 from gpusim.measure.targets.cross_fit import fit_crosses
 from gpusim.measure.targets.noise import allowed_residual, noise_level
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 MIN_RESPONSE = 0.01  # lowest Harris response over the highest of the image
 MAX_RESIDUAL = 0.15  # RMS of what a fit leaves over the contrast, besides the picture's noise
@@ -120,10 +119,8 @@ def find_markers(
     """
     array = check_image(image, "image")
     low, high = _check_size(size_px)
-    if not 0 < min_response < 1 or not 0 < max_residual < 1:
-        raise InputError(
-            f"min_response, max_residual: got {min_response!r}, {max_residual!r}; expected 0..1"
-        )
+    fits = 0 < min_response < 1 and 0 < max_residual < 1
+    require(fits, "min_response, max_residual", f"{min_response!r}, {max_residual!r}", "0..1")
     (crosses,) = _crosses(array, [_Window(array)], low, high, min_response, max_residual)
     return _markers(crosses, np.zeros(len(crosses), dtype=np.int8))
 
@@ -210,8 +207,7 @@ def locate_markers(
     array = check_image(image, "image")
     places = check_points(expected, "expected")
     low, high = _check_size(size_px)
-    if not 0 < search_px < np.inf:
-        raise InputError(f"search_px: got {search_px!r}; expected px > 0")
+    require(0 < search_px < np.inf, "search_px", repr(search_px), "px > 0")
     count = len(places)
     status = np.full(count, MarkerStatus.NOT_FOUND, dtype=np.int8)
     crosses = np.full((count, 7), np.nan)
@@ -245,10 +241,8 @@ def locate_markers(
 
 def _check_size(size_px: tuple[float, float]) -> tuple[float, float]:
     low, high = float(size_px[0]), float(size_px[1])
-    if not 10 <= low <= high < np.inf:
-        raise InputError(
-            f"size_px: got {size_px}; expected (lowest, highest) marker width, at least 10 px"
-        )
+    expected = "(lowest, highest) marker width, at least 10 px"
+    require(10 <= low <= high < np.inf, "size_px", size_px, expected)
     return low, high
 
 

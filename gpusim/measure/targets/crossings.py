@@ -31,7 +31,7 @@ from gpusim.measure.targets.border_junction import (
 from gpusim.measure.targets.noise import allowed_residual, noise_level, widening
 from gpusim.measure.targets.plumb_lines import Straighten, plumb_lines, straight_offsets
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import require, unmasked
 
 INSIDE = 0.62  # of the way to the next corner
 MIN_SHARE = 0.4  # … at least, next to a pattern's end
@@ -127,10 +127,8 @@ def fit_crossings(
     if not span > 0:
         return _failed(len(points))
     known = _known_blur(blur, len(points))
-    if index is not None and np.shape(index) != (len(points), 2):
-        raise InputError(
-            f"fit_crossings: index; got {np.shape(index)}; expected ({len(points)}, 2)"
-        )
+    fits = index is None or np.shape(index) == (len(points), 2)
+    require(fits, "fit_crossings: index", np.shape(index), f"({len(points)}, 2)")
     around, before = points, None
     sharp = known
     if sharp is None:

@@ -9,6 +9,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
+from gpusim.validation import require
 
 _SERENDIPITY = {"hex8": "hex20", "tet4": "tet10", "wedge6": "wedge15", "pyramid5": "pyramid13"}
 _LAGRANGE = {"hex8": "hex27", "tet4": "tet10"}
@@ -143,8 +144,7 @@ def split(mesh: Mesh, kind: str = "tet4") -> Mesh:
     >>> gs.mesh.split(gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1)), "tet4")
     Mesh(8 nodes, 6 tet4, 6 named sets)
     """
-    if kind not in ("tet4", "wedge6"):
-        raise InputError(f"split: kind; got {kind!r}; expected 'tet4' or 'wedge6'")
+    require(kind in ("tet4", "wedge6"), "split: kind", repr(kind), "'tet4' or 'wedge6'")
     possible = _TETS if kind == "tet4" else {"hex8": 2}
     parts: list[Int] = []
     locals_: list[tuple[str, int, Int]] = []

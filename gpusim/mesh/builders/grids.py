@@ -16,6 +16,7 @@ from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.builders.notches import Notch, notch_axes, notched, stepped_axis
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.selection import select_faces
+from gpusim.validation import Positive, checked, require
 
 
 def box(
@@ -91,16 +92,17 @@ def beam(
     return Mesh(points, straight.cells, {}, straight.face_sets)
 
 
+@checked
 def crane(
     *,
-    height: float = 0.562,
-    length: float = 0.597,
-    foot: float = 0.070,
-    width: float = 0.040,
-    column_thickness: float = 0.006,
-    beam_thickness: float = 0.004,
-    load_length: float = 0.108,
-    element_size: float = 0.003,
+    height: Positive = 0.562,
+    length: Positive = 0.597,
+    foot: Positive = 0.070,
+    width: Positive = 0.040,
+    column_thickness: Positive = 0.006,
+    beam_thickness: Positive = 0.004,
+    load_length: Positive = 0.108,
+    element_size: Positive = 0.003,
     through: int = 2,
     across: int = 6,
 ) -> Mesh:
@@ -120,19 +122,8 @@ def crane(
     >>> gs.mesh.crane(element_size=0.05, through=1, across=2)
     Mesh(156 nodes, 50 hex8, 6 named sets)
     """
-    names = {
-        "height": height, "length": length, "foot": foot, "width": width,
-        "column_thickness": column_thickness, "beam_thickness": beam_thickness,
-        "load_length": load_length, "element_size": element_size,
-    }  # fmt: skip
-    for name, value in names.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"crane: {name}; got {value}; expected a length > 0")
-    if not load_length < length - column_thickness:
-        raise InputError(
-            f"crane: load_length; got {load_length}; expected less than length - column_thickness "
-            f"= {length - column_thickness}"
-        )
+    expected = f"less than length - column_thickness = {length - column_thickness}"
+    require(load_length < length - column_thickness, "crane: load_length", load_length, expected)
     thick, wide = count_of("crane: through", through), count_of("crane: across", across)
     x = stepped_axis(
         [0.0, column_thickness, length - load_length, length], element_size, fixed={0: thick}
@@ -232,6 +223,5 @@ def count_of(where: str, value: int) -> int:
 
 def _counts(where: str, value: Sequence[int]) -> list[int]:
     counts = [count_of(where, n) for n in value]
-    if len(counts) != 3:
-        raise InputError(f"{where}; got {len(counts)} numbers; expected 3")
+    require(len(counts) == 3, where, f"{len(counts)} numbers", "3")
     return counts

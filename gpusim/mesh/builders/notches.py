@@ -16,6 +16,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
+from gpusim.validation import require
 
 _GROWTH = 0.25  # the size grows by a quarter of the distance: neighbours differ by about 1.28
 _SAMPLES = 4000
@@ -85,17 +86,13 @@ class Notch:
     cells: int = 2
 
     def __post_init__(self) -> None:
-        if self.axis not in ("x", "y", "z"):
-            raise InputError(f"Notch.axis; got {self.axis!r}; expected 'x', 'y' or 'z'")
+        require(self.axis in ("x", "y", "z"), "Notch.axis", repr(self.axis), "'x', 'y' or 'z'")
         sides = [sign + axis for axis in "xyz" if axis != self.axis for sign in "-+"]
-        if self.side not in sides:
-            raise InputError(f"Notch.side; got {self.side!r}; expected one of {', '.join(sides)}")
-        if not np.isfinite(self.position):
-            raise InputError(f"Notch.position; got {self.position}; expected a coordinate")
+        require(self.side in sides, "Notch.side", repr(self.side), f"one of {', '.join(sides)}")
+        require(np.isfinite(self.position), "Notch.position", self.position, "a coordinate")
         for name in ("width", "depth"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
-                raise InputError(f"Notch.{name}; got {value}; expected a length > 0")
+            require(np.isfinite(value) and value > 0.0, f"Notch.{name}", value, "a length > 0")
         if not (isinstance(self.cells, int) and self.cells >= 1):
             raise InputError(f"Notch.cells; got {self.cells}; expected a whole number >= 1")
 
@@ -125,27 +122,21 @@ def notch_axes(body: Float, sizes: Sequence[float], notches: Sequence[Notch]) ->
         inside = notch.bounds(body)
         along, across = "xyz".index(notch.axis), "xyz".index(notch.side[1])
         low, high = float(inside[0, along]), float(inside[1, along])
-        if not (body[0, along] < low and high < body[1, along]):
-            raise InputError(
-                f"notch {number}: leaves the body; got {notch.axis} {low:.6g} … {high:.6g}; "
-                f"expected inside {body[0, along]:.6g} … {body[1, along]:.6g}"
-            )
+        extent = f"{notch.axis} {low:.6g} … {high:.6g}"
+        fits = body[0, along] < low and high < body[1, along]
+        expected = f"inside {body[0, along]:.6g} … {body[1, along]:.6g}"
+        require(fits, f"notch {number}: leaves the body", extent, expected)
         room = float(body[1, across] - body[0, across])
-        if not notch.depth < room:
-            raise InputError(
-                f"notch {number}: cuts the body in two; got depth {notch.depth:.6g}; "
-                f"expected less than {room:.6g}"
-            )
+        fits = notch.depth < room
+        expected = f"less than {room:.6g}"
+        require(fits, f"notch {number}: cuts the body in two", f"depth {notch.depth:.6g}", expected)
         for other, start, end in taken:
             beside = other.axis == notch.axis and low <= end and start <= high
             opposite = other.side[1] == notch.side[1] and other.side != notch.side
             through = opposite and not other.depth + notch.depth < room
-            if beside and (other.side == notch.side or through):
-                raise InputError(
-                    f"notch {number}: meets an earlier one; got {notch.axis} {low:.6g} … "
-                    f"{high:.6g} beside {start:.6g} … {end:.6g}; expected notches apart from each "
-                    "other"
-                )
+            apart = not (beside and (other.side == notch.side or through))
+            got = f"{extent} beside {start:.6g} … {end:.6g}"
+            require(apart, f"notch {number}: meets an earlier one", got, "notches apart")
         taken.append((notch, low, high))
         fine = notch.width / notch.cells
         tip = float(inside[0 if notch.side[0] == "+" else 1, across])
@@ -164,11 +155,9 @@ def _refuse_slivers(axis: str, values: Sequence[float]) -> None:
     """Borders a rounding apart would make flat elements."""
     extent = values[-1] - values[0]
     for a, b in pairwise(values):
-        if not b - a > 1e-7 * extent:
-            raise InputError(
-                f"notches: two borders almost coincide; got {axis} {a:.12g} and {b:.12g}; "
-                "expected equal or clearly different coordinates"
-            )
+        expected = "equal or clearly different coordinates"
+        got = f"{axis} {a:.12g} and {b:.12g}"
+        require(b - a > 1e-7 * extent, "notches: two borders almost coincide", got, expected)
 
 
 def notched(mesh: Mesh, notches: Sequence[Notch]) -> Mesh:

@@ -6,6 +6,7 @@ They consist of blocks in a plane, joined at their common borders and extruded.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 
@@ -15,9 +16,11 @@ from gpusim.mesh.boundary import Faces, boundary_faces
 from gpusim.mesh.builders.grids import count_of, triple_of
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
+from gpusim.validation import Positive, checked, one_of, require
 
 # element type -> steps of the node grid per element
 HEX_OF_ORDER = {"hex8": 1, "hex20": 2, "hex27": 2}
+Brick = Annotated[str, one_of(*HEX_OF_ORDER)]
 
 
 def ruled(first: Float, last: Float, places: Float) -> Float:
@@ -81,6 +84,7 @@ def _template(kind: str) -> Long:
     return np.concatenate([corners, np.array(middles)])
 
 
+@checked
 def plate_with_hole(
     length: float,
     width: float,
@@ -90,7 +94,7 @@ def plate_with_hole(
     around: int = 32,
     radial: int = 8,
     through: int = 2,
-    element: str = "hex8",
+    element: Brick = "hex8",
 ) -> Mesh:
     """A plate with a round hole in its middle, of structured hexahedra (any length unit).
 
@@ -117,7 +121,7 @@ def plate_with_hole(
     Mesh(60 nodes, 20 hex8, 7 named sets)
     """
     sizes = triple_of("plate_with_hole: length, width, thickness", (length, width, thickness))
-    step = _step("plate_with_hole", element)
+    step = HEX_OF_ORDER[element]
     sides, rings = _ring_counts("plate_with_hole", around, radial)
     layers = count_of("plate_with_hole: through", through)
     square = float(min(sizes[0], sizes[1]))
@@ -152,19 +156,20 @@ def plate_with_hole(
     return mesh.with_sets(face_sets=sets)
 
 
+@checked
 def bracket(
     *,
-    base_length: float = 0.06,
-    wall_height: float = 0.08,
-    width: float = 0.04,
-    thickness: float = 0.005,
-    fillet_radius: float = 0.006,
+    base_length: Positive = 0.06,
+    wall_height: Positive = 0.08,
+    width: Positive = 0.04,
+    thickness: Positive = 0.005,
+    fillet_radius: Positive = 0.006,
     hole_diameter: float = 0.012,
     around: int = 32,
     radial: int = 5,
     through: int = 2,
     bend: int = 6,
-    element: str = "hex8",
+    element: Brick = "hex8",
 ) -> Mesh:
     """An L-bracket of bent plate with a hole in each leg, of structured hexahedra.
 
@@ -186,25 +191,16 @@ def bracket(
     >>> sorted(gs.mesh.bracket(around=8, radial=2, through=1, bend=2).face_sets)[:3]
     ['base', 'base_end', 'base_hole']
     """
-    names = {
-        "base_length": base_length, "wall_height": wall_height, "width": width,
-        "thickness": thickness, "fillet_radius": fillet_radius,
-    }  # fmt: skip
-    for name, value in names.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"bracket: {name}; got {value}; expected a length > 0")
-    step = _step("bracket", element)
+    step = HEX_OF_ORDER[element]
     sides, rings = _ring_counts("bracket", around, radial)
     layers, bends = count_of("bracket: through", through), count_of("bracket: bend", bend)
     radius = _radius("bracket: hole_diameter", hole_diameter, width)
     outer = fillet_radius + thickness
     legs = [base_length - outer, wall_height - outer]
-    for name, leg in zip(("base_length", "wall_height"), legs, strict=True):
-        if not leg >= width * (1.0 - 1e-9):
-            raise InputError(
-                f"bracket: {name}; got {names[name]:.6g}; expected at least width + "
-                f"fillet_radius + thickness = {width + outer:.6g}"
-            )
+    expected = f"at least width + fillet_radius + thickness = {width + outer:.6g}"
+    for name, length in (("base_length", base_length), ("wall_height", wall_height)):
+        fits = length - outer >= width * (1.0 - 1e-9)
+        require(fits, f"bracket {name}", f"{length:.6g}", expected)
     # The plate laid flat: s < 0 on the base, 0 … width over the bend, beyond it on the wall.
     half = 0.5 * width
     squares = []
@@ -327,14 +323,6 @@ def _where(faces: Faces, inside: Bool) -> Int:
     """(cell, local face) of the faces whose nodes are all inside."""
     every = (inside[np.maximum(faces.nodes, 0)] | (faces.nodes < 0)).all(axis=1)
     return faces[np.flatnonzero(every)].pairs()
-
-
-def _step(what: str, element: str) -> int:
-    if element not in HEX_OF_ORDER:
-        raise InputError(
-            f"{what}: element; got {element!r}; expected one of {', '.join(HEX_OF_ORDER)}"
-        )
-    return HEX_OF_ORDER[element]
 
 
 def _ring_counts(what: str, around: int, radial: int) -> tuple[int, int]:

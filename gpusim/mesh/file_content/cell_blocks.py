@@ -15,6 +15,7 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
+from gpusim.mesh.boundary import check_range
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.file_content.numbering import (
     FLAT_CORNERS,
@@ -91,11 +92,7 @@ def assemble(raw: RawMesh, source: str) -> Mesh:
         )
     count = len(raw.points)
     for block in raw.blocks:
-        if block.nodes.size and not (block.nodes.min() >= 0 and block.nodes.max() < count):
-            raise InputError(
-                f"{source}: a cell of type {block.kind} names a node that isn't there; "
-                f"got {count} nodes"
-            )
+        check_range(f"{source}: node of a cell of type {block.kind}", block.nodes, count)
     if not np.isfinite(raw.points).all():
         raise InputError(f"{source}: a coordinate isn't finite; expected numbers")
     used = solid_nodes(raw)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.errors import InputError
 from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.validation import require
 
 Sides = dict[str, tuple[tuple[int, ...], ...]]
 
@@ -142,11 +142,8 @@ def middles_in_order(points: Float, nodes: Long) -> Long:
     away = np.linalg.norm(np.stack(places, axis=1)[:, :, None] - given[:, None], axis=3)
     nearest = away.argmin(axis=2)
     wrong = int((np.sort(nearest, axis=1) != np.arange(7)).any(axis=1).sum())
-    if wrong:
-        raise InputError(
-            f"bricks of 27 nodes; got {wrong} whose nodes from the 21st on don't lie one in each "
-            "face and one in the middle; expected them there, in any order"
-        )
+    got = f"{wrong} whose nodes from the 21st on don't lie one in each face and one in the middle"
+    require(not wrong, "bricks of 27 nodes", got, "them there, in any order")
     return np.concatenate([nodes[:, :20], np.take_along_axis(nodes[:, 20:], nearest, axis=1)], 1)
 
 

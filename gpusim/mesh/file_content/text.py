@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.validation import require
 
 _MAX_INCLUDED, _DEEPEST_INCLUDED = 1000, 50
 
@@ -22,8 +23,7 @@ def text_lines(file: InputFile, expected: str) -> list[str]:
     and carriage returns part lines: `str.splitlines` would also part them at letters that Latin-1
     has, and take the rest of a comment for data. Raises InputError for binary data.
     """
-    if b"\0" in file.data:
-        raise InputError(f"{file.path}: not a text file; got binary data; expected {expected}")
+    require(b"\0" not in file.data, f"{file.path}: not a text file", "binary data", expected)
     try:
         text = file.data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -86,10 +86,8 @@ class Includes:
         child = parent.path.parent / target
         name = os.path.realpath(child) if "\0" not in target else target
         self._count += 1
-        if name in self._open or len(self._open) > _DEEPEST_INCLUDED:
-            raise InputError(
-                f"{where}: the file includes itself; got {target!r}; expected a chain that ends"
-            )
+        fits = name not in self._open and len(self._open) <= _DEEPEST_INCLUDED
+        require(fits, f"{where}: the file includes itself", repr(target), "a chain that ends")
         if self._count > _MAX_INCLUDED:
             raise InputError(f"{where}: more than {_MAX_INCLUDED} files; expected fewer")
         try:

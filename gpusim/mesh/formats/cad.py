@@ -23,6 +23,7 @@ from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, 
 from gpusim.mesh.mesh import Mesh
 from gpusim.parallel.machine import memory_limit
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
+from gpusim.validation import require
 
 CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
@@ -101,16 +102,13 @@ def mesh_cad(
     array([1., 1., 1.])
     """
     name = path.path if isinstance(path, InputFile) else Path(path)
-    if name.suffix.lower() not in CAD_SUFFIXES:
-        raise InputError(
-            f"{name}: unknown kind of CAD file; got {name.suffix or 'no ending'!r}; expected one "
-            f"of {', '.join(CAD_SUFFIXES)}"
-        )
+    fits = name.suffix.lower() in CAD_SUFFIXES
+    expected = f"one of {', '.join(CAD_SUFFIXES)}"
+    require(fits, f"{name}: unknown kind of CAD file", repr(name.suffix or "no ending"), expected)
     file = read_input(path, "a CAD file")
     if not file.data:
         raise InputError(f"{file.path}: the file is empty; expected a CAD file")
-    if not time_limit > 0.0:
-        raise InputError(f"mesh_cad: time_limit; got {time_limit}; expected seconds > 0")
+    require(time_limit > 0.0, "mesh_cad: time_limit", time_limit, "seconds > 0")
     options = CadOptions(
         size, order, hexahedra, hex_dominant, curvature, dict(sizes or {}), tuple(boxes), scale
     )
@@ -121,15 +119,12 @@ def mesh_cad(
 
 
 def _check_options(file: InputFile, ask: CadOptions) -> None:
-    if ask.order not in (1, 2):
-        raise InputError(f"mesh_cad: order; got {ask.order}; expected 1 or 2")
+    require(ask.order in (1, 2), "mesh_cad: order", ask.order, "1 or 2")
     if file.suffix == ".stl":
         _refuse_nonfinite_corners(file)
-    if ask.curvature and file.suffix == ".stl":
-        raise InputError(
-            f"{file.path}: curvature for a surface of flat triangles; got {ask.curvature}; "
-            "expected 0 (or the part as STEP or BREP)"
-        )
+    fits = not ask.curvature or file.suffix != ".stl"
+    what = f"{file.path}: curvature for a surface of flat triangles"
+    require(fits, what, ask.curvature, "0 (or the part as STEP or BREP)")
     if ask.hexahedra and ask.hex_dominant:
         raise InputError("mesh_cad: hexahedra and hex_dominant; got both; expected one of them")
     check_sizes(ask)
@@ -169,10 +164,7 @@ def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
             _load(gmsh, file, copy)
         _refuse_errors(gmsh, file.path)
         volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
-        if not volumes:
-            raise InputError(
-                f"{file.path}: no solid; got {len(surfaces)} faces; expected a closed body"
-            )
+        require(bool(volumes), f"{file.path}: no solid", f"{len(surfaces)} faces", "a closed body")
         _refuse_too_many(gmsh, file, options.size, options.scale)
         named: dict[str, list[tuple[int, int]]] = {}
         for dimension, parts in ((3, volumes), (2, surfaces)):
@@ -237,10 +229,7 @@ def _refuse_nonfinite_corners(file: InputFile) -> None:
         lost = int((~np.isfinite(numbers)).any(axis=1).sum())
     else:
         lost = len(re.findall(rb"vertex[^\n]*(?:nan|inf)", content, re.IGNORECASE))
-    if lost:
-        raise InputError(
-            f"{file.path}: corners; got {lost} that aren't finite; expected coordinates"
-        )
+    require(not lost, f"{file.path}: corners", f"{lost} that aren't finite", "coordinates")
 
 
 def _load(gmsh: Any, file: InputFile, copy: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gpusim.errors import InputError
-from gpusim.validation import by_number
+from gpusim.validation import by_number, require
 
 Named = Mapping[str, Sequence[tuple[int, int]]]
 
@@ -54,22 +54,14 @@ def check_sizes(ask: CadOptions) -> None:
     for number, box in enumerate(ask.boxes):
         numbers[f"boxes[{number}].size"] = box.size
         corners = np.array([box.lower, box.upper], dtype=np.float64)
-        if corners.shape != (2, 3) or not (corners[0] < corners[1]).all():
-            raise InputError(
-                f"mesh_cad: boxes[{number}]; got {box.lower} to {box.upper}; expected two corners, "
-                "the lower one first"
-            )
-        if not (np.isfinite(box.transition) and box.transition >= 0.0):
-            raise InputError(
-                f"mesh_cad: boxes[{number}].transition; got {box.transition}; expected a length"
-            )
+        fits = corners.shape == (2, 3) and (corners[0] < corners[1]).all()
+        what, got = f"mesh_cad: boxes[{number}]", f"{box.lower} to {box.upper}"
+        require(fits, what, got, "two corners, the lower one first")
+        require(0.0 <= box.transition < np.inf, f"{what}.transition", box.transition, "a length")
     for name, value in numbers.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"mesh_cad: {name}; got {value}; expected a number > 0")
-    if not (isinstance(ask.curvature, int) and 0 <= ask.curvature <= 1000):
-        raise InputError(
-            f"mesh_cad: curvature; got {ask.curvature}; expected a whole number 0 … 1000"
-        )
+        require(np.isfinite(value) and value > 0.0, f"mesh_cad: {name}", value, "a number > 0")
+    fits = isinstance(ask.curvature, int) and 0 <= ask.curvature <= 1000
+    require(fits, "mesh_cad: curvature", ask.curvature, "a whole number 0 … 1000")
 
 
 def set_sizes(gmsh: Any, ask: CadOptions, named: Named) -> None:

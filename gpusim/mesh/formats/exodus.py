@@ -23,6 +23,7 @@ from gpusim.mesh.file_content.cell_blocks import side_pairs
 from gpusim.mesh.file_content.faults import file_faults
 from gpusim.mesh.file_content.numbering import EXODUS_SIDES, from_upright_first
 from gpusim.mesh.mesh import Mesh
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,11 +191,9 @@ def _points(content: ExodusContent) -> Float:
         if not axes:
             content.array("coordx")
         points = np.stack([content.array(axis).astype(np.float64) for axis in axes], axis=1)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(
-            f"{content.path}: not a solid mesh; got {points.shape[-1]} coordinates per node; "
-            "expected 3"
-        )
+    fits = points.ndim == 2 and points.shape[1] == 3
+    got = f"{points.shape[-1]} coordinates per node"
+    require(fits, f"{content.path}: not a solid mesh", got, "3")
     return points
 
 

@@ -13,6 +13,7 @@ from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.cell_blocks import RawBlock, RawMesh, index_of
 from gpusim.mesh.file_content.numbering import GMSH_KINDS, NODES, dimension_of, from_gmsh_order
 from gpusim.mesh.formats.msh_numbers import MshNumbers, MshSource
+from gpusim.validation import require
 
 # Physical groups by (dimension, tag).
 Names = dict[tuple[int, int], str]
@@ -90,11 +91,8 @@ class _Reader(MshSource):
                 self._skip(name)
                 name = self._next_section()
             words = self.line().split() if name == "MeshFormat" else []
-        if len(words) != 3:
-            raise InputError(
-                f"{self.source}: not a Gmsh mesh; got {self.data[:12]!r} at its beginning; "
-                "expected $MeshFormat"
-            )
+        got = f"{self.data[:12]!r} at its beginning"
+        require(len(words) == 3, f"{self.source}: not a Gmsh mesh", got, "$MeshFormat")
         version, mode, size = words
         if version not in ("2", "2.2", "4.1"):
             raise InputError(

@@ -20,6 +20,7 @@ from gpusim.mesh.formats.nastran import read_bdf
 from gpusim.mesh.formats.vtk import read_vtk
 from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.mesh.mesh import Mesh
+from gpusim.validation import require
 
 # VTK's files that name others, with a part of the whole in each
 PARALLEL = {
@@ -71,8 +72,7 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     >>> gs.read_mesh("bar.vtu", scale=1e-3)
     Mesh(12 nodes, 2 hex8)
     """
-    if not (np.isfinite(scale) and scale > 0.0):
-        raise InputError(f"read_mesh: scale; got {scale}; expected a factor > 0")
+    require(np.isfinite(scale) and scale > 0.0, "read_mesh: scale", scale, "a factor > 0")
     name = path.path if isinstance(path, InputFile) else Path(path)
     suffix = name.suffix.lower()
     if suffix in CAD_SUFFIXES:
@@ -82,11 +82,9 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     if suffix in PARALLEL:
         raise InputError(f"{name}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
     file = read_input(path, "a mesh file")
-    if suffix not in _READERS:
-        raise InputError(
-            f"{name}: unknown kind of mesh file; got {suffix or 'no ending'!r}; expected one "
-            f"of {', '.join(MESH_SUFFIXES)}"
-        )
+    fits = suffix in _READERS
+    expected = f"one of {', '.join(MESH_SUFFIXES)}"
+    require(fits, f"{name}: unknown kind of mesh file", repr(suffix or "no ending"), expected)
     if not file.data:
         raise InputError(f"{name}: the file is empty; expected a mesh")
     try:

@@ -25,6 +25,7 @@ import numpy.typing as npt
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import Includes, text_lines
+from gpusim.validation import require
 
 
 @dataclass(eq=False)
@@ -206,11 +207,8 @@ def read_cards(source: Source) -> list[Card]:
     file = read_input(source, _EXPECTED)
     text = join_lines(file, _EXPECTED)
     _refuse_early_data(text)
-    if not text.keywords:
-        raise InputError(
-            f"{file.path}: no keyword found; got a file without a line that starts with *; "
-            f"expected {_EXPECTED}"
-        )
+    got = "a file without a line that starts with *"
+    require(bool(text.keywords), f"{file.path}: no keyword found", got, _EXPECTED)
     return list(_cards(text))
 
 
@@ -276,11 +274,9 @@ class Names(Generic[T]):
     def define(self, name: str, value: T, where: str) -> None:
         """A thing that is defined once. Raises InputError where its name is taken."""
         first = self.places.setdefault(name.upper(), where)
-        if name.upper() in self.values:
-            raise InputError(
-                f"{where}: a second {self.what} of one name; got {name!r}, which {first} defines; "
-                "expected names of their own"
-            )
+        fits = name.upper() not in self.values
+        got = f"{name!r}, which {first} defines"
+        require(fits, f"{where}: a second {self.what} of one name", got, "names of their own")
         self.set(name, value)
 
     def get(self, name: str, where: str) -> T:

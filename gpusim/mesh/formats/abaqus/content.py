@@ -12,6 +12,7 @@ from gpusim.arrays.unique import distinct
 from gpusim.errors import InputError
 from gpusim.mesh.formats.abaqus.cards import Card, Names, numbers_at_once, whole
 from gpusim.mesh.formats.abaqus.elements import ElementBlock
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,14 +199,11 @@ def _members(card: Card, content: InpContent) -> Long:
 
 
 def _range(row: list[str], where: str) -> tuple[int, int, int]:
-    if len(row) not in (2, 3):
-        raise InputError(f"{where}: GENERATE; got {len(row)} fields; expected first, last, step")
+    require(len(row) in (2, 3), f"{where}: GENERATE", f"{len(row)} fields", "first, last, step")
     first, last = whole(row[0], where), whole(row[1], where)
     step = whole(row[2], where) if len(row) == 3 else 1
-    if step < 1 or last < first:
-        raise InputError(
-            f"{where}: GENERATE; got {', '.join(row)}; expected first <= last, step >= 1"
-        )
+    expected = "first <= last, step >= 1"
+    require(step >= 1 and last >= first, f"{where}: GENERATE", ", ".join(row), expected)
     return first, last, step
 
 
@@ -233,11 +231,9 @@ def _surface(card: Card, content: InpContent) -> None:
     pairs: list[Long] = [np.zeros((0, 2), dtype=np.int64)]
     for where, row in card.records():
         face = row[1].upper() if len(row) == 2 else ""
-        if not (len(face) == 2 and face[0] == "S" and face[1] in "123456"):
-            raise InputError(
-                f"{where}: surface; got {', '.join(row)}; expected an element or element set and "
-                "its face S1 … S6"
-            )
+        fits = len(face) == 2 and face[0] == "S" and face[1] in "123456"
+        expected = "an element or element set and its face S1 … S6"
+        require(fits, f"{where}: surface", ", ".join(row), expected)
         labels = content.cells_named(row[0], where)
         pairs.append(np.stack([labels, np.full(len(labels), int(face[1]))], axis=1))
     content.surfaces.define(name, np.concatenate(pairs), card.where())
