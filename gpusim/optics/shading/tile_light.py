@@ -58,8 +58,8 @@ class LightTiles:
     owner: npt.NDArray[np.uint32]
 
     @staticmethod
-    def of(setup: Setup, tolerance: float = TOLERANCE) -> LightTiles | None:
-        """The tiles of a view, to a ``tolerance``; None where there is little to gain."""
+    def of(setup: Setup, tolerance: float | None = None) -> LightTiles | None:
+        """The tiles of a view, to `TOLERANCE` unless given; None where there is little to gain."""
         view, camera = setup.view, setup.view.camera
         if not setup.lit or not view.count or _has_spots(setup.lighting) or setup.lighting.openness:
             return None
@@ -70,6 +70,7 @@ class LightTiles:
         area = np.where(setup.traits.shiny | setup.traits.bumpy, 0.0, 0.5 * (wide * tall))
         large = np.flatnonzero(area >= MIN_PIXELS)
         large = large[_flat(view, large)]
+        tolerance = TOLERANCE if tolerance is None else tolerance
         large = large[_smooth(view, setup.lighting, large, tolerance)]
         shape = (-(-camera.height // SQUARE), -(-camera.width // SQUARE))
         owner, plane_of = np.zeros(shape[0] * shape[1], np.uint32), np.full(shape[0] * shape[1], -1)
