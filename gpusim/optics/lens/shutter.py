@@ -100,6 +100,11 @@ MAX_TURNS = 200
 FASTEST = 0.9
 MAX_DIVISIONS = 5
 
+QUAD_PARTS = ((0, 4, 8, 7), (1, 5, 8, 4), (2, 6, 8, 5), (3, 7, 8, 6))
+TRIANGLE_PARTS = ((0, 4, 6, 9), (1, 5, 4, 9), (2, 6, 5, 9), (4, 5, 6, 9))
+"""Of a face that is divided: its corners are 0 to 3, the middles of its sides 4 to 7, its own one
+is 8; 9 is none."""
+
 
 def rolled(
     surfaces: Callable[[float], Sequence[Surface]],
@@ -223,11 +228,9 @@ class _Path:
             rows = np.stack([self.project(p)[:, 1] for p in self.positions])
             speed = np.abs(np.diff(rows, axis=0) / np.diff(self.nodes)[:, None] * line_time)
         fastest = float(np.nan_to_num(speed, nan=0.0).max(initial=0.0))
-        if not fastest <= FASTEST:
-            raise InputError(
-                f"{self.where}: moves along the columns at {fastest:.3g} rows per line_time; "
-                f"expected at most {FASTEST}: rows would see a point twice or never"
-            )
+        got = f"{fastest:.3g} rows per line_time"
+        expected = f"at most {FASTEST}: rows would see a point twice or never"
+        require(fastest <= FASTEST, f"{self.where}: moves along the columns", got, expected)
         middle = 0.5 * (self.nodes.min() + self.nodes.max())
         positions = self.at(np.full(self.positions.shape[1], middle))
         for _ in range(MAX_TURNS):
@@ -254,25 +257,9 @@ def divided(surface: Surface) -> tuple[Surface, Callable[[Float], Float]]:
     count = len(surface.points)
     middle = count + inverse.reshape(-1, 4)
     centre = count + len(edges) + np.cumsum(quads) - 1
-    corners = [faces[:, k] for k in range(4)]
-    four = np.stack(
-        [
-            np.stack([corners[k], middle[:, k], centre, middle[:, (k + 3) % 4]], axis=1)
-            for k in range(4)
-        ],
-        axis=1,
-    )
-    none = np.full(len(faces), -1)
-    three = np.stack(
-        [
-            np.stack([corners[0], middle[:, 0], middle[:, 2], none], axis=1),
-            np.stack([corners[1], middle[:, 1], middle[:, 0], none], axis=1),
-            np.stack([corners[2], middle[:, 2], middle[:, 1], none], axis=1),
-            np.stack([middle[:, 0], middle[:, 1], middle[:, 2], none], axis=1),
-        ],
-        axis=1,
-    )
-    new = np.where(quads[:, None, None], four, three).reshape(-1, 4).astype(np.int32)
+    vertices = np.column_stack([faces, middle, centre, np.full(len(faces), -1)])
+    parts = np.where(quads[:, None, None], vertices[:, QUAD_PARTS], vertices[:, TRIANGLE_PARTS])
+    new = parts.reshape(-1, 4).astype(np.int32)
 
     def mean(values: Float) -> Float:
         at_edges = 0.5 * (values[edges[:, 0]] + values[edges[:, 1]])
