@@ -30,7 +30,7 @@ CONCEPTS = {
     "optics/ambient": "pipes",
     "optics/calibration": "units",
     "optics/camera": "distortion_dic",
-    "optics/edge_pixels": "contact fine_silhouettes plate_border",
+    "optics/edge_pixels": "contact fine_silhouettes",
     "optics/geometry": "edge_on open_sheets winding",
     "optics/paint": "checker_fields gloss_prints grazing",
     "optics/shading": "small_faces",
