@@ -43,6 +43,7 @@ CASES: dict[str, tuple[str, Callable[[], Scene]]] = {
     "deferred": ("board of 300,000 faces", lambda: sheets("board", 300_000, 2790)),
     "checker_lines": ("unlit board", lambda: picture("board")),
     "tile_light": ("lit crane, 21 Mpx", lambda: picture("crane-lit")),
+    "plate_border": ("unlit board", lambda: picture("board")),
 }
 
 

@@ -8,6 +8,8 @@ In the order in which data passes:
   vectorised).
 - `fragment_shading`: Pieces of edge pixels in NumPy: what shows of each triangle, its paint's
   mean, its light.
+- `plate_border`: Edge pixels of one flat plate before the background, where it shows one albedo:
+  shares of areas.
 - `resolve`: Edge pixels: exact polygon areas of every triangle over the pixel, from front to
   back.
 """

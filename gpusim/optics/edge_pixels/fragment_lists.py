@@ -59,6 +59,12 @@ class EdgePixels:
 
 def segment_pixels(segments: Float, width: int, height: int) -> Long:
     """Sorted linear indices of the pixels whose squares the segments (E, 2, 2) px touch."""
+    return distinct(segment_hits(segments, width, height)[0])
+
+
+def segment_hits(segments: Float, width: int, height: int) -> tuple[Long, Long]:
+    """Linear index of a pixel and number of a segment (E, 2, 2) px that touches its square, once
+    or more for every such pair."""
     a, b = segments[:, 0], segments[:, 1]
     # clip to the image (Liang and Barsky 1984)
     low = np.full(2, -0.5 - MARGIN)
@@ -69,7 +75,7 @@ def segment_pixels(segments: Float, width: int, height: int) -> Long:
         t1 = np.where(d != 0.0, (high - a) / d, np.where((a >= low) & (a <= high), np.inf, -np.inf))
     enter = np.maximum(np.minimum(t0, t1).max(axis=1), 0.0)
     leave = np.minimum(np.maximum(t0, t1).min(axis=1), 1.0)
-    keep = enter <= leave
+    keep = np.flatnonzero(enter <= leave)
     a, d = a[keep] + enter[keep, None] * d[keep], (leave - enter)[keep, None] * d[keep]
     b = a + d
     first = np.floor(np.minimum(a[:, 1], b[:, 1]) + 0.5 - MARGIN).astype(np.int64)
@@ -87,7 +93,7 @@ def segment_pixels(segments: Float, width: int, height: int) -> Long:
     run, step = expand(right - left + 1)
     column, row = left[run] + step, row[run]
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    return distinct(row[inside] * width + column[inside])
+    return row[inside] * width + column[inside], keep[segment[run[inside]]]
 
 
 def find_edge_pixels(view: View) -> EdgePixels:

@@ -26,7 +26,7 @@ from gpusim.optics.geometry.clipping import (
     split,
 )
 from gpusim.optics.geometry.culling import cull
-from gpusim.optics.geometry.feature_edges import feature_edges
+from gpusim.optics.geometry.feature_edges import area_normals, feature_edges
 from gpusim.optics.geometry.index_buffer import IndexedTriangles, whole_triangles
 from gpusim.optics.geometry.pattern_seams import grain_of, speckle_jumps
 from gpusim.optics.geometry.pixel_footprint import RegionPaint, regions_of, with_reach
@@ -37,6 +37,7 @@ from gpusim.optics.geometry.triangle_corners import (
     corner_range,
     in_camera,
     parts,
+    products,
 )
 from gpusim.optics.geometry.vertex_attributes import (
     SurfaceNormals,
@@ -64,6 +65,9 @@ NO_PLACES, NO_SOURCE = np.zeros((0, 3, 2)), np.zeros(0, np.int64)
 ALL = slice(None)
 Rows = slice | Long
 
+PLANE_TOLERANCE = 1e-9
+"""Share of the depth by which corners may lie off a plane."""
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -75,7 +79,8 @@ class View:
     index into ``paints`` and into the faces of all surfaces in order. ``regions``: ``paints`` of
     which not all is known yet; ``found``: these and ``footprint`` where they are known. ``edges``
     (E, 2, 2): the visible silhouettes, creases and region borders on screen, px. ``body`` (T,):
-    number of the surface, ascending. ``extent``: px, no box round a triangle has a longer side.
+    number of the surface, ascending. ``edge_source`` (E, 2): the triangle that each edge is of, and
+    its corner that it begins at. ``extent``: px, no box round a triangle has a longer side.
     ``source`` (T,): of what `look` makes, index into the triangles of all surfaces in order.
     ``origin`` (3,): where what was looked at has its zero, the undeformed positions excepted.
     """
@@ -89,6 +94,7 @@ class View:
     regions: tuple[RegionPaint, ...]
     edges: Float
     body: Int
+    edge_source: Long
     extent: float
     found: tuple[tuple[RegionPaint, ...], Float] | None = None
     source: Long = field(default_factory=NO_SOURCE.copy)
@@ -159,6 +165,18 @@ class View:
         return ImagePlane(self.camera).ideal(self.vertices[:, POSITION])
 
     @cached_property
+    def flat(self) -> bool:
+        """Whether all triangles are of one body and in one plane: none of them hides another."""
+        if not self.count or self.body[0] != self.body[-1]:
+            return False
+        corners = self.corners_of(ALL, POSITION)
+        normals = area_normals(self.vertices[:, POSITION], self.corner)
+        normal = normals[:, np.argmax(products(normals, normals))]
+        away = [np.abs(products((corners[:, k] - corners[0, 0]).T, normal)).max() for k in range(3)]
+        # far less than the depth of a triangle in front of another could be told by
+        return bool(max(away) <= PLANE_TOLERANCE * np.linalg.norm(normal) * corners[:, :, 2].min())
+
+    @cached_property
     def box(self) -> tuple[Float, Float]:
         """(T, 2) px: first and last place of every triangle, column by column in memory."""
         low, high = (np.empty((2, self.count)).T for _ in range(2))
@@ -179,10 +197,12 @@ class View:
         in_rows = (self.box[1][:, 1] > first - 1.0) & (self.box[0][:, 1] < stop)
         y = self.edges[:, :, 1]
         near = (np.maximum(y[:, 0], y[:, 1]) > first - 1.0) & (np.minimum(y[:, 0], y[:, 1]) < stop)
+        source = self.edge_source[near]
+        source[:, 0] = (np.cumsum(in_rows) - 1)[source[:, 0]]
         return replace(
             self, corner=self.corner[in_rows], paint=self.paint[in_rows], face=self.face[in_rows],
-            edges=self.edges[near], body=self.body[in_rows], source=self.source[in_rows],
-            found=(self.paints, self.footprint[in_rows]),
+            edges=self.edges[near], body=self.body[in_rows], edge_source=source,
+            source=self.source[in_rows], found=(self.paints, self.footprint[in_rows]),
         )  # fmt: skip
 
     def some(self, triangles: Long) -> View:
@@ -192,7 +212,7 @@ class View:
             self, vertices=self.vertices.T[:, corner].T, place=self.place.T[:, corner].T,
             corner=np.arange(len(corner)).reshape(-1, 3), paint=self.paint[triangles],
             face=self.face[triangles], body=self.body[triangles], edges=self.edges[:0],
-            source=self.source[:0],
+            edge_source=self.edge_source[:0], source=self.source[:0],
         )  # fmt: skip
 
     def inverse_depth(self, triangles: Long | None = None) -> Float:
@@ -259,8 +279,8 @@ def look(surfaces: Sequence[Surface], camera: Camera, lit: bool) -> View:
     ends = [place[corner[shown, j]] for j in (k, (k + 1) % 3)]
     return View(
         camera, all_of.vertices, place, corner, _joined(paint_ids), _joined(face_ids),
-        tuple(paints), np.stack(ends, axis=1), _joined(body_ids), all_of.extent,
-        source=np.concatenate(sources),
+        tuple(paints), np.stack(ends, axis=1), _joined(body_ids), np.stack([shown, k], axis=1),
+        all_of.extent, source=np.concatenate(sources),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from gpusim.optics.edge_pixels.plate_border import Border
 from gpusim.optics.geometry.view import View
 from gpusim.optics.light.lights import Light
 from gpusim.optics.light.quadrature import lamps_of
@@ -37,7 +38,8 @@ class FramePlan:
     ``rows``: of a band. ``lit``, ``shadowed``: whether there are lights, and lamps whose light
     something may hide. The others are shortcuts: ``deferred``: pixels are shaded once it is known
     which triangle each one sees; ``checker_lines``: boards are plain but for strips along their
-    lines; ``tile_light``: light on large planes is interpolated. ``reasons``: why, by name.
+    lines; ``tile_light``: light on large planes is interpolated; ``plate_border``: edge pixels of a
+    flat plate in closed form. ``reasons``: why, by name.
     """
 
     rows: int
@@ -46,6 +48,7 @@ class FramePlan:
     deferred: bool
     checker_lines: bool
     tile_light: bool
+    plate_border: bool
     reasons: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
 
     def replace(self, **choices: bool | int) -> FramePlan:
@@ -64,13 +67,14 @@ class FramePlan:
         return "\n".join(f"{n:15} {v!s:6} {self.reasons[n]}" for n, v in shown.items())
 
 
-SHORTCUTS = ("deferred", "checker_lines", "tile_light")
+SHORTCUTS = ("deferred", "checker_lines", "tile_light", "plate_border")
 
 
 def plan_frame(
     view: View,
     lights: Sequence[Light] | None,
     height: int | None = None,
+    coloured: bool = False,
 ) -> FramePlan:
     """The plan of a view, of which ``height`` rows are drawn (None: all)."""
     camera, height = view.camera, height or view.camera.height
@@ -92,6 +96,10 @@ def plan_frame(
             not straight else "triangles larger than fields' lines are wide",
         ),
         "tile_light": (lit and large, f"boxes of at least {MIN_PIXELS:.0f} px, lit"),
+        "plate_border": (
+            not (lit or coloured) and Border.suits(view),
+            "one unlit grey plate, its ground all round",
+        ),
     }  # fmt: skip
     return FramePlan(
         **{name: value for name, (value, _) in choices.items()},  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ def frame_programs(setup: Setup, plan: FramePlan) -> list[Key]:
     resolve = setup.programs.name("optics/edge_pixels/resolve")
     constants = setup.programs.constants(setup.traits.groups_present(), glossy, bumpy)
     if not plan.shadowed:
-        return [program_key(resolve, "main", constants)]
+        return [] if plan.plate_border else [program_key(resolve, "main", constants)]
     both = lens_constants(setup.view.camera)
     pixels, pieces = {**both, "listed": 0.0}, {**both, "listed": 1.0}
     relit = {**setup.programs.light_constants(glossy, bumpy), "scaled": float(not glossy)}

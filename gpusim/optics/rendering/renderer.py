@@ -13,6 +13,7 @@ from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.edge_pixels.fragment_lists import find_edge_pixels
+from gpusim.optics.edge_pixels.plate_border import PlateBorderPass
 from gpusim.optics.edge_pixels.resolve import EdgePixelPass, edges_twin
 from gpusim.optics.frame import Band, Frame
 from gpusim.optics.geometry.culling import wound_inwards
@@ -108,7 +109,7 @@ def render(
     else:
         bands: list[Band] = []
         for rows, part in _parts(view, range(camera.height)):
-            plan = plan_frame(part, lights, len(rows))
+            plan = plan_frame(part, lights, len(rows), scene.coloured)
             plan = plan if shortcuts else plan.without_shortcuts()
             bands += _draw(device, part, scene, plan, rows)
         frame = Frame.of_bands(shown, device, bands)
@@ -123,6 +124,11 @@ class _Scene:
     surfaces: Sequence[Surface]
     lights: Sequence[Light] | None
     background: Color
+
+    @property
+    def coloured(self) -> bool:
+        """Whether something in it isn't grey."""
+        return is_coloured(self.surfaces, self.lights, self.background)
 
 
 def picture_warnings(
@@ -167,7 +173,11 @@ def _draw(device: Device, view: View, scene: _Scene, plan: FramePlan, rows: rang
     tiles = LightTiles.of(setup) if plan.tile_light else None
     lit_by_all = ShadingPass(buffers, plan.rows, plan.deferred, tiles=tiles, marked=plan.shadowed)
     shading = RelightingPass(lit_by_all) if plan.shadowed else lit_by_all
-    edge_pixels = EdgePixelPass(buffers, find_edge_pixels(view))
+    edge_pixels: EdgePixelPass | PlateBorderPass
+    if plan.plate_border:
+        edge_pixels = PlateBorderPass(device, view, setup.background)
+    else:
+        edge_pixels = EdgePixelPass(buffers, find_edge_pixels(view))
     bands = [
         Band.of(device, row0, min(plan.rows, rows.stop - row0), shading.stride, len(setup.bands))
         for row0 in rows[:: plan.rows]

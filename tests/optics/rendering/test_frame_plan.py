@@ -79,6 +79,8 @@ def environment() -> Scene:
 
 CASES: list[tuple[Callable[[], Scene], str, float]] = [
     (plate, "checker_lines", 5e-5),
+    # what is left open by less than this counts as a seam
+    (plate, "plate_border", 5.1e-4),
     (plate_lit, "tile_light", 5e-5),
     # the device makes coefficients from places in 1/65536 px
     (fine, "deferred", 5e-5),
@@ -146,7 +148,7 @@ def test_photographs_go_without_shortcuts_too(device: Device) -> None:
 def test_a_plan_says_what_it_chose_and_why() -> None:
     surfaces, whence, lights = fine_shadows()
     plan = plan_frame(look(surfaces, whence, True), lights)
-    assert plan.lit and plan.shadowed and plan.deferred
+    assert plan.lit and plan.shadowed and plan.deferred and not plan.plate_border
     text = str(plan)
     assert "deferred" in text and "triangles of" in text
     assert len(text.splitlines()) == len(plan.reasons)
