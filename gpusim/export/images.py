@@ -11,7 +11,6 @@ number, size and time of change, whatever it is called.
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from collections import OrderedDict
@@ -26,12 +25,11 @@ import numpy.typing as npt
 
 from gpusim.errors import GpusimError, InputError
 from gpusim.files.atomic_files import PathLike, atomic_path
-from gpusim.files.input_file import InputFile
+from gpusim.files.input_file import InputFile, Stamp, file_stamp
 from gpusim.files.picture_file import read_picture
 
 MOST_BYTES = 256 << 20
 
-Stamp = tuple[int, int, int]
 _kept: OrderedDict[Stamp, npt.NDArray[Any]] = OrderedDict()
 _lock = Lock()
 
@@ -60,15 +58,6 @@ def recall(path: PathLike) -> npt.NDArray[Any] | None:
         if stamp is not None and image is not None:
             _kept.move_to_end(stamp)
         return image
-
-
-def file_stamp(path: PathLike) -> Stamp | None:
-    """What changes whenever a file is written or replaced; None where there is none."""
-    try:
-        found = os.stat(path)
-    except (OSError, ValueError):
-        return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 Picture = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]

@@ -26,6 +26,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from gpusim.errors import InputError
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +71,8 @@ class InputFile:
         try:
             return self.data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise InputError(
-                f"{self.path}: not a text; got byte {error.start} that is no UTF-8; "
-                f"expected {expected}"
-            ) from None
+            got = f"byte {error.start} that is no UTF-8"
+            raise InputError(f"{self.path}: not a text; got {got}; expected {expected}") from None
 
     @contextmanager
     def on_disk(self) -> Iterator[Path]:
@@ -83,6 +82,9 @@ class InputFile:
             copy.write_bytes(self.data)
             yield copy
 
+
+Stamp = tuple[int, int, int]
+"""A file's number, size and time of change."""
 
 Reader = Callable[[str], InputFile]
 """Reads a file by its path: `read_input`, or `Scene.input`, which knows what it has to be."""
@@ -120,11 +122,10 @@ def read_input(
     file = source if isinstance(source, InputFile) else _read(source, expected)
     if known is not None:
         file = InputFile(file.path, file.data, known)
-    if sha256 is not None and file.sha256 != sha256:
-        raise InputError(
-            f"{file.path}: was changed after it was first read; got other bytes; "
-            "expected the same file during a whole run: load the scene again"
-        )
+    if sha256 is not None:
+        what = f"{file.path}: was changed after it was first read"
+        expected = "the same file during a whole run: load the scene again"
+        require(file.sha256 == sha256, what, "other bytes", expected)
     return file
 
 
@@ -161,6 +162,15 @@ def _read(source: str | os.PathLike[str], expected: str) -> InputFile:
         except OSError as error:
             problem = f"unreadable ({error.strerror or error})"
     raise InputError(f"{path}: {problem}; expected {expected}")
+
+
+def file_stamp(path: str | os.PathLike[str]) -> Stamp | None:
+    """What changes whenever a file is written or replaced; None where there is none."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _open(path: str, flags: int) -> int:
@@ -202,10 +212,8 @@ def included_files(file: InputFile) -> tuple[InputFile, ...]:
         for name in statement.findall(parent.data):
             child = parent.path.parent / _text(name)
             if str(child) not in found:
-                if len(found) > _MOST:
-                    raise InputError(
-                        f"{file.path}: includes more than {_MOST} files; expected fewer"
-                    )
+                few, got = len(found) <= _MOST, f"more than {_MOST} included files"
+                require(few, f"{file.path}", got, "fewer")
                 found[str(child)] = read_input(child, "an included file")
                 waiting.append(found[str(child)])
     return tuple(found.values())[1:]
@@ -272,14 +280,11 @@ def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path
             "expected ParaView's .pvd or .series"
         ) from None
     steps = sorted((time, file.parent / name) for time, name in rows)
-    if not steps:
-        raise InputError(f"{file}: names no files; expected one per time")
+    require(len(steps) > 0, f"{file}", "no files", "one per time")
     for (a, first), (b, second) in pairwise(steps):
-        if not a < b:
-            raise InputError(
-                f"{file}: two files of time {b:g}; got {first.name} and {second.name}; expected "
-                "one file per time, not pieces of a parallel run"
-            )
+        got = f"{first.name} and {second.name}"
+        expected = "one file per time, not pieces of a parallel run"
+        require(a < b, f"{file}: two files of time {b:g}", got, expected)
     return steps
 
 

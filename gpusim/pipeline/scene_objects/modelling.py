@@ -67,10 +67,8 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
     """
     body, grid = parts.body, parts.mesh
     if body.material is None:
-        raise InputError(
-            f"body {body.name!r}: its displacements are given, there is nothing to solve; expected "
-            "a body with a material"
-        )
+        why = "its displacements are given, there is nothing to solve"
+        raise InputError(f"body {body.name!r}: {why}; expected a body with a material")
     # supports that move alike have one group and one share of it
     moves: dict[int, Any] = {k: one.amplitude for k, one in enumerate(body.supports)}
     if groups is not None:

@@ -36,6 +36,7 @@ from gpusim.surface.color import color
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
 from gpusim.surface.texture import MOST_TEXELS, textured
+from gpusim.validation import require
 
 Frame = PaintFrame | CylinderFrame | Atlas
 DEFAULT_ALBEDO = 0.5
@@ -288,10 +289,8 @@ def _looks(
                              "there; expected it beside the prop's file")  # fmt: skip
         result.append((own[surface.material[own] == number], material))
     texels = sum(claimed_pixels(one.picture) for _, one in result if one.picture)
-    if texels > MOST_TEXELS:
-        raise InputError(
-            f"{where}: pictures of {texels:,} pixels; expected at most {MOST_TEXELS:,} in all"
-        )
+    most = f"at most {MOST_TEXELS:,} in all"
+    require(texels <= MOST_TEXELS, where, f"pictures of {texels:,} pixels", most)
     return result
 
 

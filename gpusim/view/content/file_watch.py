@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from gpusim.export.images import Stamp, file_stamp
+from gpusim.files.input_file import Stamp, file_stamp
 
 PERIOD = 0.25
 """s between two looks."""
