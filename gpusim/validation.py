@@ -104,10 +104,17 @@ def is_number(value: Any) -> bool:
     return real and not isinstance(value, bool | np.bool_)
 
 
+def similar_name(name: str, names: Iterable[str]) -> str:
+    """The one of ``names`` that ``name`` may be a misspelling of, else ""; case doesn't count."""
+    lower = {one.lower(): one for one in names}
+    near = difflib.get_close_matches(name.lower(), list(lower), 1, 0.6)
+    return lower[near[0]] if near else ""
+
+
 def nearest_name(name: str, names: Iterable[str]) -> str:
     """ " (did you mean x?)" if one of the ``names`` is close, else ""."""
-    near = difflib.get_close_matches(name, list(names), 1, 0.6)
-    return f" (did you mean {near[0]}?)" if near else ""
+    near = similar_name(name, names)
+    return f" (did you mean {near}?)" if near else ""
 
 
 def checked(thing: T) -> T:

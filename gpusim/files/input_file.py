@@ -56,10 +56,8 @@ class InputFile:
         """
         path = self.path.parent / name
         if self.known and str(path) not in self.known:
-            raise InputError(
-                f"{self.path}: names {name}, which wasn't found when the scene was loaded; "
-                "expected a plain name, on the line of its keyword"
-            )
+            what = f"{self.path}: names {name}, which wasn't found when the scene was loaded"
+            raise InputError(f"{what}; expected a plain name, on the line of its keyword")
         return read_input(path, expected, self.known.get(str(path)), self.known)
 
     def stream(self) -> io.BytesIO:

@@ -159,10 +159,8 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
     try:
         import OpenEXR
     except ImportError:
-        raise InputError(
-            f"image file: {file.path}: got no package OpenEXR; expected it for .exr files: "
-            "pip install 'gpusim[exr]'"
-        ) from None
+        expected = "expected it for .exr files: pip install 'gpusim[exr]'"
+        raise InputError(f"image file: {file.path}: got no package OpenEXR; {expected}") from None
     with file.on_disk() as path, redirect_stdout(io.StringIO()), silence():
         (part,) = OpenEXR.File(str(path), header_only=True).parts
         low, high = part.header["dataWindow"]

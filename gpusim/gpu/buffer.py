@@ -27,11 +27,9 @@ def to_real(values: npt.ArrayLike, real: str, where: str) -> npt.NDArray[Any]:
     array = np.ascontiguousarray(values, dtype=np.float64)
     largest = float(np.max(np.abs(array), initial=0.0))
     if not np.isfinite(largest):
-        bad = np.argwhere(~np.isfinite(array))[0]
-        raise InputError(
-            f"{where}: not finite at index {tuple(int(i) for i in bad)}; "
-            f"got {array[tuple(bad)]}; expected finite numbers"
-        )
+        bad = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+        what = f"{where}: not finite at index {bad}"
+        raise InputError(f"{what}; got {array[bad]}; expected finite numbers")
     if real == "f64":
         return array
     what = f"{where}: too large for a device without 64-bit floats"

@@ -128,10 +128,8 @@ class DeviceContext:
         """The wgpu object of a storage buffer of zeros, or of what ``data`` holds."""
         size = max(16, -(-int(nbytes) // 16) * 16)
         if size > self.limits["max-buffer-size"]:
-            raise OutOfDeviceMemory(
-                f"buffer {label}; got {size} bytes; expected at most "
-                f"{self.limits['max-buffer-size']} in one buffer on {self.name}"
-            )
+            most = f"{self.limits['max-buffer-size']} in one buffer on {self.name}"
+            raise OutOfDeviceMemory(f"buffer {label}; got {size} bytes; expected at most {most}")
         self.require_memory(size, label)
         with self.guard(f"buffer {label} of {size} bytes"):
             usage = wgpu.BufferUsage

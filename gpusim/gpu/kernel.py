@@ -199,10 +199,8 @@ class Program:
             unknown = sorted(set(constants) - set(module.overrides))
             needed = sorted(n for n, default in module.overrides.items() if not default)
             if unknown or not set(needed) <= set(constants):
-                raise InputError(
-                    f"{where} constants; got {sorted(constants)}; needed {needed}, "
-                    f"unknown {unknown}"
-                )
+                got = f"got {sorted(constants)}; needed {needed}, unknown {unknown}"
+                raise InputError(f"{where} constants; {got}")
         self.layout = Layout(device, module, tuple(entries.values()))
 
     def bind(self, **values: Any) -> Bindings:

@@ -27,9 +27,8 @@ class Texture:
     ) -> None:
         limit = device.limits["max-texture-dimension-2d"]
         if not (0 < width <= limit and 0 < height <= limit):
-            raise OutOfDeviceMemory(
-                f"texture {label}; got {width}x{height}; expected at most {limit} a side"
-            )
+            got = f"{width}x{height}"
+            raise OutOfDeviceMemory(f"texture {label}; got {got}; expected at most {limit} a side")
         usage = wgpu.TextureUsage
         self.width, self.height, self.format = width, height, fmt
         self.nbytes = width * height * _texel_bytes(fmt)

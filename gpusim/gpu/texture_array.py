@@ -41,9 +41,8 @@ class Texels(DeviceMemory):
     def __init__(self, device: DeviceContext, count: int, fmt: str, label: str) -> None:
         require(fmt in _FORMATS, f"texels {label}", repr(fmt), f"one of {sorted(_FORMATS)}")
         if not 0 <= count <= most_texels(device):
-            raise OutOfDeviceMemory(
-                f"texels {label}; got {count}; expected at most {most_texels(device)} in a texture"
-            )
+            most = f"at most {most_texels(device)} in a texture"
+            raise OutOfDeviceMemory(f"texels {label}; got {count}; expected {most}")
         self.device, self.count, self.format, self.label = device, int(count), fmt, label
         self.dtype = _FORMATS[fmt]
         self.nbytes = self.footprint(count)

@@ -21,7 +21,7 @@ class Uniform:
         self._buffers: dict[np.dtype[np.void], Any] = {}
 
     def live(self, dtype: np.dtype[np.void], where: str) -> Any:
-        """The wgpu buffer with the values laid out as ``dtype``.
+        """The wgpu buffer with the values laid out as ``dtype``; ``where`` names it in errors.
 
         Raises
         ------
@@ -29,7 +29,7 @@ class Uniform:
             See `pack`.
         """
         if dtype not in self._buffers:
-            data = pack(self.values, dtype, f"{where}.{self.label.rpartition('.')[2]}")
+            data = pack(self.values, dtype, where)
             size = -(-data.nbytes // 16) * 16
             usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
             self._buffers[dtype] = self.device.create(self.label, size, data, usage)

@@ -108,10 +108,9 @@ def _check_markers(paint: m.MarkersTable, frame: PaintFrame | CylinderFrame) -> 
     bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
     if len(bad):
         marker = paint.markers[bad[0]]
-        raise InputError(
-            f"marker {marker.name!r}; got position {list(marker.position)} m, "
-            f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
-        )
+        away = f"{1e3 * off[bad[0]]:.3g} mm off the painted plane"
+        got = f"position {list(marker.position)} m, {away}"
+        raise InputError(f"marker {marker.name!r}; got {got}; expected a point on it")
 
 
 def _distance(frame: PaintFrame | CylinderFrame, points: Float) -> Float:

@@ -125,12 +125,10 @@ def solve_bodies(
             **options.for_solver(),
         )
         if not solution.converged:
-            raise NotConverged(
-                f"solve, body {body.name!r}: stopped after {solution.iterations} "
-                f"iterations at an estimated displacement error of "
-                f"{solution.error_estimate:.2e}; expected {solver.tolerance:.1e}: "
-                f"{solution.message}"
-            )
+            where = f"solve, body {body.name!r}: stopped after {solution.iterations} iterations"
+            reached = f"an estimated displacement error of {solution.error_estimate:.2e}"
+            expected = f"{solver.tolerance:.1e}: {solution.message}"
+            raise NotConverged(f"{where} at {reached}; expected {expected}")
         solutions.append(solution)
     return solutions
 

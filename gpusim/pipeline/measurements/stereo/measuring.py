@@ -134,9 +134,8 @@ def _triangulated(
     )
     good = np.count_nonzero(np.isfinite(first.points).all(axis=1))
     if not good >= 3:
-        raise GpusimError(
-            f"measure {name!r}: {good} markers are seen by two cameras; expected three"
-        )
+        found = f"{good} markers are seen by two cameras"
+        raise GpusimError(f"measure {name!r}: {found}; expected three")
     return first, last
 
 
