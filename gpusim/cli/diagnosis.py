@@ -10,8 +10,14 @@ from typing import Any, Literal
 
 from gpusim._version import __version__
 from gpusim.cli.console import size_text
-from gpusim.errors import DeviceError, GpusimError, InputError, NoAdapter, TwinMismatch
-from gpusim.validation import nearest_name
+from gpusim.errors import (
+    DeviceError,
+    GpusimError,
+    InputError,
+    NoAdapter,
+    TwinMismatch,
+    nearest_name,
+)
 
 _PACKAGES = ("wgpu", "numpy", "scipy", "opencv-contrib-python-headless", "h5py")
 _LIMITS = (

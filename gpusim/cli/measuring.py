@@ -23,8 +23,7 @@ from gpusim.cli.console import (
     out,
 )
 from gpusim.cli.tables import print_calibration, print_correlation
-from gpusim.errors import InputError, NotConverged
-from gpusim.validation import require
+from gpusim.errors import InputError, NotConverged, require
 
 if TYPE_CHECKING:
     from gpusim import measure

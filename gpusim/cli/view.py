@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 import typer
 
 from gpusim.cli.console import exit_codes, importing, out
+from gpusim.errors import require
 from gpusim.interrupts import INTERRUPTED
 from gpusim.printable import printable
-from gpusim.validation import require
 
 PORT = 60649
 

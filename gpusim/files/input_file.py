@@ -25,8 +25,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-from gpusim.errors import InputError
-from gpusim.validation import require
+from gpusim.errors import InputError, require
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from gpusim.errors import InputError
-from gpusim.validation import require
+from gpusim.errors import InputError, require
 
 try:
     import fcntl

@@ -10,7 +10,7 @@ import copy
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from gpusim.validation import nearest_name, require
+from gpusim.errors import nearest_name, require
 
 Document = dict[str, Any]
 _GONE = object()

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gpusim.errors import Fault
+from gpusim.errors import Fault, similar_name
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
 from gpusim.scene.description.processing import ANALYSIS_TYPES
 from gpusim.scene.description.table import Words, tables_of
-from gpusim.validation import similar_name
 
 from .faults import value_text
 from .key_paths import Keys, dotted, listed

@@ -8,9 +8,8 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
-from gpusim.errors import Fault
+from gpusim.errors import Fault, similar_name
 from gpusim.scene.description.finishes import NamedFinish
-from gpusim.validation import similar_name
 
 DEEPEST = 16
 """Levels of tables and lists, and of a dotted key."""
