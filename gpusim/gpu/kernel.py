@@ -38,25 +38,21 @@ class Layout:
         self._sampled = any(b.type == "sampler" for b in self.bindings.values())
         self.groups: list[Any] = []
         count = 1 + max((b.group for b in self.bindings.values()), default=-1)
+        label = f"gpusim.{module.name}"
         with device.guard(f"layout of {module.name}"):
             for group in range(count):
-                self.groups.append(
-                    device.gpu.create_bind_group_layout(
-                        label=f"gpusim.{module.name}",
-                        entries=[
-                            {
-                                "binding": b.index,
-                                "visibility": visibility,
-                                **self._resource_kind(b),
-                            }
-                            for b in self.bindings.values()
-                            if b.group == group
-                        ],
-                    )
-                )
+                kinds = [
+                    {"binding": b.index, "visibility": visibility, **self._resource_kind(b)}
+                    for b in self._of_group(group)
+                ]
+                layout = device.gpu.create_bind_group_layout(label=label, entries=kinds)
+                self.groups.append(layout)
             self.pipeline = device.gpu.create_pipeline_layout(
-                label=f"gpusim.{module.name}", bind_group_layouts=self.groups
+                label=label, bind_group_layouts=self.groups
             )
+
+    def _of_group(self, group: int) -> list[Binding]:
+        return [b for b in self.bindings.values() if b.group == group]
 
     def _resource_kind(self, b: Binding) -> dict[str, Any]:
         if b.space == "uniform":
@@ -74,13 +70,8 @@ class Layout:
             return {"texture": {"sample_type": sample, "view_dimension": "2d"}}
         stored = _STORED.fullmatch(b.type)
         if stored:
-            return {
-                "storage_texture": {
-                    "access": f"{stored.group(2)}-only",
-                    "format": stored.group(1),
-                    "view_dimension": "2d",
-                }
-            }
+            kind = {"access": f"{stored.group(2)}-only", "format": stored.group(1)}
+            return {"storage_texture": {**kind, "view_dimension": "2d"}}
         raise InputError(f"{self.module.name}: binding {b.name} of type {b.type} isn't covered")
 
     def bind(self, values: dict[str, Any]) -> Bindings:
@@ -90,12 +81,14 @@ class Layout:
         if set(values) != own:
             missing, extra = sorted(own - set(values)), sorted(set(values) - own)
             raise InputError(f"{where}; missing {missing}; unknown {extra}; expected {sorted(own)}")
+
+        def resource(binding: Binding) -> Any:
+            if binding.group == 1:
+                return {"buffer": self.device.opaque_zero}
+            return self._resource(binding, values[binding.name], f"{where}.{binding.name}")
+
         with self.device.guard(where):
-            resources = {
-                name: self._resource(self.bindings[name], value, f"{where}.{name}")
-                for name, value in values.items()
-            }
-            return Bindings(self, self._groups(resources), values)
+            return Bindings(self, self.bind_groups(resource), values)
 
     def _resource(self, binding: Binding, value: Any, where: str) -> Any:
         if binding.space == "uniform":
@@ -131,21 +124,13 @@ class Layout:
         got = f"{what} of another device ({value.label})"
         require(value.device is self.device, where, got, f"one of {self.device.name}")
 
-    def _groups(self, resources: dict[str, Any]) -> tuple[Any, ...]:
-        """Bind groups 0 and 1."""
-        result = []
+    def bind_groups(self, resource: Callable[[Binding], Any]) -> tuple[Any, ...]:
+        """Bind groups 0 and 1, of the ``resource`` of each binding."""
+        result, label = [], f"gpusim.{self.module.name}"
         for group, layout in enumerate(self.groups):
-            entries = []
-            for b in self.bindings.values():
-                if b.group == group == 1:
-                    resource = {"buffer": self.device.opaque_zero}
-                    entries.append({"binding": b.index, "resource": resource})
-                elif b.group == group:
-                    entries.append({"binding": b.index, "resource": resources[b.name]})
+            entries = [{"binding": b.index, "resource": resource(b)} for b in self._of_group(group)]
             result.append(
-                self.device.gpu.create_bind_group(
-                    label=f"gpusim.{self.module.name}", layout=layout, entries=entries
-                )
+                self.device.gpu.create_bind_group(label=label, layout=layout, entries=entries)
             )
         return tuple(result)
 
@@ -232,12 +217,8 @@ class Kernel(Program):
         self.workgroup = module.workgroup_size(entry, constants)
         _check_workgroup(self.workgroup, device.limits, f"kernel {self.name}")
         with device.guard(f"kernel {self.name}"):
+            shader = compiled(module)
+            compute = {"module": shader, "entry_point": entry, "constants": constants}
             self.pipeline = device.gpu.create_compute_pipeline(
-                label=f"gpusim.{self.name}",
-                layout=self.layout.pipeline,
-                compute={
-                    "module": compiled(module),
-                    "entry_point": entry,
-                    "constants": constants,
-                },
+                label=f"gpusim.{self.name}", layout=self.layout.pipeline, compute=compute
             )

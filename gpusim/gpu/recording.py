@@ -182,20 +182,11 @@ class Recording:
                 "depth_clear_value": 0.0,
             }
         values = dict(enumerate(clear)) if isinstance(clear, Sequence) else {}
-        attachments = [
-            {
-                "view": texture.view,
-                "load_op": "clear" if clear is not None else "load",
-                "store_op": "store",
-                "clear_value": (
-                    0 if texture.format.endswith("int") else values.get(k, clear) or 0.0,
-                    0,
-                    0,
-                    0,
-                ),
-            }
-            for k, texture in enumerate(colors)
-        ]
+        kept = {"load_op": "clear" if clear is not None else "load", "store_op": "store"}
+        attachments = []
+        for k, texture in enumerate(colors):
+            value = 0 if texture.format.endswith("int") else values.get(k, clear) or 0.0
+            attachments.append({"view": texture.view, "clear_value": (value, 0, 0, 0), **kept})
         self._pass = self._encoder.begin_render_pass(
             label=f"gpusim.{self.stage}",
             color_attachments=attachments,

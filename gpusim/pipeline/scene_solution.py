@@ -48,13 +48,8 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
         return fem.solve(problem, device, **options)  # which says what is wrong
     what, count = f"solve: scene {problem.name!r}", len(problem.bodies)
     require(count == 1, what, f"{count} bodies", "one (run the scene, or solve a Model per body)")
-    body, solver = problem.bodies[0], problem.solver
-    defaults = {
-        "tolerance": solver.tolerance,
-        "formulation": body.formulation,
-        "max_iterations": solver.max_iterations,
-        "method": solver.method,
-    }
+    body = problem.bodies[0]
+    defaults = {**dict(problem.solver), "formulation": body.formulation}
     groups = load_groups(body, problem.analysis.load_factors)
     model = build_model(build_body(body, problem.input), groups)
     return fem.solve(model, device, **{**defaults, **options})

@@ -115,15 +115,8 @@ def solve_bodies(
             done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
             progress(done, f"{name}: iteration {iterations}, {estimate:.1e}")
 
-        solution = fem.solve(
-            model,
-            tolerance=solver.tolerance,
-            formulation=body.formulation,
-            max_iterations=solver.max_iterations,
-            method=solver.method,
-            progress=note,
-            **options.for_solver(),
-        )
+        asked = {**dict(solver), "formulation": body.formulation, **options.for_solver()}
+        solution = fem.solve(model, progress=note, **asked)
         if not solution.converged:
             where = f"solve, body {body.name!r}: stopped after {solution.iterations} iterations"
             reached = f"an estimated displacement error of {solution.error_estimate:.2e}"
