@@ -12,15 +12,21 @@
         OutOfDeviceMemory            4   refused before anything was allocated
       TwinMismatch                   5   a kernel disagrees with its NumPy twin
 
-A message says what is wrong, where, what was got and what was expected.
+A message says what is wrong, where, what was got and what was expected; `require` says it so, and
+`nearest_name` what was probably meant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from gpusim.printable import printable
+
+if TYPE_CHECKING:
+    import numpy as np
 
 __all__ = [
     "DeviceError",
@@ -197,6 +203,25 @@ class TwinMismatch(GpusimError):
     """
 
     exit_code = 5
+
+
+def require(fits: bool | np.bool_, what: str, got: object, expected: str) -> None:
+    """Raises InputError "what; got …; expected …" unless an argument ``fits``."""
+    if not fits:
+        raise InputError(f"{what}; got {got}; expected {expected}")
+
+
+def similar_name(name: str, names: Iterable[str]) -> str:
+    """The one of ``names`` that ``name`` may be a misspelling of, else ""; case doesn't count."""
+    lower = {one.lower(): one for one in names}
+    near = difflib.get_close_matches(name.lower(), list(lower), 1, 0.6)
+    return lower[near[0]] if near else ""
+
+
+def nearest_name(name: str, names: Iterable[str]) -> str:
+    """ " (did you mean x?)" if one of the ``names`` is close, else ""."""
+    near = similar_name(name, names)
+    return f" (did you mean {near}?)" if near else ""
 
 
 def __dir__() -> list[str]:

@@ -3,7 +3,8 @@
 `checked` reads the types from a function's or dataclass' annotations, so that what the signature
 says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers. A
 `Rule` beside a type says what else a value must be (``power: Positive``). Other types, shapes and
-what depends on several arguments are left to the function itself, which asks by `require`.
+what depends on several arguments are left to the function itself, which asks by
+`gpusim.errors.require`.
 
 `unmasked`, which is part of `checked`, is the rule for NumPy's masked arrays, whose masks
 `np.asarray` would drop without a word. Masked pixels of a picture that is measured count as NaN
@@ -12,7 +13,6 @@ what depends on several arguments are left to the function itself, which asks by
 
 from __future__ import annotations
 
-import difflib
 import functools
 import inspect
 import itertools
@@ -26,7 +26,8 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
+from gpusim.errors import InputError, nearest_name
+from gpusim.errors import require as require
 
 T = TypeVar("T", bound=Callable[..., Any])
 
@@ -65,12 +66,6 @@ Portion = Annotated[float, Rule("above 0, up to 1", lambda value: 0.0 < value <=
 Finite = Annotated[float, Rule("a finite number", np.isfinite)]
 
 
-def require(fits: bool | np.bool_, what: str, got: object, expected: str) -> None:
-    """Raises InputError "what; got …; expected …" unless an argument ``fits``."""
-    if not fits:
-        raise InputError(f"{what}; got {got}; expected {expected}")
-
-
 class _Alternative(NamedTuple):
     """One of the types that a value may have: its name, whether a value is of it, and its rule."""
 
@@ -102,12 +97,6 @@ def is_number(value: Any) -> bool:
         value = value[()]
     real = isinstance(value, int | float | np.integer | np.floating)
     return real and not isinstance(value, bool | np.bool_)
-
-
-def nearest_name(name: str, names: Iterable[str]) -> str:
-    """ " (did you mean x?)" if one of the ``names`` is close, else ""."""
-    near = difflib.get_close_matches(name, list(names), 1, 0.6)
-    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def checked(thing: T) -> T:

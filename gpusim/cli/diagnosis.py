@@ -5,13 +5,19 @@ from __future__ import annotations
 import platform
 import time
 from dataclasses import asdict, dataclass
-from difflib import get_close_matches
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Literal
 
 from gpusim._version import __version__
 from gpusim.cli.console import size_text
-from gpusim.errors import DeviceError, GpusimError, InputError, NoAdapter, TwinMismatch
+from gpusim.errors import (
+    DeviceError,
+    GpusimError,
+    InputError,
+    NoAdapter,
+    TwinMismatch,
+    nearest_name,
+)
 
 _PACKAGES = ("wgpu", "numpy", "scipy", "opencv-contrib-python-headless", "h5py")
 _LIMITS = (
@@ -89,13 +95,10 @@ def diagnose(stage: str | None = None) -> Diagnosis:
 
         checks = twin_checks()
         if stage is not None and stage not in checks:
-            near = get_close_matches(stage, list(checks), n=1)
-            hint = f" (did you mean {near[0]}?)" if near else ""
-            if stage.endswith(".toml"):
-                hint = "; `gpusim plan` checks a scene file"
-            raise InputError(
-                f"check: no such stage; got {stage}; expected one of {', '.join(checks)}{hint}"
-            )
+            of_scene = "; `gpusim plan` checks a scene file"
+            hint = of_scene if stage.endswith(".toml") else nearest_name(stage, checks)
+            expected = f"one of {', '.join(checks)}{hint}"
+            raise InputError(f"check: no such stage; got {stage}; expected {expected}")
         device = Device()
     except NoAdapter as error:
         facts["adapter"] = f"none: {error}"

@@ -23,7 +23,7 @@ from gpusim.cli.console import (
     out,
 )
 from gpusim.cli.tables import print_calibration, print_correlation
-from gpusim.errors import InputError, NotConverged
+from gpusim.errors import InputError, NotConverged, require
 
 if TYPE_CHECKING:
     from gpusim import measure
@@ -203,11 +203,8 @@ def options_named() -> Iterator[None]:
 
 def _pairs(files: list[Path]) -> tuple[list[Path], list[Path]]:
     """Pictures of the left and of the right camera."""
-    if len(files) % 2:
-        raise InputError(
-            f"--stereo: got {len(files)} pictures; expected pairs: LEFT_REF RIGHT_REF "
-            "LEFT_1 RIGHT_1 …"
-        )
+    expected = "pairs: LEFT_REF RIGHT_REF LEFT_1 RIGHT_1 …"
+    require(len(files) % 2 == 0, "--stereo", f"{len(files)} pictures", expected)
     return files[::2], files[1::2]
 
 

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from gpusim.cli.console import exit_codes, importing, out
-from gpusim.errors import InputError
+from gpusim.errors import require
 from gpusim.interrupts import INTERRUPTED
 from gpusim.printable import printable
 
@@ -19,10 +19,8 @@ PORT = 60649
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)[x×](\d+)", str(text))  # noqa: RUF001
     size = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not all(16 <= side <= 8192 for side in size):
-        raise InputError(
-            f"view --size; got {text!r}; expected WIDTHxHEIGHT, 16 to 8192 px: 1280x800"
-        )
+    fits = all(16 <= side <= 8192 for side in size)
+    require(fits, "view --size", repr(text), "WIDTHxHEIGHT, 16 to 8192 px: 1280x800")
     return size
 
 

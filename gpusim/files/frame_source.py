@@ -20,7 +20,7 @@ from gpusim.errors import InputError
 from gpusim.files.input_file import open_input
 from gpusim.files.picture_file import pages_of, picture_file, read_grey
 from gpusim.files.picture_tags import TIFF_MAGIC
-from gpusim.validation import real_numbers, unmasked
+from gpusim.validation import real_numbers, require, unmasked
 
 Image = npt.NDArray[Any]
 Frames = str | os.PathLike[str] | Image | Iterable[str | os.PathLike[str] | Image]
@@ -103,11 +103,8 @@ def read_frames(source: Frames | FrameSource, times: npt.ArrayLike | None = None
     if isinstance(source, FrameSource):
         frames, names = source._frames, source.names
     elif isinstance(source, np.ndarray):
-        if source.ndim not in (3, 4):
-            raise InputError(
-                f"frames: got one array of shape {source.shape}; expected (N, H, W), or "
-                "(N, H, W, 3) in colour"
-            )
+        got = f"one array of shape {source.shape}"
+        require(source.ndim in (3, 4), "frames", got, "(N, H, W), or (N, H, W, 3) in colour")
         frames = source
         names = [f"frame {number}" for number in range(len(source))]
     else:

@@ -71,10 +71,8 @@ def _objects(data: bytes, wanted: str, source: str) -> dict[str, Hdf5Object]:
             if re.fullmatch(wanted, path):
                 stored = one.id.get_storage_size()
                 if one.nbytes > _GREATEST_RATIO * stored + 1e5:
-                    raise InputError(
-                        f"{source}: {path}: claims {one.nbytes / 1e6:.4g} MB; got {stored} bytes: "
-                        "cut off or damaged"
-                    )
+                    what = f"{source}: {path}: claims {one.nbytes / 1e6:.4g} MB"
+                    raise InputError(f"{what}; got {stored} bytes: cut off or damaged")
                 array = one[()]
         found[path] = Hdf5Object(attributes, array)
 

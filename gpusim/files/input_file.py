@@ -25,7 +25,7 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
-from gpusim.errors import InputError
+from gpusim.errors import InputError, require
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +55,8 @@ class InputFile:
         """
         path = self.path.parent / name
         if self.known and str(path) not in self.known:
-            raise InputError(
-                f"{self.path}: names {name}, which wasn't found when the scene was loaded; "
-                "expected a plain name, on the line of its keyword"
-            )
+            what = f"{self.path}: names {name}, which wasn't found when the scene was loaded"
+            raise InputError(f"{what}; expected a plain name, on the line of its keyword")
         return read_input(path, expected, self.known.get(str(path)), self.known)
 
     def stream(self) -> io.BytesIO:
@@ -70,10 +68,8 @@ class InputFile:
         try:
             return self.data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise InputError(
-                f"{self.path}: not a text; got byte {error.start} that is no UTF-8; "
-                f"expected {expected}"
-            ) from None
+            got = f"byte {error.start} that is no UTF-8"
+            raise InputError(f"{self.path}: not a text; got {got}; expected {expected}") from None
 
     @contextmanager
     def on_disk(self) -> Iterator[Path]:
@@ -122,11 +118,10 @@ def read_input(
     file = source if isinstance(source, InputFile) else _read(source, expected)
     if known is not None:
         file = InputFile(file.path, file.data, known)
-    if sha256 is not None and file.sha256 != sha256:
-        raise InputError(
-            f"{file.path}: was changed after it was first read; got other bytes; "
-            "expected the same file during a whole run: load the scene again"
-        )
+    if sha256 is not None:
+        what = f"{file.path}: was changed after it was first read"
+        expected = "the same file during a whole run: load the scene again"
+        require(file.sha256 == sha256, what, "other bytes", expected)
     return file
 
 
@@ -213,10 +208,8 @@ def included_files(file: InputFile) -> tuple[InputFile, ...]:
         for name in statement.findall(parent.data):
             child = parent.path.parent / _text(name)
             if str(child) not in found:
-                if len(found) > _MOST:
-                    raise InputError(
-                        f"{file.path}: includes more than {_MOST} files; expected fewer"
-                    )
+                few, got = len(found) <= _MOST, f"more than {_MOST} included files"
+                require(few, f"{file.path}", got, "fewer")
                 found[str(child)] = read_input(child, "an included file")
                 waiting.append(found[str(child)])
     return tuple(found.values())[1:]
@@ -283,14 +276,11 @@ def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path
             "expected ParaView's .pvd or .series"
         ) from None
     steps = sorted((time, file.parent / name) for time, name in rows)
-    if not steps:
-        raise InputError(f"{file}: names no files; expected one per time")
+    require(len(steps) > 0, f"{file}", "no files", "one per time")
     for (a, first), (b, second) in pairwise(steps):
-        if not a < b:
-            raise InputError(
-                f"{file}: two files of time {b:g}; got {first.name} and {second.name}; expected "
-                "one file per time, not pieces of a parallel run"
-            )
+        got = f"{first.name} and {second.name}"
+        expected = "one file per time, not pieces of a parallel run"
+        require(a < b, f"{file}: two files of time {b:g}", got, expected)
     return steps
 
 

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from gpusim.errors import InputError
+from gpusim.errors import InputError, require
 
 try:
     import fcntl
@@ -52,18 +52,14 @@ def inside(folder: PathLike, *names: str) -> Path:
     for name in names:
         parts = name.replace("\\", "/").split("/") if os.name == "nt" else name.split("/")
         problem = next(filter(None, map(_problem, parts)), "")
-        if problem:
-            raise InputError(
-                f"{folder}: a name that leads out of it, or is none ({problem}); got "
-                f"{_shown(name)}; expected the name of a file inside the folder"
-            )
+        what = f"{folder}: a name that leads out of it, or is none ({problem})"
+        require(not problem, what, _shown(name), "the name of a file inside the folder")
         for part in parts:
             path = path / part
             if os.path.islink(path):
-                raise InputError(
-                    f"{path}: is a link; got one to {os.path.realpath(path)}; expected no links "
-                    f"in an output folder: nothing outside of {folder} is written or deleted"
-                )
+                rule = f"in an output folder: nothing outside of {folder} is written or deleted"
+                got = f"got one to {os.path.realpath(path)}"
+                raise InputError(f"{path}: is a link; {got}; expected no links {rule}")
     return path
 
 
@@ -89,9 +85,8 @@ def check_below(folder: PathLike, *names: str) -> None:
     for name in names:
         place = inside(folder, name)
         if place.exists() and not place.is_dir():
-            raise InputError(
-                f"run: {place} is no folder; expected a folder, or nothing of that name"
-            )
+            expected = "expected a folder, or nothing of that name"
+            raise InputError(f"run: {place} is no folder; {expected}")
         for above, folders, files in os.walk(place):
             if not os.access(above, os.W_OK | os.X_OK):
                 raise InputError(f"{above}: can't be written to; expected a folder of yours")
@@ -103,21 +98,16 @@ def check_below(folder: PathLike, *names: str) -> None:
 def check_folder(folder: PathLike) -> None:
     """Raises InputError for a folder that couldn't be one for results: no name, a name too long,
     a file, a place in a file, or one that can't be written to. Nothing is made."""
-    if not os.fspath(folder):
-        raise InputError("output folder: no name; got ''; expected the name of a folder")
+    require(bool(os.fspath(folder)), "output folder: no name", "''", "the name of a folder")
     path = Path(folder)
     try:
         existing = next(one for one in (path, *path.absolute().parents) if _is_there(one))
     except (OSError, ValueError) as error:
         raise _unusable(path, error) from None
-    if not existing.is_dir():
-        raise InputError(
-            f"output folder: not a folder; got {existing}; expected a folder, or a new name"
-        )
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise InputError(
-            f"output folder: can't be written to; got {existing}; expected a folder of yours"
-        )
+    what, expected = "output folder: not a folder", "a folder, or a new name"
+    require(existing.is_dir(), what, existing, expected)
+    writable = os.access(existing, os.W_OK | os.X_OK)
+    require(writable, "output folder: can't be written to", existing, "a folder of yours")
 
 
 @contextmanager
@@ -208,10 +198,9 @@ def _locked(path: Path, folder: Path) -> int:
         if not free:
             owner = _owner(descriptor)
             os.close(descriptor)
-            raise InputError(
-                f"{folder} is in use by {owner or 'another process'}; expected one run per output "
-                f"folder at a time: wait for it, or name another folder (its lock: {path.name})"
-            )
+            what = f"{folder} is in use by {owner or 'another process'}"
+            advice = f"wait for it, or name another folder (its lock: {path.name})"
+            raise InputError(f"{what}; expected one run per output folder at a time: {advice}")
         if not _is_still(path, descriptor):  # the one before us has deleted it meanwhile
             os.close(descriptor)
             continue
@@ -220,9 +209,8 @@ def _locked(path: Path, folder: Path) -> int:
         os.lseek(descriptor, 0, os.SEEK_SET)
         os.write(descriptor, json.dumps(asdict(owner)).encode() + b"\n")
         return descriptor
-    raise InputError(
-        f"{folder}: its lock {path} comes and goes; expected one run per output folder"
-    )
+    what = f"{folder}: its lock {path} comes and goes"
+    raise InputError(f"{what}; expected one run per output folder")
 
 
 def _lock(descriptor: int) -> bool | None:

@@ -30,6 +30,7 @@ from gpusim.files.picture_tags import TIFF_MAGIC, Page, exif_orientation, plain_
 from gpusim.files.radiance_file import RadianceHeader, to_srgb
 from gpusim.files.silence import silence
 from gpusim.parallel.machine import memory_limit
+from gpusim.validation import require
 
 LARGEST = 1 << 28  # pixels: 16384 x 16384, beyond any camera
 BYTES = 32  # of memory for a pixel, with all that is made of a picture
@@ -79,11 +80,9 @@ def decode(source: Source, page: int = 0) -> npt.NDArray[Any]:
                 image = radiance.radiances(image[..., ::-1])[..., ::-1]
             turned = exif_orientation(file.data)
     if image is None or 0 in image.shape:
-        raise InputError(
-            f"image file: {file.path}: damaged, or no picture: it can't be read; got "
-            f"{_begins(file.data)}; expected a PNG, TIFF, JPEG, BMP, PBM, PGM, PPM, PAM, Radiance "
-            "or OpenEXR picture"
-        )
+        what = f"image file: {file.path}: damaged, or no picture: it can't be read"
+        expected = "a PNG, TIFF, JPEG, BMP, PBM, PGM, PPM, PAM, Radiance or OpenEXR picture"
+        raise InputError(f"{what}; got {_begins(file.data)}; expected {expected}")
     if turned != 1:
         warnings.warn(
             f"image file: {file.path}: got orientation {turned}, by which viewers turn or mirror "
@@ -161,10 +160,8 @@ def openexr(path: PathLike) -> Any:
     try:
         import OpenEXR
     except ImportError:
-        raise InputError(
-            f"image file: {path}: got no package OpenEXR; expected it for .exr files: "
-            "pip install 'gpusim[exr]'"
-        ) from None
+        expected = "expected it for .exr files: pip install 'gpusim[exr]'"
+        raise InputError(f"image file: {path}: got no package OpenEXR; {expected}") from None
     return OpenEXR
 
 
@@ -190,11 +187,9 @@ def _openexr(file: InputFile) -> npt.NDArray[Any]:
 def _check_size(file: InputFile, size: Size, most: int = LARGEST) -> None:
     width, height = size
     most = min(most, LARGEST, memory_limit() // BYTES)
-    if width * height > most:
-        raise InputError(
-            f"image file: {file.path}: too large; got {width} x {height} pixels in "
-            f"{len(file.data)} bytes; expected at most {most / 1e6:.3g} million pixels"
-        )
+    got = f"{width} x {height} pixels in {len(file.data)} bytes"
+    expected = f"at most {most / 1e6:.3g} million pixels"
+    require(width * height <= most, f"image file: {file.path}: too large", got, expected)
 
 
 def claimed_pixels(source: Source) -> int:
@@ -309,18 +304,12 @@ def read_grey(source: PathLike | InputFile) -> npt.NDArray[Any]:
         file, page = picture_file(source)
         data = _read(file)
     count = page_count(data)
-    if page is None and count > 1:
-        raise InputError(
-            f"image file: {file}: got {count} pages; expected one: name it, as {file.name}#1 "
-            f"(1 to {count})"
-        )
-    if page is not None and not 1 <= page <= count:
-        raise InputError(f"image file: {file}: got page {page}; expected 1 to {count}")
+    where, named = f"image file: {file}", f"one: name it, as {file.name}#1 (1 to {count})"
+    require(page is not None or count <= 1, where, f"{count} pages", named)
+    require(page is None or 1 <= page <= count, where, f"page {page}", f"1 to {count}")
     image = grey_of(read_picture(data, 0 if page is None else page - 1))
-    if image.ndim != 2 or image.dtype.kind not in "uif":
-        raise InputError(
-            f"image file: {file}: got shape {image.shape}, {image.dtype}; expected grey or colour"
-        )
+    fits = image.ndim == 2 and image.dtype.kind in "uif"
+    require(fits, where, f"shape {image.shape}, {image.dtype}", "grey or colour")
     return np.ascontiguousarray(image)
 
 

@@ -10,9 +10,10 @@ import os
 import warnings
 from functools import cache
 
-from gpusim.errors import InputError, NoAdapter
+from gpusim.errors import NoAdapter
 from gpusim.gpu.adapter import find_adapter
 from gpusim.gpu.device import Device, default_device
+from gpusim.validation import require
 
 BACKENDS = ("auto", "gpu", "numpy")
 
@@ -34,11 +35,10 @@ def working_device(what: str, backend: str, device: Device | None = None) -> Dev
 
 def chosen_backend(what: str, backend: str, device: Device | None = None) -> str:
     """``"gpu"`` or ``"numpy"`` for any of `BACKENDS`, without opening a device."""
-    if backend not in BACKENDS:
-        expected = "expected 'auto', 'gpu' or 'numpy'"
-        raise InputError(f"{what} backend; got {backend!r}; {expected}")
-    if not (device is None or isinstance(device, Device)):
-        raise InputError(f"{what} device; got {device!r}; expected a Device, or None")
+    known = backend in BACKENDS
+    require(known, f"{what} backend", repr(backend), "'auto', 'gpu' or 'numpy'")
+    known = isinstance(device, Device | None)
+    require(known, f"{what} device", repr(device), "a Device, or None")
     if backend != "auto":
         return backend
     if device is not None:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.errors import DeviceError, InputError
 from gpusim.gpu.context import DeviceContext, DeviceMemory
+from gpusim.validation import require
 
 F32_MAX = float(np.finfo(np.float32).max)
 
@@ -26,18 +27,13 @@ def to_real(values: npt.ArrayLike, real: str, where: str) -> npt.NDArray[Any]:
     array = np.ascontiguousarray(values, dtype=np.float64)
     largest = float(np.max(np.abs(array), initial=0.0))
     if not np.isfinite(largest):
-        bad = np.argwhere(~np.isfinite(array))[0]
-        raise InputError(
-            f"{where}: not finite at index {tuple(int(i) for i in bad)}; "
-            f"got {array[tuple(bad)]}; expected finite numbers"
-        )
+        bad = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+        what = f"{where}: not finite at index {bad}"
+        raise InputError(f"{what}; got {array[bad]}; expected finite numbers")
     if real == "f64":
         return array
-    if not largest <= F32_MAX:
-        raise InputError(
-            f"{where}: too large for a device without 64-bit floats; "
-            f"got {largest:.6g}; expected at most {F32_MAX:.6g} (scale the input)"
-        )
+    what = f"{where}: too large for a device without 64-bit floats"
+    require(largest <= F32_MAX, what, largest, f"at most {F32_MAX:.6g} (scale the input)")
     high = array.astype(np.float32)
     return np.stack([high, (array - high).astype(np.float32)], axis=-1)
 
@@ -63,14 +59,12 @@ class Buffer(DeviceMemory):
         kind = np.dtype(dtype)
         size = self.nbytes
         if shape is not None:
-            if any(n < 0 for n in shape):
-                raise InputError(f"reading {self.label}; got shape {shape}; expected sizes >= 0")
+            whole = all(n >= 0 for n in shape)
+            require(whole, f"reading {self.label}", f"shape {shape}", "sizes >= 0")
             size = int(np.prod(shape, dtype=np.int64)) * kind.itemsize
-        if size > self.nbytes or size % kind.itemsize:
-            raise InputError(
-                f"reading {self.label}; got {size} bytes; "
-                f"expected at most {self.nbytes}, a multiple of {kind.itemsize}"
-            )
+        fits = size <= self.nbytes and size % kind.itemsize == 0
+        expected = f"at most {self.nbytes}, a multiple of {kind.itemsize}"
+        require(fits, f"reading {self.label}", f"{size} bytes", expected)
         gpu = self.live("reading")
         if size == 0:
             return np.zeros(shape if shape is not None else 0, kind)
@@ -81,11 +75,9 @@ class Buffer(DeviceMemory):
     def write(self, array: npt.NDArray[Any]) -> None:
         """Copy whole words, or all that it holds, from the host to the start."""
         data = np.ascontiguousarray(array)
-        if data.nbytes > self.nbytes or (data.nbytes % 4 and data.nbytes != self.nbytes):
-            raise InputError(
-                f"writing {self.label}; got {data.nbytes} bytes; "
-                f"expected at most {self.nbytes}, a multiple of 4 or all"
-            )
+        fits = data.nbytes == self.nbytes or (data.nbytes < self.nbytes and data.nbytes % 4 == 0)
+        expected = f"at most {self.nbytes}, a multiple of 4 or all"
+        require(fits, f"writing {self.label}", f"{data.nbytes} bytes", expected)
         gpu = self.live("writing")
         if data.nbytes:
             with self.device.guard(f"writing {self.label}"):

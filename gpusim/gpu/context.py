@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 import wgpu
 
-from gpusim.errors import InputError, NoAdapter, OutOfDeviceMemory
+from gpusim.errors import NoAdapter, OutOfDeviceMemory
 from gpusim.gpu import faults
 from gpusim.gpu.adapter import find_adapter, free_memory
 from gpusim.gpu.timing import StageTimer
+from gpusim.validation import require
 
 PORTABLE_LIMITS = {
     "max-texture-dimension-2d": 8192,
@@ -52,8 +53,8 @@ class DeviceContext:
         memory_limit: int | None = None,
         shaders: Path | None = None,
     ) -> None:
-        if real not in (None, "f64", "double_single"):
-            raise InputError(f"Device real; got {real!r}; expected 'f64' or 'double_single'")
+        known = real in (None, "f64", "double_single")
+        require(known, "Device real", repr(real), "'f64' or 'double_single'")
         self.adapter = find_adapter(adapter or os.environ.get("GPUSIM_ADAPTER") or None)
         self.info: dict[str, Any] = dict(self.adapter.info)
         has_f64 = "shader-f64" in self.adapter.features
@@ -127,10 +128,8 @@ class DeviceContext:
         """The wgpu object of a storage buffer of zeros, or of what ``data`` holds."""
         size = max(16, -(-int(nbytes) // 16) * 16)
         if size > self.limits["max-buffer-size"]:
-            raise OutOfDeviceMemory(
-                f"buffer {label}; got {size} bytes; expected at most "
-                f"{self.limits['max-buffer-size']} in one buffer on {self.name}"
-            )
+            most = f"{self.limits['max-buffer-size']} in one buffer on {self.name}"
+            raise OutOfDeviceMemory(f"buffer {label}; got {size} bytes; expected at most {most}")
         self.require_memory(size, label)
         with self.guard(f"buffer {label} of {size} bytes"):
             usage = wgpu.BufferUsage
@@ -243,10 +242,8 @@ class DeviceMemory:
 
     def live(self, what: str) -> Any:
         """The wgpu object; raises `InputError` if it was released."""
-        if self.gpu is None:
-            raise InputError(
-                f"{what} {self.label}; got a released buffer or texture; expected a live one"
-            )
+        there = self.gpu is not None
+        require(there, f"{what} {self.label}", "a released buffer or texture", "a live one")
         return self.gpu
 
     def release(self) -> None:

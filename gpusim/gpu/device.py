@@ -68,10 +68,8 @@ class Device(DeviceContext):
         if data.dtype == np.float64:
             raise InputError(f"buffer {label}: got float64; expected real_buffer or float32 data")
         if data.dtype.kind not in "biufV" or (data.dtype.kind in "iuf" and data.itemsize > 4):
-            raise InputError(
-                f"buffer {label}: got {data.dtype}; expected a type that WGSL has: 32-bit "
-                "(or smaller, packed) numbers or structs of them"
-            )
+            wanted = "a type that WGSL has: 32-bit (or smaller, packed) numbers or structs of them"
+            raise InputError(f"buffer {label}: got {data.dtype}; expected {wanted}")
         return Buffer(self, self.allocate(data.nbytes, label, data), data.nbytes, label)
 
     def real_buffer(self, array: npt.ArrayLike, label: str) -> RealBuffer:

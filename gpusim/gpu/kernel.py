@@ -15,6 +15,7 @@ from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.texture_array import Texels
 from gpusim.gpu.uniform import Uniform
 from gpusim.gpu.wgsl import Binding, Module, type_layout
+from gpusim.validation import require
 
 _STORED = re.compile(r"texture_storage_2d<\s*(\w+)\s*,\s*(read|write)\s*>")
 _SAMPLE = {"u32": "uint", "i32": "sint", "f32": "unfilterable-float"}
@@ -37,25 +38,21 @@ class Layout:
         self._sampled = any(b.type == "sampler" for b in self.bindings.values())
         self.groups: list[Any] = []
         count = 1 + max((b.group for b in self.bindings.values()), default=-1)
+        label = f"gpusim.{module.name}"
         with device.guard(f"layout of {module.name}"):
             for group in range(count):
-                self.groups.append(
-                    device.gpu.create_bind_group_layout(
-                        label=f"gpusim.{module.name}",
-                        entries=[
-                            {
-                                "binding": b.index,
-                                "visibility": visibility,
-                                **self._resource_kind(b),
-                            }
-                            for b in self.bindings.values()
-                            if b.group == group
-                        ],
-                    )
-                )
+                kinds = [
+                    {"binding": b.index, "visibility": visibility, **self._resource_kind(b)}
+                    for b in self._of_group(group)
+                ]
+                layout = device.gpu.create_bind_group_layout(label=label, entries=kinds)
+                self.groups.append(layout)
             self.pipeline = device.gpu.create_pipeline_layout(
-                label=f"gpusim.{module.name}", bind_group_layouts=self.groups
+                label=label, bind_group_layouts=self.groups
             )
+
+    def _of_group(self, group: int) -> list[Binding]:
+        return [b for b in self.bindings.values() if b.group == group]
 
     def _resource_kind(self, b: Binding) -> dict[str, Any]:
         if b.space == "uniform":
@@ -73,13 +70,8 @@ class Layout:
             return {"texture": {"sample_type": sample, "view_dimension": "2d"}}
         stored = _STORED.fullmatch(b.type)
         if stored:
-            return {
-                "storage_texture": {
-                    "access": f"{stored.group(2)}-only",
-                    "format": stored.group(1),
-                    "view_dimension": "2d",
-                }
-            }
+            kind = {"access": f"{stored.group(2)}-only", "format": stored.group(1)}
+            return {"storage_texture": {**kind, "view_dimension": "2d"}}
         raise InputError(f"{self.module.name}: binding {b.name} of type {b.type} isn't covered")
 
     def bind(self, values: dict[str, Any]) -> Bindings:
@@ -89,76 +81,56 @@ class Layout:
         if set(values) != own:
             missing, extra = sorted(own - set(values)), sorted(set(values) - own)
             raise InputError(f"{where}; missing {missing}; unknown {extra}; expected {sorted(own)}")
+
+        def resource(binding: Binding) -> Any:
+            if binding.group == 1:
+                return {"buffer": self.device.opaque_zero}
+            return self._resource(binding, values[binding.name], f"{where}.{binding.name}")
+
         with self.device.guard(where):
-            resources = {
-                name: self._resource(self.bindings[name], value, where)
-                for name, value in values.items()
-            }
-            return Bindings(self, self._groups(resources), values)
+            return Bindings(self, self.bind_groups(resource), values)
 
     def _resource(self, binding: Binding, value: Any, where: str) -> Any:
         if binding.space == "uniform":
             return {"buffer": self._uniform(binding, value, where)}
         if binding.space == "storage":
-            if not isinstance(value, Buffer):
-                raise InputError(
-                    f"{where}.{binding.name}; got {type(value).__name__}; expected a Buffer"
-                )
-            self._check_device(value, "a buffer", f"{where}.{binding.name}")
-            gpu = value.live(f"{where}.{binding.name}:")
+            require(isinstance(value, Buffer), where, type(value).__name__, "a Buffer")
+            self._check_device(value, "a buffer", where)
+            gpu = value.live(f"{where}:")
             limit = self.device.limits["max-storage-buffer-binding-size"]
             if gpu.size > limit:
-                raise DeviceError(
-                    f"{where}.{binding.name}; got {gpu.size} bytes; expected at most {limit} "
-                    "in one binding"
-                )
+                expected = f"expected at most {limit} in one binding"
+                raise DeviceError(f"{where}; got {gpu.size} bytes; {expected}")
             return {"buffer": gpu}
         if binding.type == "sampler":
             return value
-        if not hasattr(value, "view"):
-            raise InputError(
-                f"{where}.{binding.name}; got {type(value).__name__}; expected a Texture"
-            )
+        require(hasattr(value, "view"), where, type(value).__name__, "a Texture")
         if isinstance(value, Texels):
-            value.live(f"{where}.{binding.name}:")
-            self._check_device(value, "texels", f"{where}.{binding.name}")
+            value.live(f"{where}:")
+            self._check_device(value, "texels", where)
             words = {"rgba32float": "f32", "rgba32uint": "u32"}[value.format]
-            if f"<{words}>" not in binding.type and value.format not in binding.type:
-                raise InputError(
-                    f"{where}.{binding.name}; got {value.format} ({value.label}); "
-                    f"expected {binding.type}"
-                )
+            fits = f"<{words}>" in binding.type or value.format in binding.type
+            require(fits, where, f"{value.format} ({value.label})", binding.type)
         return value.view
 
     def _uniform(self, binding: Binding, value: Any, where: str) -> Any:
         label = f"{self.module.name}.{binding.name}"
         uniform = value if isinstance(value, Uniform) else Uniform(self.device, value, label)
-        self._check_device(uniform, "a uniform", f"{where}.{binding.name}")
+        self._check_device(uniform, "a uniform", where)
         dtype, _ = type_layout(binding.type, self.module.structs, where)
         return uniform.live(dtype, where)
 
     def _check_device(self, value: Buffer | Texels | Uniform, what: str, where: str) -> None:
-        if value.device is not self.device:
-            raise InputError(
-                f"{where}; got {what} of another device ({value.label}); "
-                f"expected one of {self.device.name}"
-            )
+        got = f"{what} of another device ({value.label})"
+        require(value.device is self.device, where, got, f"one of {self.device.name}")
 
-    def _groups(self, resources: dict[str, Any]) -> tuple[Any, ...]:
-        """Bind groups 0 and 1."""
-        result = []
+    def bind_groups(self, resource: Callable[[Binding], Any]) -> tuple[Any, ...]:
+        """Bind groups 0 and 1, of the ``resource`` of each binding."""
+        result, label = [], f"gpusim.{self.module.name}"
         for group, layout in enumerate(self.groups):
-            entries = []
-            for b in self.bindings.values():
-                if b.group == group == 1:
-                    resource = {"buffer": self.device.opaque_zero}
-                    entries.append({"binding": b.index, "resource": resource})
-                elif b.group == group:
-                    entries.append({"binding": b.index, "resource": resources[b.name]})
+            entries = [{"binding": b.index, "resource": resource(b)} for b in self._of_group(group)]
             result.append(
-                self.device.gpu.create_bind_group(
-                    label=f"gpusim.{self.module.name}", layout=layout, entries=entries
-                )
+                self.device.gpu.create_bind_group(label=label, layout=layout, entries=entries)
             )
         return tuple(result)
 
@@ -184,11 +156,9 @@ def _check_workgroup(size: tuple[int, int, int], limits: dict[str, int], where: 
     largest = [limits[f"max-compute-workgroup-size-{axis}"] for axis in "xyz"]
     total = limits["max-compute-invocations-per-workgroup"]
     fits = all(1 <= n <= most for n, most in zip(size, largest, strict=True))
-    if not fits or size[0] * size[1] * size[2] > total:
-        raise InputError(
-            f"{where}: workgroup size; got {size}; expected 1 to {tuple(largest)}, "
-            f"{total} invocations at most"
-        )
+    fits = fits and size[0] * size[1] * size[2] <= total
+    expected = f"1 to {tuple(largest)}, {total} invocations at most"
+    require(fits, f"{where}: workgroup size", size, expected)
 
 
 class Program:
@@ -206,21 +176,16 @@ class Program:
     ) -> None:
         for stage, entry in entries.items():
             where = f"program {module.name}.{entry}"
-            if entry not in module.entries:
-                raise InputError(
-                    f"{where}: no such entry; expected one of {sorted(module.entries)}"
-                )
-            if module.entries[entry].stage != stage:
-                raise InputError(
-                    f"{where}: a {module.entries[entry].stage} entry; expected @{stage}"
-                )
+            known = sorted(module.entries)
+            if entry not in known:
+                raise InputError(f"{where}: no such entry; expected one of {known}")
+            own = module.entries[entry].stage
+            require(own == stage, where, f"a {own} entry", f"@{stage}")
             unknown = sorted(set(constants) - set(module.overrides))
             needed = sorted(n for n, default in module.overrides.items() if not default)
             if unknown or not set(needed) <= set(constants):
-                raise InputError(
-                    f"{where} constants; got {sorted(constants)}; needed {needed}, "
-                    f"unknown {unknown}"
-                )
+                got = f"got {sorted(constants)}; needed {needed}, unknown {unknown}"
+                raise InputError(f"{where} constants; {got}")
         self.layout = Layout(device, module, tuple(entries.values()))
 
     def bind(self, **values: Any) -> Bindings:
@@ -252,12 +217,8 @@ class Kernel(Program):
         self.workgroup = module.workgroup_size(entry, constants)
         _check_workgroup(self.workgroup, device.limits, f"kernel {self.name}")
         with device.guard(f"kernel {self.name}"):
+            shader = compiled(module)
+            compute = {"module": shader, "entry_point": entry, "constants": constants}
             self.pipeline = device.gpu.create_compute_pipeline(
-                label=f"gpusim.{self.name}",
-                layout=self.layout.pipeline,
-                compute={
-                    "module": compiled(module),
-                    "entry_point": entry,
-                    "constants": constants,
-                },
+                label=f"gpusim.{self.name}", layout=self.layout.pipeline, compute=compute
             )

@@ -11,6 +11,7 @@ import hashlib
 import os
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ import wgpu
 
 from gpusim.files.cache_files import open_cached
 from gpusim.gpu.context import DeviceContext
-from gpusim.gpu.kernel import Kernel, Layout
+from gpusim.gpu.kernel import Kernel
 from gpusim.gpu.raster import Raster
 from gpusim.gpu.wgsl import Binding
 
@@ -34,7 +35,7 @@ TEXELS = (4096, 3)
 def prime(program: Kernel | Raster) -> None:
     """Let the driver compile a program for its device: run it over nothing, on zeros."""
     device = program.layout.device
-    groups = [_zeros(program.layout, group) for group in range(len(program.layout.groups))]
+    groups = program.layout.bind_groups(partial(_zero, device))
     with device.guard(f"compiling {program.name}"):
         encoder = device.gpu.create_command_encoder()
         if isinstance(program, Kernel):
@@ -53,16 +54,6 @@ def prime(program: Kernel | Raster) -> None:
         work.end()
         device.gpu.queue.submit([encoder.finish()])
     device.sync()
-
-
-def _zeros(layout: Layout, group: int) -> Any:
-    """A bind group of zeros."""
-    entries = [
-        {"binding": b.index, "resource": _zero(layout.device, b)}
-        for b in layout.bindings.values()
-        if b.group == group
-    ]
-    return layout.device.gpu.create_bind_group(layout=layout.groups[group], entries=entries)
 
 
 def _zero(device: DeviceContext, binding: Binding) -> Any:
@@ -97,7 +88,7 @@ def _attachments(raster: Raster) -> dict[str, Any]:
         {"view": target(fmt), "load_op": "clear", "store_op": "store", "clear_value": (0, 0, 0, 0)}
         for fmt in raster.formats
     ]
-    if raster.depth == "none":
+    if raster.depth in ("none", "over"):
         return {"color_attachments": colors}
     depth = {
         "view": target("depth32float"), "depth_load_op": "clear", "depth_store_op": "store",

@@ -27,9 +27,8 @@ class Texture:
     ) -> None:
         limit = device.limits["max-texture-dimension-2d"]
         if not (0 < width <= limit and 0 < height <= limit):
-            raise OutOfDeviceMemory(
-                f"texture {label}; got {width}x{height}; expected at most {limit} a side"
-            )
+            got = f"{width}x{height}"
+            raise OutOfDeviceMemory(f"texture {label}; got {got}; expected at most {limit} a side")
         usage = wgpu.TextureUsage
         self.width, self.height, self.format = width, height, fmt
         self.nbytes = width * height * _texel_bytes(fmt)
@@ -76,31 +75,16 @@ class Raster(Program):
         super().__init__(device, module, dict(zip(("vertex", "fragment"), entries, strict=True)),
                          constants)  # fmt: skip
         with device.guard(f"raster {module.name}"):
-            shader = compiled(module)
+            shader = {"module": compiled(module), "constants": constants}
+            blend = {"blend": _OVER} if depth == "over" else {}
+            targets = [{"format": fmt, **blend} for fmt in color_formats]
+            compared = {"format": "depth32float", "depth_write_enabled": depth == "greater",
+                        "depth_compare": depth}  # fmt: skip
             self.pipeline: Any = device.gpu.create_render_pipeline(
                 label=f"gpusim.{module.name}",
                 layout=self.layout.pipeline,
-                vertex={
-                    "module": shader,
-                    "entry_point": entries[0],
-                    "buffers": [],
-                    "constants": constants,
-                },
-                fragment={
-                    "module": shader,
-                    "entry_point": entries[1],
-                    "constants": constants,
-                    "targets": [
-                        {"format": fmt, **({"blend": _OVER} if depth == "over" else {})}
-                        for fmt in color_formats
-                    ],
-                },
+                vertex={**shader, "entry_point": entries[0], "buffers": []},
+                fragment={**shader, "entry_point": entries[1], "targets": targets},
                 primitive={"topology": "triangle-list", "cull_mode": "none"},
-                depth_stencil=None
-                if depth in ("none", "over")
-                else {
-                    "format": "depth32float",
-                    "depth_write_enabled": depth == "greater",
-                    "depth_compare": depth,
-                },
+                depth_stencil=None if depth in ("none", "over") else compared,
             )

@@ -14,6 +14,7 @@ from gpusim.gpu.context import DeviceContext
 from gpusim.gpu.faults import translate
 from gpusim.gpu.kernel import Bindings, Kernel
 from gpusim.gpu.raster import Raster, Texture
+from gpusim.validation import require
 
 
 class Recording:
@@ -181,20 +182,11 @@ class Recording:
                 "depth_clear_value": 0.0,
             }
         values = dict(enumerate(clear)) if isinstance(clear, Sequence) else {}
-        attachments = [
-            {
-                "view": texture.view,
-                "load_op": "clear" if clear is not None else "load",
-                "store_op": "store",
-                "clear_value": (
-                    0 if texture.format.endswith("int") else values.get(k, clear) or 0.0,
-                    0,
-                    0,
-                    0,
-                ),
-            }
-            for k, texture in enumerate(colors)
-        ]
+        kept = {"load_op": "clear" if clear is not None else "load", "store_op": "store"}
+        attachments = []
+        for k, texture in enumerate(colors):
+            value = 0 if texture.format.endswith("int") else values.get(k, clear) or 0.0
+            attachments.append({"view": texture.view, "clear_value": (value, 0, 0, 0), **kept})
         self._pass = self._encoder.begin_render_pass(
             label=f"gpusim.{self.stage}",
             color_attachments=attachments,
@@ -205,11 +197,10 @@ class Recording:
     def copy_texture(self, texture: Texture, target: Buffer, rows: int) -> None:
         """Copy the top ``rows`` of a texture to ``target``, ``texture.stride`` bytes a row."""
         needed = texture.stride * rows
-        if not (0 < rows <= texture.height and needed <= target.nbytes):
-            raise InputError(
-                f"copying {rows} rows of a texture to {target.label}; got {target.nbytes} bytes; "
-                f"expected {needed} for at most {texture.height} rows"
-            )
+        fits = 0 < rows <= texture.height and needed <= target.nbytes
+        what = f"copying {rows} rows of a texture to {target.label}"
+        expected = f"{needed} for at most {texture.height} rows"
+        require(fits, what, f"{target.nbytes} bytes", expected)
         self._end_pass()
         self._encoder.copy_texture_to_buffer(
             {"texture": texture.gpu, "mip_level": 0, "origin": (0, 0, 0)},

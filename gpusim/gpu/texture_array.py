@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 import wgpu
 
-from gpusim.errors import InputError, OutOfDeviceMemory
+from gpusim.errors import OutOfDeviceMemory
 from gpusim.gpu.context import DeviceContext, DeviceMemory
+from gpusim.validation import require
 
 TEXEL_WIDTH = 4096
 _BYTES = 16
@@ -38,12 +39,10 @@ class Texels(DeviceMemory):
     """
 
     def __init__(self, device: DeviceContext, count: int, fmt: str, label: str) -> None:
-        if fmt not in _FORMATS:
-            raise InputError(f"texels {label}; got {fmt!r}; expected one of {sorted(_FORMATS)}")
+        require(fmt in _FORMATS, f"texels {label}", repr(fmt), f"one of {sorted(_FORMATS)}")
         if not 0 <= count <= most_texels(device):
-            raise OutOfDeviceMemory(
-                f"texels {label}; got {count}; expected at most {most_texels(device)} in a texture"
-            )
+            most = f"at most {most_texels(device)} in a texture"
+            raise OutOfDeviceMemory(f"texels {label}; got {count}; expected {most}")
         self.device, self.count, self.format, self.label = device, int(count), fmt, label
         self.dtype = _FORMATS[fmt]
         self.nbytes = self.footprint(count)
@@ -67,16 +66,12 @@ class Texels(DeviceMemory):
     def write(self, array: npt.NDArray[Any], first: int = 0) -> None:
         """Copy (n,4) numbers of the texels' type into texels ``first`` … ``first`` + n - 1."""
         data = np.ascontiguousarray(array)
-        if data.dtype != self.dtype or data.ndim != 2 or data.shape[1] != 4:
-            raise InputError(
-                f"writing {self.label}; got {data.dtype} of shape {data.shape}; "
-                f"expected {self.dtype} of shape (n, 4)"
-            )
-        if first < 0 or first + len(data) > self.count:
-            raise InputError(
-                f"writing {self.label}; got {len(data)} texels at {first}; expected at most "
-                f"{self.count}"
-            )
+        fits = data.dtype == self.dtype and data.ndim == 2 and data.shape[1] == 4
+        got = f"{data.dtype} of shape {data.shape}"
+        require(fits, f"writing {self.label}", got, f"{self.dtype} of shape (n, 4)")
+        fits = 0 <= first <= self.count - len(data)
+        got = f"{len(data)} texels at {first}"
+        require(fits, f"writing {self.label}", got, f"at most {self.count}")
         self.live("writing")
         done = 0
         with self.device.guard(f"writing {self.label}"):

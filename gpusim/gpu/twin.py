@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError, TwinMismatch
 from gpusim.gpu.device import Device
+from gpusim.validation import require
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,8 @@ def compare(
         ``atol + rtol * |twin|`` (from ``tolerance``, a name of `TOLERANCES` or one's own, unless
         given). Names the worst index, both values and how many are off.
     """
-    if isinstance(tolerance, str) and tolerance not in TOLERANCES:
-        raise InputError(f"tolerance; got {tolerance!r}; expected one of {sorted(TOLERANCES)}")
+    known = not isinstance(tolerance, str) or tolerance in TOLERANCES
+    require(known, "tolerance", repr(tolerance), f"one of {sorted(TOLERANCES)}")
     table = TOLERANCES[tolerance] if isinstance(tolerance, str) else tolerance
     got, want = np.asarray(device), np.asarray(twin)
     if got.shape != want.shape:

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import wgpu
 
-from gpusim.errors import InputError
 from gpusim.gpu.context import DeviceContext
+from gpusim.validation import require
 
 
 class Uniform:
@@ -21,7 +21,7 @@ class Uniform:
         self._buffers: dict[np.dtype[np.void], Any] = {}
 
     def live(self, dtype: np.dtype[np.void], where: str) -> Any:
-        """The wgpu buffer with the values laid out as ``dtype``.
+        """The wgpu buffer with the values laid out as ``dtype``; ``where`` names it in errors.
 
         Raises
         ------
@@ -29,7 +29,7 @@ class Uniform:
             See `pack`.
         """
         if dtype not in self._buffers:
-            data = pack(self.values, dtype, f"{where}.{self.label.rpartition('.')[2]}")
+            data = pack(self.values, dtype, where)
             size = -(-data.nbytes // 16) * 16
             usage = wgpu.BufferUsage.UNIFORM | wgpu.BufferUsage.COPY_DST
             self._buffers[dtype] = self.device.create(self.label, size, data, usage)
@@ -52,11 +52,10 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
         Members missing or unknown, a wrong shape, NaN or infinity, or a number that the member's
         type can't hold (a fraction or a negative number as u32, 1e39 as f32).
     """
-    if not isinstance(values, Mapping):
-        raise InputError(f"{where}; got {type(values).__name__}; expected a dict of the members")
+    mapped = isinstance(values, Mapping)
+    require(mapped, where, type(values).__name__, "a dict of the members")
     names = set(dtype.names or ())
-    if set(values) != names:
-        raise InputError(f"{where}; got members {sorted(values)}; expected {sorted(names)}")
+    require(set(values) == names, where, f"members {sorted(values)}", f"{sorted(names)}")
     record = np.zeros((), dtype)
     for key, value in values.items():
         member = dtype[key]
@@ -67,13 +66,11 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
 
 def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:
     given = np.asarray(value)
-    if given.shape != member.shape or given.dtype.kind not in "biuf":
-        raise InputError(f"{where}; got {value!r}; expected numbers of shape {member.shape}")
+    fits = given.shape == member.shape and given.dtype.kind in "biuf"
+    require(fits, where, repr(value), f"numbers of shape {member.shape}")
     with np.errstate(over="ignore", invalid="ignore"):
         stored = given.astype(member.base)
-    whole = member.base.kind in "iu"
-    if not np.isfinite(given).all() or not (
-        (stored == given).all() if whole else np.isfinite(stored).all()
-    ):
-        raise InputError(f"{where}; got {value!r}; expected finite values that {member.base} holds")
+    held = stored == given if member.base.kind in "iu" else np.isfinite(stored)
+    fits = np.isfinite(given).all() and held.all()
+    require(fits, where, repr(value), f"finite values that {member.base} holds")
     return stored

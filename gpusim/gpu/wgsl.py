@@ -94,10 +94,9 @@ class Module:
             elif text in self.constants:
                 sizes.append(self.constants[text])
             else:
-                raise InputError(
-                    f"workgroup size of {self.name}.{entry}; got {text!r} without a value; "
-                    "expected a number, a const with one, or an override with a value"
-                )
+                where, got = f"workgroup size of {self.name}.{entry}", f"{text!r} without a value"
+                expected = "a number, a const with one, or an override with a value"
+                raise InputError(f"{where}; got {got}; expected {expected}")
         sizes += [1] * (3 - len(sizes))
         return sizes[0], sizes[1], sizes[2]
 
@@ -170,11 +169,10 @@ def _reflect(name: str, code: str) -> Module:
         bindings[variable] = Binding(
             variable, int(group), int(index), words[0], "read_write" in words, kind.strip()
         )
+    form = "'@group(g) @binding(b) var<…> name: type;'"
     if len(bindings) != len(re.findall(r"@binding\b", plain)):
-        raise InputError(
-            f"{name}: a resource isn't of the form '@group(g) @binding(b) var<…> name: type;', "
-            f"or two have one name; got {sorted(bindings)}"
-        )
+        fault = f"a resource isn't of the form {form}, or two have one name"
+        raise InputError(f"{name}: {fault}; got {sorted(bindings)}")
     functions = _functions(plain, name)
     entries = {}
     for function, (attributes, _) in functions.items():
@@ -252,10 +250,8 @@ def type_layout(
         if stride != inner.itemsize:
             raise _NoLayout(f"{where}: array of {array.group(1)} has padding between elements")
         return np.dtype((inner.base, (int(array.group(2)), *inner.shape))), align
-    raise _NoLayout(
-        f"{where}: type {kind!r} isn't one that reflection covers (32-bit scalars, vectors, arrays "
-        "of them and structs declared before their use)"
-    )
+    covered = "32-bit scalars, vectors, arrays of them and structs declared before their use"
+    raise _NoLayout(f"{where}: type {kind!r} isn't one that reflection covers ({covered})")
 
 
 def _alignment(dtype: np.dtype[np.void]) -> int:

@@ -88,10 +88,6 @@ class Inputs:
         """The same of a file that may be large."""
         return self._store.open(self._holding[stage, name], name)
 
-    def names(self, stage: str) -> list[str]:
-        """The files of its results."""
-        return [name for record in self._records[stage] for name in record.files]
-
     def path(self, stage: str, name: str) -> Path:
         """Where its content lies."""
         return self._store.blob(self._holding[stage, name].files[name].sha256)

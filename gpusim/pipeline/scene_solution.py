@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpusim import fem
-from gpusim.errors import InputError
 from gpusim.gpu import Device
+from gpusim.validation import require
 
 if TYPE_CHECKING:
     from gpusim.scene import Scene
@@ -46,18 +46,10 @@ def solve(problem: fem.Model | Scene, device: Device | None = None, **options: A
 
     if not isinstance(problem, Scene):
         return fem.solve(problem, device, **options)  # which says what is wrong
-    if len(problem.bodies) != 1:
-        raise InputError(
-            f"solve: scene {problem.name!r}; got {len(problem.bodies)} bodies; expected one "
-            "(run the scene, or solve a Model per body)"
-        )
-    body, solver = problem.bodies[0], problem.solver
-    defaults = {
-        "tolerance": solver.tolerance,
-        "formulation": body.formulation,
-        "max_iterations": solver.max_iterations,
-        "method": solver.method,
-    }
+    what, count = f"solve: scene {problem.name!r}", len(problem.bodies)
+    require(count == 1, what, f"{count} bodies", "one (run the scene, or solve a Model per body)")
+    body = problem.bodies[0]
+    defaults = {**dict(problem.solver), "formulation": body.formulation}
     groups = load_groups(body, problem.analysis.load_factors)
     model = build_model(build_body(body, problem.input), groups)
     return fem.solve(model, device, **{**defaults, **options})

@@ -80,18 +80,13 @@ def frame_table(scene: Scene, scaled: bool = True) -> FrameTable:
     factors, rate = scene.analysis.load_factors, scene.analysis.frame_rate
     bodies = kind_of(scene).states(scene, scaled)
     props = [[Placed(pose.position, pose.rotation) for pose in prop.poses] for prop in scene.props]
-    return FrameTable(
-        Instant(
-            number,
-            factor,
-            None if rate is None else number / rate,
-            Shown(
-                tuple(states[number] for states in bodies),
-                tuple(places[number] if places else None for places in props),
-            ),
-        )
-        for number, factor in enumerate(factors)
-    )
+    instants = []
+    for number, factor in enumerate(factors):
+        states = tuple(of_body[number] for of_body in bodies)
+        places = tuple(of_prop[number] if of_prop else None for of_prop in props)
+        time = None if rate is None else number / rate
+        instants.append(Instant(number, factor, time, Shown(states, places)))
+    return FrameTable(instants)
 
 
 def frame_word(scene: Scene) -> str:

@@ -10,8 +10,7 @@ import copy
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from gpusim.errors import InputError
-from gpusim.scene.faults.key_paths import nearest
+from gpusim.errors import nearest_name, require
 
 Document = dict[str, Any]
 _GONE = object()
@@ -92,12 +91,8 @@ def with_only(document: Mapping[str, Any], names: Sequence[str]) -> Document:
 def check_sources(names: Iterable[str], option: str) -> None:
     """Raise InputError for a name that isn't an effect."""
     for name in names:
-        if name not in SOURCES:
-            near = nearest(name, list(SOURCES))
-            hint = f"; did you mean {near}?" if near else ""
-            raise InputError(
-                f"{option}: unknown effect; got {name!r}; expected {', '.join(SOURCES)}{hint}"
-            )
+        expected = ", ".join(SOURCES) + nearest_name(name, SOURCES)
+        require(name in SOURCES, f"{option}: unknown effect", repr(name), expected)
 
 
 def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:

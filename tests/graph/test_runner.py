@@ -185,7 +185,7 @@ def test_a_failure_and_then_none(
 @pytest.mark.parametrize(
     "what",
     [("__getitem__", ("a",)), ("read", ("b", "b/0000.txt")), ("read", ("c", "other.txt")),
-     ("notes", ("b",)), ("names", ("b",)), ("path", ("b", "b/0000.txt")),
+     ("notes", ("b",)), ("path", ("b", "b/0000.txt")),
      ("open", ("b", "b/0000.txt")), ("read", ("c", "c/0001.txt"))],
 )  # fmt: skip
 def test_a_need_that_wasnt_named_is_an_error(tmp_path: Path, what: tuple[str, Any]) -> None:

@@ -31,8 +31,8 @@ def _text(argument: Any, inputs: Inputs) -> str:
     """All that a record can know, as a text."""
     values = [f"{name}={all_of}" for name, all_of in inputs._values.items()]
     results = [
-        f"{name}={[inputs.read(name, file).data.decode() for file in inputs.names(name)]}"
-        for name in inputs._records
+        f"{name}={[inputs.read(name, file).data.decode() for one in records for file in one.files]}"
+        for name, records in inputs._records.items()
     ]
     name, given = argument
     return f"{name}({', '.join([*map(str, filter(None, (given, inputs.row))), *values, *results])})"

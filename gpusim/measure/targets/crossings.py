@@ -127,8 +127,10 @@ def fit_crossings(
     if not span > 0:
         return _failed(len(points))
     known = _known_blur(blur, len(points))
-    fits = index is None or np.shape(index) == (len(points), 2)
-    require(fits, "fit_crossings: index", np.shape(index), f"({len(points)}, 2)")
+    if index is not None:
+        numbered = np.shape(index)
+        expected = f"({len(points)}, 2)"
+        require(numbered == (len(points), 2), "fit_crossings: index", numbered, expected)
     around, before = points, None
     sharp = known
     if sharp is None:

@@ -17,11 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.errors import InputError
+from gpusim.errors import InputError, nearest_name
 from gpusim.files.input_file import InputFile
 from gpusim.mesh.file_content.text import Includes, text_lines
 from gpusim.mesh.formats.abaqus.cards import LARGEST, is_plain
-from gpusim.validation import nearest_name
 
 _EXPECTED = "Nastran bulk data"
 # a line of text: file, number, text without its comment

@@ -11,6 +11,13 @@ from gpusim.optics.geometry.triangle_corners import CHUNK, products
 from gpusim.surface.topology import Topology
 
 
+def area_normals(points: Float, triangles: Long) -> Float:
+    """(3, T): components of the triangles' normals, twice as long as their areas."""
+    result = np.empty((3, len(triangles)))
+    corner_normals(points, [np.ascontiguousarray(triangles[:, k]) for k in range(3)], result)
+    return result
+
+
 def corner_normals(points: Float, corner: list[Long], normals: Float) -> Float:
     """Write the normals of triangles with ``corner``s (n,) each into ``normals`` (3, n); (3, n):
     the first corners."""

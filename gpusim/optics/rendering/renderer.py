@@ -27,6 +27,7 @@ from gpusim.optics.shading.relighting import RelightingPass
 from gpusim.optics.shading.scene_buffers import SceneBuffers
 from gpusim.optics.shading.setup import Setup
 from gpusim.optics.shading.shading_pass import ShadingPass, shade_twin
+from gpusim.optics.shading.spectrum import is_coloured_scene
 from gpusim.optics.shading.tile_light import LightTiles
 from gpusim.optics.shadow.single_layer import without_shadows
 from gpusim.optics.visibility_buffer import visibility_twin
@@ -128,7 +129,8 @@ class _Scene:
     @property
     def coloured(self) -> bool:
         """Whether something in it isn't grey."""
-        return is_coloured(self.surfaces, self.lights, self.background)
+        paints = [paint for surface in self.surfaces for paint in surface.paints.values()]
+        return is_coloured_scene(paints, self.lights, self.background)
 
 
 def picture_warnings(

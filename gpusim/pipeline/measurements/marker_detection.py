@@ -11,12 +11,12 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.errors import InputError
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.pipeline.scene_objects.surfaces import BodyParts
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
+from gpusim.validation import require
 
 SEARCH_SHARE = 0.5  # of a marker's width, around where the rough camera expects it
 LEAST_WIDTH = 10.0  # px; a marker's cross can't be fitted in less
@@ -80,12 +80,10 @@ def check_widths(what: str, marks: MarkerSet, camera: Camera) -> Float:
     """Widths (M,) px of the markers; raises InputError for one that is too small."""
     widths: Float = camera.K[0, 0] * marks.size / camera.to_camera(marks.position)[:, 2]
     narrow = int(np.argmin(widths))
-    if not 0.95 * widths[narrow] >= LEAST_WIDTH:
-        raise InputError(
-            f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}; got "
-            f"a width of {widths[narrow]:.1f} px; expected more than {LEAST_WIDTH / 0.95:.1f} px "
-            "(a larger marker, a longer lens or more pixels)"
-        )
+    place = f"{what}: marker {marks.names[narrow]!r} is too small for camera {camera.name!r}"
+    least = LEAST_WIDTH / 0.95
+    expected = f"more than {least:.1f} px (a larger marker, a longer lens or more pixels)"
+    require(widths[narrow] >= least, place, f"a width of {widths[narrow]:.1f} px", expected)
     return widths
 
 

@@ -48,10 +48,9 @@ class PointTable:
         shape = len(self.frames), len(self.points)
         wrong = [name for name, one in self.columns.items() if one.shape != shape]
         if wrong or not all(shape):
-            raise InputError(
-                f"table of measurements: {', '.join(wrong) or 'empty'}; expected columns of "
-                f"{shape[0]} frames and {shape[1]} {self.what}s"
-            )
+            expected = f"columns of {shape[0]} frames and {shape[1]} {self.what}s"
+            found = ", ".join(wrong) or "empty"
+            raise InputError(f"table of measurements: {found}; expected {expected}")
 
     @staticmethod
     def of(what: str, points: Sequence[str], frames: Mapping[int, Columns]) -> PointTable:

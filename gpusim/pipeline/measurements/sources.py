@@ -63,9 +63,8 @@ def read_corners(scene: Scene, file: InputFile) -> measure.Sighting:
             **values, resolution=(width, height), missed=missed, problem=problem, turns=turns
         )
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
-        raise InputError(
-            f"{file.path}: damaged ({error}); expected corners of the calibration board"
-        ) from None
+        expected = "corners of the calibration board"
+        raise InputError(f"{file.path}: damaged ({error}); expected {expected}") from None
 
 
 @dataclass(frozen=True)

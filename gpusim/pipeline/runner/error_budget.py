@@ -7,7 +7,6 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, Literal
 
-from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
@@ -18,6 +17,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.report import Budget, BudgetRow, Measurement, Report, write_report
 from gpusim.scene import Scene
 from gpusim.scene.sources import active_sources, with_only, without_sources
+from gpusim.validation import require
 
 State = Literal["all", "none", "only", "no"]
 FOLDER = "budget"
@@ -42,17 +42,13 @@ def run_budget(
     GpusimError
         As `gpusim.pipeline.run`, for any of the states.
     """
-    if scene.variants or not scene.measures:
-        got = f"{len(scene.variants)} variants, {len(scene.measures)} measures"
-        raise InputError(f"budget: scene {scene.name!r}; got {got}; expected [[measure]], no "
-                         "[[variant]]")  # fmt: skip
+    fits, where = bool(scene.measures) and not scene.variants, f"budget: scene {scene.name!r}"
+    got = f"{len(scene.variants)} variants, {len(scene.measures)} measures"
+    require(fits, where, got, "[[measure]], no [[variant]]")
     document = scene.document
     effects = active_sources(document)
-    if not effects:
-        raise InputError(
-            f"budget: scene {scene.name!r}; got none of the effects that a budget is made of; "
-            "expected light, noise, a lens, a shutter or fewer than 16 bits"
-        )
+    expected = "light, noise, a lens, a shutter or fewer than 16 bits"
+    require(len(effects) > 0, where, "none of the effects that a budget is made of", expected)
     states: list[tuple[State, str, dict[str, Any]]] = [("none", "", with_only(document, []))]
     states += [("only", name, with_only(document, [name])) for name in effects]
     states += [("no", name, without_sources(document, [name])) for name in effects]

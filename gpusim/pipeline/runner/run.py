@@ -5,7 +5,6 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from gpusim.errors import InputError
 from gpusim.files.output_folder import claim
 from gpusim.gpu import chosen_backend
 from gpusim.pipeline.checks.resources import check_folders
@@ -17,6 +16,7 @@ from gpusim.plan.decision import states_of
 from gpusim.plan.stages import RunOptions
 from gpusim.report import Report
 from gpusim.scene import Scene
+from gpusim.validation import require
 
 
 def run(
@@ -57,8 +57,8 @@ def run(
     >>> report.status
     'done'
     """
-    if not isinstance(scene, Scene):
-        raise InputError(f"run: scene; got {type(scene).__name__}; expected a Scene (load_scene)")
+    given = isinstance(scene, Scene)
+    require(given, "run: scene", type(scene).__name__, "a Scene (load_scene)")
     options = RunOptions(chosen_backend("run", backend), fresh, skip)
     shared = None if store is None else Path(store).absolute()
     with claim(out) as folder:

@@ -131,13 +131,9 @@ class SceneReport:
         """Of the last frame in which something has moved; linear, so load groups add up."""
         last = self.frames.last_moved
         reactions, loads = [], []
-        rows = zip(
-            self.scene.bodies,
-            solution["reactions"],
-            solution["applied"],
-            self.frames[last].shown.states,
-            strict=True,
-        )
+        reacting, loading = solution["reactions"], solution["applied"]
+        states = self.frames[last].shown.states
+        rows = zip(self.scene.bodies, reacting, loading, states, strict=True)
         for body, held, applied, state in rows:
             weights = np.zeros(len(held)) if state is None else np.array(state)
             forces = np.tensordot(weights, np.array(held), axes=1)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.files.input_file import Reader, read_input
 from gpusim.optics.calibration.formats import read_rig
 from gpusim.optics.camera.pinhole import Camera
@@ -22,6 +21,7 @@ from gpusim.optics.sensor.sensor import Sensor
 from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.scene.description import model as m
 from gpusim.surface import Surface
+from gpusim.validation import require
 
 
 def build_camera(camera: m.CameraTable, read: Reader = read_input) -> Camera:
@@ -72,11 +72,9 @@ def _pose(camera: m.CameraTable) -> Float | None:
         given = np.array(camera.rotation).reshape(3, 3)
         u, _, v = np.linalg.svd(given)
         # rows are typed with a few digits: the nearest rotation
-        if not (np.abs(u @ v - given).max() <= 1e-3 and np.linalg.det(given) > 0.0):
-            raise InputError(
-                f"camera {camera.name!r} rotation_matrix; got {given.tolist()}; expected the rows "
-                "of a rotation"
-            )
+        fits = np.abs(u @ v - given).max() <= 1e-3 and np.linalg.det(given) > 0.0
+        what = f"camera {camera.name!r} rotation_matrix"
+        require(fits, what, given.tolist(), "the rows of a rotation")
         pose[:3, :3] = u @ v
     pose[:3, 3] = camera.translation
     return pose
@@ -90,21 +88,14 @@ def _calibrated(camera: m.CameraTable, path: str, read: Reader) -> Camera:
     cameras, metres = read_rig(file, camera.resolution)
     names = [found.name for found in cameras]
     if isinstance(which, str):
-        if which not in names:
-            raise InputError(f"{where}; got calibration_camera {which!r}; expected one of {names}")
-        number = names.index(which)
-    else:
-        number = which
-        if number >= len(cameras):
-            raise InputError(
-                f"{where}; got calibration_camera {which}; expected 0 to {len(cameras) - 1}"
-            )
-    found = cameras[number]
-    if (found.width, found.height) != camera.resolution:
-        raise InputError(
-            f"{where}; got {found.width} x {found.height} px there; expected resolution_px "
-            f"{list(camera.resolution)}"
-        )
+        require(which in names, where, f"calibration_camera {which!r}", f"one of {names}")
+        which = names.index(which)
+    last = len(cameras) - 1
+    require(which <= last, where, f"calibration_camera {which}", f"0 to {last}")
+    found = cameras[which]
+    fits = (found.width, found.height) == camera.resolution
+    got = f"{found.width} x {found.height} px there"
+    require(fits, where, got, f"resolution_px {list(camera.resolution)}")
     unit = camera.calibration_unit or metres
     pose = found.camera_from_world.copy()
     pose[:3, 3] *= unit
@@ -125,12 +116,9 @@ def build_lens(camera: m.CameraTable, read: Reader = read_input) -> Lens | None:
     focal = spec.focal
     if spec.focus_distance is not None and focal is None:
         distance = camera.focal or build_camera(camera, read).K[0, 0] * _pitch(camera)
-        if not spec.focus_distance > distance:
-            raise InputError(
-                f"camera {camera.name!r} lens.focus_distance_mm; got "
-                f"{1e3 * spec.focus_distance:g}; expected more than the focal length of the "
-                f"calibration, {1e3 * distance:.4g} mm"
-            )
+        what, got = f"camera {camera.name!r} lens.focus_distance_mm", 1e3 * spec.focus_distance
+        least = f"more than the focal length of the calibration, {1e3 * distance:.4g} mm"
+        require(spec.focus_distance > distance, what, f"{got:g}", least)
         focal = distance * spec.focus_distance / (distance + spec.focus_distance)
     values = {**arguments_of(Lens, spec), "focal_length": focal}
     if spec.psf is not None:

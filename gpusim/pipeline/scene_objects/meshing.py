@@ -22,7 +22,7 @@ from gpusim.report import MeshSummary
 from gpusim.scene.description import model as m
 from gpusim.scene.plausibility import size_warnings
 from gpusim.surface.surface import face_normals
-from gpusim.validation import by_number
+from gpusim.validation import by_number, require
 
 _SPLIT = {"tet4": "tet4", "tet10": "tet4", "wedge6": "wedge6", "wedge15": "wedge6"}
 _WORST, _LISTED = 5, 20
@@ -91,11 +91,8 @@ def _from_file(recipe: m.FileMeshTable, read: Reader) -> Mesh:
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:
         return grid
-    if len(linear) < len(grid.cells):
-        raise InputError(
-            f"{Path(recipe.path).name}: order 2 for a mesh of mixed order; got "
-            f"{', '.join(grid.cells)}; expected linear cells"
-        )
+    what = f"{Path(recipe.path).name}: order 2 for a mesh of mixed order"
+    require(len(linear) == len(grid.cells), what, ", ".join(grid.cells), "linear cells")
     return mesh.quadratic(grid)
 
 
@@ -159,9 +156,8 @@ def surface_faces_of(points: Float, faces: Int, where: m.WhereTable) -> Long:
 
     Raises InputError if there are none, or the surface is asked for a named set.
     """
-    if where.set is not None:
-        raise InputError(f"where; got set {where.set!r}; expected bounds or a normal: a file of "
-                         "faces has no sets")  # fmt: skip
+    expected = "bounds or a normal: a file of faces has no sets"
+    require(where.set is None, "where", f"set {where.set!r}", expected)
     inside = _within(points, where)
     keep = (inside[np.maximum(faces, 0)] | (faces < 0)).all(axis=1)
     if where.normal is not None:

@@ -67,10 +67,8 @@ def build_body_model(parts: MeshedBody, groups: tuple[LoadGroup, ...] | None = N
     """
     body, grid = parts.body, parts.mesh
     if body.material is None:
-        raise InputError(
-            f"body {body.name!r}: its displacements are given, there is nothing to solve; expected "
-            "a body with a material"
-        )
+        why = "its displacements are given, there is nothing to solve"
+        raise InputError(f"body {body.name!r}: {why}; expected a body with a material")
     # supports that move alike have one group and one share of it
     moves: dict[int, Any] = {k: one.amplitude for k, one in enumerate(body.supports)}
     if groups is not None:
@@ -140,11 +138,10 @@ def _supports(parts: MeshedBody, moves: Mapping[int, Any]) -> _Supports:
                 apart |= shared & (wanted != 0.0)
             if apart.any():
                 axis = int(np.flatnonzero(apart.any(axis=0))[0])
-                raise InputError(
-                    f"{where}: {int(apart[:, axis].sum())} of its nodes are held at another "
-                    f"{'xyz'[axis]} by an earlier support ({before.name!r}); got "
-                    f"{support.displacement[axis]:g} m; expected one displacement per node"
-                )
+                count, by = int(apart[:, axis].sum()), f"an earlier support ({before.name!r})"
+                what = f"{where}: {count} of its nodes are held at another {'xyz'[axis]} by {by}"
+                got = f"{support.displacement[axis]:g} m"
+                raise InputError(f"{what}; got {got}; expected one displacement per node")
         free = chosen & (owner < 0)
         owner[free] = number
         place[free] = wanted[free]

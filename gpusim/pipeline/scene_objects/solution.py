@@ -102,13 +102,8 @@ class SceneSolution:
 
     def summary(self) -> SolutionSummary:
         """How the solve ended, for the report."""
-        return SolutionSummary(
-            self.unknowns,
-            self.iterations,
-            self.converged,
-            self.error_estimate,
-            self.facts["method"],
-        )
+        ended = self.iterations, self.converged, self.error_estimate
+        return SolutionSummary(self.unknowns, *ended, self.facts["method"])
 
     def check(self, groups: Sequence[int], nodes: Sequence[int] | None) -> None:
         """Raises ValueError if this isn't of bodies with so many load groups and ``nodes`` (None:

@@ -36,6 +36,7 @@ from gpusim.surface.color import color
 from gpusim.surface.paint import Paint, Plain
 from gpusim.surface.surface import plane_frame, triangulate
 from gpusim.surface.texture import MOST_TEXELS, textured
+from gpusim.validation import require
 
 Frame = PaintFrame | CylinderFrame | Atlas
 DEFAULT_ALBEDO = 0.5
@@ -107,10 +108,9 @@ def _check_markers(paint: m.MarkersTable, frame: PaintFrame | CylinderFrame) -> 
     bad = np.flatnonzero(~(off <= 1e-3 * paint.size))
     if len(bad):
         marker = paint.markers[bad[0]]
-        raise InputError(
-            f"marker {marker.name!r}; got position {list(marker.position)} m, "
-            f"{off[bad[0]] * 1e3:.3g} mm off the painted plane; expected a point on it"
-        )
+        away = f"{1e3 * off[bad[0]]:.3g} mm off the painted plane"
+        got = f"position {list(marker.position)} m, {away}"
+        raise InputError(f"marker {marker.name!r}; got {got}; expected a point on it")
 
 
 def _distance(frame: PaintFrame | CylinderFrame, points: Float) -> Float:
@@ -288,10 +288,8 @@ def _looks(
                              "there; expected it beside the prop's file")  # fmt: skip
         result.append((own[surface.material[own] == number], material))
     texels = sum(claimed_pixels(one.picture) for _, one in result if one.picture)
-    if texels > MOST_TEXELS:
-        raise InputError(
-            f"{where}: pictures of {texels:,} pixels; expected at most {MOST_TEXELS:,} in all"
-        )
+    most = f"at most {MOST_TEXELS:,} in all"
+    require(texels <= MOST_TEXELS, where, f"pictures of {texels:,} pixels", most)
     return result
 
 

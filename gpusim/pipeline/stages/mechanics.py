@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gpusim import fem
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError, NotConverged
+from gpusim.errors import NotConverged
 from gpusim.files.input_file import open_input
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -33,6 +33,7 @@ from gpusim.scene import Scene
 from gpusim.scene.amplitudes import LoadGroup
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable
+from gpusim.validation import require
 
 DISPLACEMENT, STRESS = "solution/displacement.npz", "solution/stress.npz"
 
@@ -114,22 +115,13 @@ def solve_bodies(
             done = min(0.99, max(0.0, np.log(max(estimate, 1e-300)) / np.log(solver.tolerance)))
             progress(done, f"{name}: iteration {iterations}, {estimate:.1e}")
 
-        solution = fem.solve(
-            model,
-            tolerance=solver.tolerance,
-            formulation=body.formulation,
-            max_iterations=solver.max_iterations,
-            method=solver.method,
-            progress=note,
-            **options.for_solver(),
-        )
+        asked = {**dict(solver), "formulation": body.formulation, **options.for_solver()}
+        solution = fem.solve(model, progress=note, **asked)
         if not solution.converged:
-            raise NotConverged(
-                f"solve, body {body.name!r}: stopped after {solution.iterations} "
-                f"iterations at an estimated displacement error of "
-                f"{solution.error_estimate:.2e}; expected {solver.tolerance:.1e}: "
-                f"{solution.message}"
-            )
+            where = f"solve, body {body.name!r}: stopped after {solution.iterations} iterations"
+            reached = f"an estimated displacement error of {solution.error_estimate:.2e}"
+            expected = f"{solver.tolerance:.1e}: {solution.message}"
+            raise NotConverged(f"{where} at {reached}; expected {expected}")
         solutions.append(solution)
     return solutions
 
@@ -170,11 +162,10 @@ class Stresses:
         stress, error = np.zeros((parts.mesh.node_count, 6)), np.zeros(parts.mesh.cell_count)
         if nodal in self._stored:
             found, of_cells = self._stored[nodal], self._stored[share]
-            if found.shape != stress.shape or of_cells.shape != error.shape:
-                raise InputError(
-                    f"stress of body {parts.body.name!r}: got shape {found.shape}; expected "
-                    f"{stress.shape}: delete the output folder's solution/stress.npz"
-                )
+            fits = found.shape == stress.shape and of_cells.shape == error.shape
+            expected = f"{stress.shape}: delete the output folder's solution/stress.npz"
+            where = f"stress of body {parts.body.name!r}"
+            require(fits, where, f"shape {found.shape}", expected)
             stress, error = found, of_cells
         return {"stress": stress, "von_mises": fem.von_mises(stress)}, {"error_share": error}
 

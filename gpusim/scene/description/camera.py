@@ -165,9 +165,8 @@ class CameraTable(Table):
         self._check_pose()
         self._check_blur()
         if self.white_balance is not None and self.white_balance_K is not None:
-            raise fault(
-                "white_balance", "beside white_balance_K", self.white_balance, "one of them"
-            )
+            expected = "one of them"
+            raise fault("white_balance", "beside white_balance_K", self.white_balance, expected)
         return self
 
     def _check_blur(self) -> None:
@@ -185,9 +184,8 @@ class CameraTable(Table):
             raise fault("lens.focus_distance_mm", "inside the lens", self.lens.focus_distance_mm,
                         "more than focal_mm")  # fmt: skip
         if self.lens.psf is not None and self.lens.psf.type == "airy" and not width:
-            raise fault(
-                "lens.psf", "needs lengths on the sensor", Words("airy"), "sensor_mm or pixel_um"
-            )
+            expected = "sensor_mm or pixel_um"
+            raise fault("lens.psf", "needs lengths on the sensor", Words("airy"), expected)
 
     def size_mm(self) -> tuple[float, float] | None:
         """Width and height of the sensor, if they are known."""
@@ -202,17 +200,15 @@ class CameraTable(Table):
         ways = [self.calibration is not None, bool(given), self.focal_mm is not None]
         if sum(ways) != 1:
             expected = "focal_mm with sensor_mm, or fx_px, fy_px, cx_px, cy_px, or calibration"
-            raise fault(
-                "focal_mm", "the lens must be said in one way", Words(f"{sum(ways)} ways"), expected
-            )
+            problem = "the lens must be said in one way"
+            raise fault("focal_mm", problem, Words(f"{sum(ways)} ways"), expected)
         if given and len(given) < 4:
             raise fault(given[0], "the camera matrix is incomplete", given, "all of fx_px … cy_px")
         if self.sensor_mm is not None and self.pixel_um is not None:
             raise fault("pixel_um", "beside sensor_mm", Words("both"), "one of them")
         if self.focal_mm is not None and self.size_mm() is None:
-            raise fault(
-                "sensor_mm", "needed with focal_mm", Words("nothing"), "sensor_mm or pixel_um"
-            )
+            expected = "sensor_mm or pixel_um"
+            raise fault("sensor_mm", "needed with focal_mm", Words("nothing"), expected)
         if self.focal_mm is None and any(self.principal_point_offset_mm):
             raise fault("principal_point_offset_mm", "goes with focal_mm only",
                         self.principal_point_offset_mm, "cx_px and cy_px")  # fmt: skip
@@ -239,9 +235,8 @@ class CameraTable(Table):
         by_place = self.position_mm is not None or self.target_mm is not None
         if by_matrix and by_place:
             expected = "position_mm with target_mm, or a rotation with translation_mm"
-            raise fault(
-                "position_mm", "the pose must be said in one way", Words("two ways"), expected
-            )
+            problem = "the pose must be said in one way"
+            raise fault("position_mm", problem, Words("two ways"), expected)
         if by_matrix:
             if sum(turned) != 1 or self.translation_mm is None:
                 problem, got = (
@@ -252,9 +247,8 @@ class CameraTable(Table):
         elif by_place:
             if self.position_mm is None or self.target_mm is None:
                 key = "position_mm" if self.position_mm is None else "target_mm"
-                raise fault(
-                    key, "missing: the pose is incomplete", Words(""), "position_mm and target_mm"
-                )
+                expected = "position_mm and target_mm"
+                raise fault(key, "missing: the pose is incomplete", Words(""), expected)
             view = between(self.position_mm, self.target_mm)
             if not norm(view) > 0:
                 raise fault("target_mm", "is where the camera is", self.target_mm, "another point")

@@ -47,9 +47,8 @@ class MeasuredTable(Table):
         width = len(self.kernel[0])
         if len(self.kernel) % 2 == 0 or width % 2 == 0 or any(len(r) != width for r in self.kernel):
             sizes = f"{len(self.kernel)} rows of {sorted({len(r) for r in self.kernel})}"
-            raise fault(
-                "kernel", "no middle", Words(sizes), "an odd number of rows of one odd length"
-            )
+            expected = "an odd number of rows of one odd length"
+            raise fault("kernel", "no middle", Words(sizes), expected)
         if not sum(map(sum, self.kernel)) > 0:
             raise fault("kernel", "its sum isn't above 0", sum(map(sum, self.kernel)), "a sum > 0")
         return self

@@ -48,9 +48,8 @@ class _Powered(_Lamp):
     def _check_power(self) -> _Powered:
         if (self.power_W is None) == (self.power_lm is None):
             got = Words("neither" if self.power_W is None else "both")
-            raise fault(
-                "power_W", "how strong the lamp is must be said once", got, "power_W or power_lm"
-            )
+            expected = "power_W or power_lm"
+            raise fault("power_W", "how strong the lamp is must be said once", got, expected)
         return self
 
     @property

@@ -64,9 +64,8 @@ class WhereTable(Table):
         for axis in "xyz":
             low, high = getattr(self, f"{axis}_min_mm"), getattr(self, f"{axis}_max_mm")
             if low is not None and high is not None and not low <= high:
-                raise fault(
-                    f"{axis}_min_mm", "empty range", Words(f"{low} to {high}"), "min <= max"
-                )
+                expected = "min <= max"
+                raise fault(f"{axis}_min_mm", "empty range", Words(f"{low} to {high}"), expected)
         return self
 
 
@@ -111,9 +110,8 @@ class SupportTable(_Driven):
     @model_validator(mode="after")
     def _check(self) -> SupportTable:
         if self.where.is_everything:
-            raise fault(
-                "where", "selects the whole body", Words("{}"), "a set, a bound or a normal"
-            )
+            expected = "a set, a bound or a normal"
+            raise fault("where", "selects the whole body", Words("{}"), expected)
         if self.amplitude_ is not None and not any(self.displacement_mm):
             raise fault("amplitude", "of a support that doesn't move", self.amplitude_,
                         "a displacement_mm that isn't zero")  # fmt: skip
@@ -124,15 +122,12 @@ class SupportTable(_Driven):
                                 "none: the faces say the direction")  # fmt: skip
             return self
         if "fix" not in self.model_fields_set and "displacement_mm" not in self.model_fields_set:
-            raise fault(
-                "fix", "missing", Words("neither fix nor displacement_mm"), 'fix = ["x", "y", "z"]'
-            )
+            expected = 'fix = ["x", "y", "z"]'
+            raise fault("fix", "missing", Words("neither fix nor displacement_mm"), expected)
         for axis, value in zip("xyz", self.displacement_mm, strict=True):
             if value != 0 and axis not in self.fix:
-                raise fault(
-                    "displacement_mm", f"moves along {axis}, which fix leaves free", self.fix,
-                    f'fix with "{axis}" in it',
-                )  # fmt: skip
+                problem = f"moves along {axis}, which fix leaves free"
+                raise fault("displacement_mm", problem, self.fix, f'fix with "{axis}" in it')
         return self
 
 

@@ -159,10 +159,8 @@ class CraneMeshTable(_Builder):
     @model_validator(mode="after")
     def _check(self) -> CraneMeshTable:
         if not self.column_thickness_mm + self.load_length_mm < self.length_mm:
-            raise fault(
-                "length_mm", "the beam is too short", self.length_mm,
-                "more than column_thickness_mm + load_length_mm",
-            )  # fmt: skip
+            expected = "more than column_thickness_mm + load_length_mm"
+            raise fault("length_mm", "the beam is too short", self.length_mm, expected)
         return self
 
 
@@ -191,9 +189,8 @@ class PlateMeshTable(_Holed):
     def _check(self) -> PlateMeshTable:
         room = 0.98 * min(self.length_mm, self.width_mm)
         if not self.hole_diameter_mm < room:
-            raise fault(
-                "hole_diameter_mm", "too wide", self.hole_diameter_mm, f"less than {room:g}"
-            )
+            expected = f"less than {room:g}"
+            raise fault("hole_diameter_mm", "too wide", self.hole_diameter_mm, expected)
         return self
 
 
@@ -224,10 +221,8 @@ class BracketMeshTable(_Holed):
         for key in ("base_length_mm", "wall_height_mm"):
             value = getattr(self, key)
             if not value >= least * (1 - 1e-12):
-                raise fault(
-                    key, "the leg is too short", value,
-                    f"at least width_mm + fillet_radius_mm + thickness_mm = {least:g}",
-                )  # fmt: skip
+                expected = f"at least width_mm + fillet_radius_mm + thickness_mm = {least:g}"
+                raise fault(key, "the leg is too short", value, expected)
         if not self.hole_diameter_mm < 0.98 * self.width_mm:
             raise fault("hole_diameter_mm", "too wide", self.hole_diameter_mm, "less than width_mm")
         return self

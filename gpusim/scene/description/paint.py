@@ -77,12 +77,8 @@ class MarkersTable(PatternedTable):
     def _check(self) -> MarkersTable:
         if (self.positions_mm is None) == (self.line is None):
             got = Words("neither" if self.line is None else "both")
-            raise fault(
-                "positions_mm",
-                "where the markers are must be said once",
-                got,
-                "positions_mm or line",
-            )
+            expected = "positions_mm or line"
+            raise fault("positions_mm", "where the markers are must be said once", got, expected)
         if self.line is not None:
             step = between(self.line.start_mm, self.line.end_mm)
             if not norm(step) >= (self.line.count - 1) * self.size_mm:
@@ -190,10 +186,8 @@ class SpeckleTable(PatternedTable):
     @model_validator(mode="after")
     def _check(self) -> SpeckleTable:
         if not self.softness_mm <= self.diameter_mm / 2:
-            raise fault(
-                "softness_mm", "more than half the diameter", self.softness_mm,
-                f"at most {self.diameter_mm / 2:g}",
-            )  # fmt: skip
+            expected = f"at most {self.diameter_mm / 2:g}"
+            raise fault("softness_mm", "more than half the diameter", self.softness_mm, expected)
         most = {"fixed": 0.0, "uniform": 0.5, "lognormal": 1.0}[self.size_law]
         if not self.spread <= most:
             wanted = f"0 to {most:g} with size_law {self.size_law!r}"
@@ -208,10 +202,8 @@ class SpeckleTable(PatternedTable):
             # discs of a hexagonal grid touch at a share of pi / sqrt(12)
             full = pi / sqrt(12.0) * (1.0 + self.spread**2) / largest**2
             if not self.coverage <= full:
-                raise fault(
-                    "coverage", "the largest speckles would touch", self.coverage,
-                    f"at most {full:.3g} on a grid",
-                )  # fmt: skip
+                expected = f"at most {full:.3g} on a grid"
+                raise fault("coverage", "the largest speckles would touch", self.coverage, expected)
         return self
 
 

@@ -93,6 +93,8 @@ class AnalysisTable(Table):
 class SolverTable(Table):
     """How far to solve."""
 
+    # the keys are arguments of `gpusim.fem.solve`
+
     tolerance: Annotated[float, Field(gt=0, le=0.1)] = 1e-6
     """Estimated relative error of the displacement (energy norm) at which the solver stops."""
     max_iterations: Annotated[int, Field(ge=1)] | None = None

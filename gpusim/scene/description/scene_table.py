@@ -102,9 +102,8 @@ class BodyTable(Table):
         if self.field is None:
             for key, what in (("material", "the name of a [[material]]"), ("mesh", "a mesh")):
                 if getattr(self, key) is None:
-                    raise fault(
-                        key, "missing", Words(f"neither {key} nor field"), f"{what}, or a field"
-                    )
+                    expected = f"{what}, or a field"
+                    raise fault(key, "missing", Words(f"neither {key} nor field"), expected)
             return self
         for key in ("material", "mesh", "part", "formulation", "notch", "support", "load"):
             if getattr(self, key) not in (None, (), type(self).model_fields[key].default):

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gpusim.errors import Fault
+from gpusim.errors import Fault, similar_name
 from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import NOTCHABLE, SETS
 from gpusim.scene.description.processing import ANALYSIS_TYPES
 from gpusim.scene.description.table import Words, tables_of
 
 from .faults import value_text
-from .key_paths import Keys, dotted, listed, nearest
+from .key_paths import Keys, dotted, listed
 
 Found = list[tuple[Keys, Fault]]
 Names = dict[str, None]  # in their order, and quick to look up
@@ -103,7 +103,7 @@ class _Checks:
             return
         if names is None or not isinstance(value, str) or value in names:
             return
-        near = nearest(value, list(names)) if len(self.found) < _HINTS else ""
+        near = similar_name(value, list(names)) if len(self.found) < _HINTS else ""
         expected = f"one of {listed(names)}" if names else f"a {what}, but there is none"
         hint = f"did you mean {near}?" if near else ""
         self.add(keys, f"no such {what}", value, expected, hint)

@@ -9,11 +9,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gpusim.errors import Fault, InputError
+from gpusim.errors import Fault, InputError, similar_name
 from gpusim.printable import printable
 from gpusim.scene.description.table import Words, name_and_unit
 
-from .key_paths import Keys, Origins, dotted, nearest, origin_of
+from .key_paths import Keys, Origins, dotted, origin_of
 from .schema_places import Place, expected, locate
 
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
@@ -56,7 +56,7 @@ def faults_of(error: ValidationError, origins: Origins) -> tuple[list[Fault], in
                 found.append((keys, _fault_of_value(entry["input"], kinds, dotted(keys), place)))
             continue
         if kind == "extra_forbidden":
-            near = nearest(str(keys[-1]), place.valid_keys)
+            near = similar_name(str(keys[-1]), place.valid_keys)
             respelt.add((*keys[:-1], near))
         elif kind == "missing":
             missing.add(len(found))
@@ -82,7 +82,7 @@ def _fault(
     if kind == "scene_fault":
         return Fault(key, context["problem"], value_text(context["got"]), context["expected"])
     if kind == "extra_forbidden":
-        near = nearest(str(place.keys[-1]), place.valid_keys)
+        near = similar_name(str(place.keys[-1]), place.valid_keys)
         keys = "" if near else "one of " + ", ".join(place.valid_keys)
         return Fault(key, "unknown key", "", keys, _did_you_mean(near))
     if kind == "missing":
@@ -91,11 +91,15 @@ def _fault(
         return Fault(key, "missing", "", _one_of(place.tags))
     if kind == "union_tag_invalid":
         tag = str(context["tag"])
-        hint = _did_you_mean(nearest(tag, place.tags))
+        hint = _did_you_mean(similar_name(tag, place.tags))
         return Fault(key, "unknown value", value_text(tag), _one_of(place.tags), hint)
     if kind == "literal_error":
         words = str(context["expected"]).replace(" or ", ", ").split(", ")
-        hint = nearest(value, [word.strip("'") for word in words]) if isinstance(value, str) else ""
+        hint = (
+            similar_name(value, [word.strip("'") for word in words])
+            if isinstance(value, str)
+            else ""
+        )
         one_of = "one of " + ", ".join(words) if len(words) > 1 else words[0]
         return Fault(key, "unknown value", got, one_of.replace("'", '"'), _did_you_mean(hint))
     if kind in ("too_short", "too_long"):

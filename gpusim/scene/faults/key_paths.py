@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from difflib import get_close_matches
 from itertools import islice
 from typing import Any
 
-from gpusim.errors import Fault
+from gpusim.errors import Fault, similar_name
 from gpusim.scene.description.finishes import NamedFinish
 
 DEEPEST = 16
@@ -26,13 +25,6 @@ _KEY = re.compile(r"^\s*+([A-Za-z0-9_\-]++(?:\s*+\.\s*+[A-Za-z0-9_\-]++)*+)\s*+=
 def dotted(keys: Sequence[str | int]) -> str:
     """``("camera", 0, "up")`` -> ``camera.0.up``."""
     return ".".join(str(key) for key in keys)
-
-
-def nearest(word: str, valid: Sequence[str]) -> str:
-    """The one of ``valid`` that ``word`` may be a misspelling of, else ""."""
-    lower = {name.lower(): name for name in valid}
-    found = get_close_matches(word.lower(), list(lower), n=1, cutoff=0.6)
-    return lower[found[0]] if found else ""
 
 
 def listed(names: Collection[str], most: int = 20) -> str:
@@ -77,7 +69,7 @@ def put(document: dict[str, Any], path: str, value: Any) -> tuple[str | int, ...
             if index is None:
                 names = _names(here)
                 have = listed(names) if names else f"{len(here)} items"
-                near = nearest(key, names)
+                near = similar_name(key, names)
                 hint = f"did you mean {near}?" if near else ""
                 return Fault(where, "no such item", key, f"an index or one of {have}", hint)
             found.append(index)

@@ -225,11 +225,10 @@ def _line(spec: m.DamageTable, group: str, variant: _State, base: DeflectionResu
     x, x0 = own[:, along], base.position_mm[base_rows, along]
     values, truth = result.measured_mm[rows, across], result.true_mm[rows, across]
     before, true_before = base.measured_mm[base_rows, across], base.true_mm[base_rows, across]
-    if np.count_nonzero(np.isfinite(before)) < LEAST_POINTS:
-        raise GpusimError(
-            f"measure {spec.name!r}: group {group!r} of {spec.reference!r}: got "
-            f"{np.count_nonzero(np.isfinite(before))} measured markers; expected {LEAST_POINTS}"
-        )
+    count = np.count_nonzero(np.isfinite(before))
+    if count < LEAST_POINTS:
+        where = f"measure {spec.name!r}: group {group!r} of {spec.reference!r}"
+        raise GpusimError(f"{where}: got {count} measured markers; expected {LEAST_POINTS}")
     difference = measure.difference_curve(x, values, x0, before)
     true_difference = measure.difference_curve(x, truth, x0, true_before)
     axis = "xyz"[along]

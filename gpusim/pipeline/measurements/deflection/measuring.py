@@ -49,11 +49,10 @@ def measure_deflection(
     count, first = marks.count, tracks[0][0]
     points, ok = first.points[:count], first.found[:count]
     if np.count_nonzero(ok) < 2:
-        raise GpusimError(
-            f"measure {spec.name!r}: only marker {marks.names[int(np.argmax(ok))]!r} of {count} "
-            f"was found in the first image of camera {camera.name!r}; expected two at least: a "
-            "scale needs two"
-        )
+        found = f"only marker {marks.names[int(np.argmax(ok))]!r} of {count} was found"
+        where = f"in the first image of camera {camera.name!r}"
+        expected = "expected two at least: a scale needs two"
+        raise GpusimError(f"measure {spec.name!r}: {found} {where}; {expected}")
     axes, plane = _image_axes(camera)
     in_plane = [axis[1] for axis in axes]
     position = marks.position[:count]

@@ -106,14 +106,11 @@ def _calibrated(
     """The board, and the cameras as its pictures give them."""
     what, calibration, board = f"measure {spec.name!r}", scene.calibration, board_of(scene)
     if calibration is None or not set(spec.views) <= set(calibration.cameras):
-        raise InputError(
-            f"{what}: no images of a target for {', '.join(spec.views)}; expected [calibration]"
-        )
+        missing = f"no images of a target for {', '.join(spec.views)}"
+        raise InputError(f"{what}: {missing}; expected [calibration]")
     if board is None:
-        raise InputError(
-            f"{what}: calibration board {calibration.board!r}; got another paint; expected a "
-            "checker or charuco"
-        )
+        where = f"{what}: calibration board {calibration.board!r}"
+        raise InputError(f"{where}; got another paint; expected a checker or charuco")
     poses = range(len(calibration.poses))
     sightings = {name: [corners(name, pose) for pose in poses] for name in spec.views}
     return board, measure.calibrate(sightings, lens=spec.lens)
@@ -137,9 +134,8 @@ def _triangulated(
     )
     good = np.count_nonzero(np.isfinite(first.points).all(axis=1))
     if not good >= 3:
-        raise GpusimError(
-            f"measure {name!r}: {good} markers are seen by two cameras; expected three"
-        )
+        found = f"{good} markers are seen by two cameras"
+        raise GpusimError(f"measure {name!r}: {found}; expected three")
     return first, last
 
 
