@@ -102,9 +102,7 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     body_of_part = number[count:]
     for body in np.unique(body_of_part):
         body_parts = np.flatnonzero(body_of_part == body)
-        inside = (
-            np.isin(part, body_parts) if len(body_parts) < parts else np.ones(len(part), dtype=bool)
-        )
+        inside = np.isin(part, body_parts)
         if len(body_parts) > _MOST_PARTS:
             _check_body(model, distinct(node[inside]))
         else:
@@ -115,8 +113,6 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
 def _lattice_parts(lattice: Lattice) -> Long:
     """The same as ``_parts``, by cells beside one another."""
     present = lattice.cell >= 0
-    if present.all():
-        return np.zeros(present.size, dtype=np.int64)
     number, _ = label(present)
     result = np.empty(int(present.sum()), dtype=np.int64)
     result[lattice.cell[present]] = number[present] - 1

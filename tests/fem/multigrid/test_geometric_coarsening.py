@@ -98,16 +98,6 @@ def test_rows_that_all_differ_are_numbered_as_their_nodes() -> None:
     assert np.abs(product(x)[0] - wanted).max() <= 1e-14 * np.abs(wanted).max()
 
 
-def test_elements_that_touch_held_nodes_are_known_by_their_places() -> None:
-    mesh = shuffled(box((1.0, 0.8, 0.5), (5, 4, 3)))
-    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
-    assert lattice is not None
-    model = Model(mesh, [STEEL], held(mesh))
-    group = lattice_group(model, lattice, {"hex8": "incompatible"})
-    touching = lattice.touching(lattice.spread(held(mesh)).any(axis=3))
-    assert (touching == held(mesh)[group.cells].any(axis=(1, 2))).all() and 0 < touching.sum() < 60
-
-
 def test_planes_that_few_nodes_lie_on_are_found() -> None:
     # one column of cells stands out: the planes of its top hold four nodes each
     mesh = box((1.0, 1.0, 1.0), (12, 12, 3))
