@@ -16,7 +16,7 @@ from gpusim.arrays.unique import noise
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
-from gpusim.fem.sparse.block_rows import pattern, ranges
+from gpusim.fem.sparse.block_rows import block_diagonal, pattern, ranges
 from gpusim.fem.sparse.matrix_product import Product, ahead, row_shares, shared
 
 _STRENGTH = 0.08
@@ -66,7 +66,7 @@ def prolongator(
         image = _rows(off, rows) @ tentative
         tentative_rows = _rows(tentative, rows) * (1.0 - step if matrix.apart else 1.0)
         result = bsr_matrix(
-            tentative_rows - (step / scale) * (_block_diagonal(inverse[rows]) @ image)
+            tentative_rows - (step / scale) * (block_diagonal(inverse[rows]) @ image)
         )
         return in_single(result) if single else result
 
@@ -170,7 +170,7 @@ def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matr
         )
     result = matrix_rows @ factor
     if diagonal is not None:
-        result = result + _block_diagonal(diagonal[rows]) @ _double(_rows(other, rows))
+        result = result + block_diagonal(diagonal[rows]) @ _double(_rows(other, rows))
     return bsr_matrix(result)
 
 
@@ -208,11 +208,6 @@ def _stacked(parts: Sequence[bsr_matrix]) -> bsr_matrix:
     blocks = np.concatenate([part.data for part in parts])
     shape = (sum(part.shape[0] for part in parts), parts[0].shape[1])
     return bsr_matrix((blocks, columns, start), shape=shape)
-
-
-def _block_diagonal(blocks: Float) -> bsr_matrix:
-    one = np.arange(len(blocks) + 1)
-    return bsr_matrix((blocks, one[:-1], one), shape=(len(blocks) * blocks.shape[1],) * 2)
 
 
 def largest_eigenvalue(

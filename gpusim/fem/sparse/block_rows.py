@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +105,12 @@ def pattern(matrix: bsr_matrix) -> csr_matrix:
     rows, columns = (n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True))
     present = np.ones(len(matrix.indices), dtype=bool)
     return csr_matrix((present, matrix.indices, matrix.indptr), shape=(rows, columns))
+
+
+def block_diagonal(blocks: Real) -> bsr_matrix:
+    """A matrix with (B,s,s) ``blocks`` on its diagonal, and none elsewhere."""
+    one = np.arange(len(blocks) + 1, dtype=np.int32)
+    return bsr_matrix((blocks, one[:-1], one), shape=(len(blocks) * blocks.shape[1],) * 2)
 
 
 def diagonal_blocks(matrix: bsr_matrix) -> Float:

@@ -17,7 +17,7 @@ from gpusim.fem.lattice.lattice import find_lattice
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides, drop_planes
 from gpusim.fem.multigrid.transfer import NodeTransfer
 from gpusim.fem.sparse.block_rows import block_matrix
-from gpusim.fem.sparse.matrix_product import RowsProduct
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh import CELL_TYPES, Mesh, box, crane, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)
@@ -92,7 +92,7 @@ def test_rows_that_all_differ_are_numbered_as_their_nodes() -> None:
     rows = assemble_lattice(lattice_group(model, lattice, {"hex8": "full"}), lattice)
     assert (rows.row_class == np.arange(mesh.node_count)).all()
     plain = block_matrix(assemble_groups(model_groups(model, {"hex8": "full"}), mesh.node_count))
-    product = RowsProduct(rows, 1.0)
+    product = Product.of_rows(rows, 1.0)
     x = np.random.default_rng(2).normal(size=(1, 3 * mesh.node_count))
     wanted = plain @ x[0]
     assert np.abs(product(x)[0] - wanted).max() <= 1e-14 * np.abs(wanted).max()
