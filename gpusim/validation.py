@@ -82,6 +82,27 @@ def real_numbers(value: Any, what: str) -> Float:
     return array
 
 
+def finite_numbers(
+    value: Any, what: str, shapes: Sequence[tuple[int, ...]], expected: str
+) -> Float:
+    """``value`` as finite float64 of one of some ``shapes``. Raises InputError naming ``what``."""
+    array = as_float64(value, what, expected)
+    got = f"shape {array.shape}" if array.size > 3 else _shown(value)
+    fits = array.shape in shapes and np.isfinite(array).all()
+    require(fits, what, got, expected)
+    return array
+
+
+def as_float64(value: Any, what: str, expected: str) -> Float:
+    """What NumPy makes numbers of, as float64. Raises InputError naming ``what``."""
+    try:
+        if np.iscomplexobj(value):
+            raise TypeError("complex")
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}; got {_shown(value)} ({error}); expected {expected}") from None
+
+
 def by_number(names: Iterable[str]) -> list[str]:
     """Sorted, with ``face_10`` after ``face_9``."""
 

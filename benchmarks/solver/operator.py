@@ -15,8 +15,7 @@ from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.system import make_system
 from gpusim.fem.device.tet_forces import device_tets, upload_operator
 from gpusim.fem.model.model import resolve_formulation
-from gpusim.fem.sparse.block_rows import block_matrix
-from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.gpu import Device
 
 __all__ = ["Probe", "host_probe", "operator_probe"]
@@ -76,11 +75,7 @@ def host_probe(case: Case, model: Model) -> Probe:
     assembled = assemble(model, resolve_formulation(model, {case.kind: case.rule}))
     rows, system = assembled.rows, make_system(model, assembled)
     by_runs = None if system.stencil is None else system.stencil.product
-    product: Callable[[Float], Float] = by_runs or (
-        RowsProduct(rows, system.scale)
-        if RowsProduct.fits(rows)
-        else Product(block_matrix(rows, system.scale))
-    )
+    product: Callable[[Float], Float] = by_runs or (Product.of_rows(rows, system.scale))
     u = np.random.default_rng(1).normal(size=(1, model.mesh.points.size))
     blocks = int(rows.degree.sum()) + rows.node_count
     vectors = 2 * u.nbytes

@@ -14,8 +14,8 @@ from functools import cache, partial
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled
+from gpusim.fem.assembly.element_batches import only_group
 from gpusim.fem.assembly.system import System
 from gpusim.fem.direct_solvers.banded_cholesky import BandedFactor, band_ordering
 from gpusim.fem.direct_solvers.substructuring import SubstructuredFactor, cut_slabs
@@ -24,6 +24,7 @@ from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
 from gpusim.gpu import Device, default_device, software_adapter
 from gpusim.parallel.machine import host_memory
+from gpusim.validation import require
 
 # operations per second
 _CHAIN_RATE = 1.2e10
@@ -77,7 +78,7 @@ def direct_solver(
     lattice = assembled.lattice
     widest, planes = 0, 0.0
     if lattice is not None:
-        group = assembled.lattice_group
+        group = only_group(assembled.groups)
         slabs = cut_slabs(group, lattice, free)
         if slabs is not None:
             sizes = [len(one) for one in slabs.planes]
@@ -257,12 +258,11 @@ def _slower(times: float, least: str = "") -> str:
 
 
 def _fitting(direct: Direct | None) -> Direct:
-    if direct is None or not direct.fits:
-        raise InputError(
-            "solve: method 'direct'; got a body whose factors "
-            + ("can't be ordered" if direct is None else f"need {direct.nbytes / 1e9:.1f} GB")
-            + "; expected one that fits the free memory, or method 'multigrid'"
-        )
+    need = "can't be ordered" if direct is None else f"need {direct.nbytes / 1e9:.1f} GB"
+    expected = "one that fits the free memory, or method 'multigrid'"
+    fits = direct is not None and direct.fits
+    require(fits, "solve: method 'direct'", f"a body whose factors {need}", expected)
+    assert direct is not None
     return direct
 
 

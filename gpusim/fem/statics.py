@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 from gpusim.fem.assembly.assembly import Assembled, assemble, model_lattice
 from gpusim.fem.assembly.node_graph import Numbering
 from gpusim.fem.assembly.stiffness_rounding import extremes
@@ -23,7 +22,7 @@ from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import finite_numbers, require, unmasked
 
 
 @unmasked()
@@ -126,37 +125,27 @@ def _check_arguments(
     method: str,
     progress: Callable[[int, float], None] | None,
 ) -> None:
-    if not isinstance(model, Model):
-        raise InputError(f"solve: model; got {type(model).__name__}; expected a Model")
-    if not (device is None or isinstance(device, Device)):
-        raise InputError(f"solve: device; got {device!r}; expected a Device, or None")
-    if not (isinstance(tolerance, Real) and 0.0 < tolerance < 1.0):
-        raise InputError(f"solve: tolerance; got {tolerance!r}; expected a number in (0, 1)")
-    if backend not in ("auto", "gpu", "numpy"):
-        raise InputError(f"solve: backend; got {backend!r}; expected 'auto', 'gpu' or 'numpy'")
-    if method not in METHODS:
-        raise InputError(f"solve: method; got {method!r}; expected one of {', '.join(METHODS)}")
+    require(isinstance(model, Model), "solve: model", type(model).__name__, "a Model")
+    known = isinstance(device, Device | None)
+    require(known, "solve: device", repr(device), "a Device, or None")
+    share = isinstance(tolerance, Real) and 0.0 < tolerance < 1.0
+    require(share, "solve: tolerance", repr(tolerance), "a number in (0, 1)")
+    places = ("auto", "gpu", "numpy")
+    require(backend in places, "solve: backend", repr(backend), "'auto', 'gpu' or 'numpy'")
+    require(method in METHODS, "solve: method", repr(method), f"one of {', '.join(METHODS)}")
     whole = isinstance(max_iterations, Integral) and not isinstance(max_iterations, bool)
-    if max_iterations is not None and not (whole and max_iterations >= 1):
-        raise InputError(
-            f"solve: max_iterations; got {max_iterations!r}; expected a whole number of at least 1"
-        )
-    if not (progress is None or callable(progress)):
-        raise InputError(f"solve: progress; got {progress!r}; expected a function, or None")
+    counted = max_iterations is None or (whole and max_iterations >= 1)
+    expected = "a whole number of at least 1"
+    require(counted, "solve: max_iterations", repr(max_iterations), expected)
+    told = progress is None or callable(progress)
+    require(told, "solve: progress", repr(progress), "a function, or None")
 
 
 def _start(model: Model, start: npt.ArrayLike | None) -> Float | None:
     if start is None:
         return None
-    try:
-        if np.iscomplexobj(start):
-            raise TypeError("complex")
-        u = np.asarray(start, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"solve: start; not numbers ({error}); expected float64") from None
     shape = model.load_cases.shape
-    if u.shape not in (shape, shape[1:]) or not np.isfinite(u).all():
-        raise InputError(f"solve: start; got shape {u.shape}; expected {shape} finite numbers")
+    u = finite_numbers(start, "solve: start", (shape, shape[1:]), f"{shape} finite numbers")
     return np.broadcast_to(u, shape)
 
 

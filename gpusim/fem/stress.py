@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int, Long
 from gpusim.arrays.unique import distinct
-from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.fem.elements.strain import point_stress
@@ -23,7 +22,7 @@ from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shape_functions import reference_nodes, shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import finite_numbers, require, unmasked
 
 _CHUNK = 4096
 # up to here a table over all keys is faster than sorting them
@@ -162,18 +161,10 @@ def stress(
     >>> gs.fem.stress(model, bar.points * [0.01, 0, 0]).cell.round(6) + 0.0
     array([[1., 0., 0., 0., 0., 0.]])
     """
-    if not isinstance(model, Model):
-        raise InputError(f"stress: model; got {type(model).__name__}; expected a Model")
+    require(isinstance(model, Model), "stress: model", type(model).__name__, "a Model")
     shape = model.mesh.points.shape
-    try:
-        field = np.asarray(u, dtype=np.float64)
-    except (TypeError, ValueError):
-        field = np.full(1, np.nan)
-    if field.shape != shape or not np.isfinite(field).all():
-        raise InputError(
-            f"stress: u; got shape {field.shape}; expected {shape} finite numbers, "
-            "the displacements of one load case"
-        )
+    expected = f"{shape} finite numbers, the displacements of one load case"
+    field = finite_numbers(u, "stress: u", [shape], expected)
     change = None if temperature is None else linear_temperature("stress", model.mesh, temperature)
     # the work is shared out above BLAS
     with one_blas_thread():
@@ -346,8 +337,6 @@ def _to_points(kind: str, rule: Rule, places: Float) -> Float:
 
 def _stress(value: npt.ArrayLike) -> Float:
     array = np.asarray(value, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != 6:
-        raise InputError(
-            f"stress: got shape {array.shape}; expected (…,6), order xx yy zz xy yz zx"
-        )
+    expected = "(…,6), order xx yy zz xy yz zx"
+    require(array.shape[-1:] == (6,), "stress", f"shape {array.shape}", expected)
     return array

@@ -16,7 +16,6 @@ from gpusim.fem.assembly.element_batches import (
     Group,
     lattice_group,
     model_groups,
-    only_group,
 )
 from gpusim.fem.assembly.node_graph import NodeGraph, row_sums
 from gpusim.fem.lattice.lattice import CORNERS, Lattice, find_lattice, node_offsets
@@ -37,11 +36,6 @@ class Assembled:
     rows: BlockRows
     groups: list[Elements]
     lattice: Lattice | None
-
-    @property
-    def lattice_group(self) -> Group:
-        """The elements of the lattice."""
-        return only_group(self.groups)
 
 
 def model_lattice(model: Model) -> Lattice | None:

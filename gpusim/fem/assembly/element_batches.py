@@ -266,18 +266,17 @@ def _elasticity(model: Model) -> Float:
     return np.stack([material.stiffness() for material in model.materials])
 
 
-def held_matrices(group: Group, free: Bool, touching: Bool | None = None) -> tuple[Long, Float]:
+def held_matrices(group: Group, free: Bool) -> tuple[Long, Float]:
     """Elements with fixed unknowns get matrices of their own, with those rows and columns zero.
 
-    ``free`` (N,3); ``touching`` (M,) elements with some, if they are known. Returns (kind of each
-    element, the additional matrices); additional ones are numbered after ``group.matrices``.
+    ``free`` (N,3). Returns (kind of each element, the additional matrices); additional ones are
+    numbered after ``group.matrices``.
     """
     # column by column: several times as fast as along the second axis
-    if touching is None:
-        held_node: Bool = np.asarray(~(free[:, 0] & free[:, 1] & free[:, 2]))
-        touching = np.zeros(len(group.cells), dtype=bool)
-        for corner in group.cells.T:
-            touching |= held_node[corner]
+    held_node: Bool = np.asarray(~(free[:, 0] & free[:, 1] & free[:, 2]))
+    touching = np.zeros(len(group.cells), dtype=bool)
+    for corner in group.cells.T:
+        touching |= held_node[corner]
     touched = np.flatnonzero(touching)
     held = ~free[group.cells[touched]].reshape(len(touched), 3 * group.cells.shape[1])
     width = held.shape[1]
@@ -294,9 +293,9 @@ def held_matrices(group: Group, free: Bool, touching: Bool | None = None) -> tup
     return kind, extra
 
 
-def masked(group: Group, free: Bool, touching: Bool | None = None) -> Group:
+def masked(group: Group, free: Bool) -> Group:
     """The group with rows and columns of fixed unknowns set to zero; see ``held_matrices``."""
-    kind, extra = held_matrices(group, free, touching)
+    kind, extra = held_matrices(group, free)
     if len(extra) == 0:
         return group
     return Group(group.name, group.cells, kind, np.concatenate([group.matrices, extra]))

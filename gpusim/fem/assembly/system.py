@@ -17,8 +17,8 @@ from gpusim.fem.assembly.stiffness_rounding import (
 )
 from gpusim.fem.lattice.stencil import Stencil, StencilProduct, stencil_of
 from gpusim.fem.model.model import Model
-from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
-from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.block_rows import BlockRows
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.fem.sparse.stiffness_product import apply_stiffness
 
 # nodes per distinct row from which on a stencil isn't larger than the matrix
@@ -144,9 +144,7 @@ def finest_product(rows: BlockRows, system: System) -> Product | StencilProduct:
     """K / scale in the form that takes the least: by place, as its own table, or assembled."""
     if system.stencil is not None:
         return system.stencil.operator
-    if RowsProduct.fits(rows):
-        return RowsProduct(rows, system.scale)
-    return Product(block_matrix(rows, system.scale))
+    return Product.of_rows(rows, system.scale)
 
 
 def _contrast(rows: BlockRows) -> float:

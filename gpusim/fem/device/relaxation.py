@@ -61,7 +61,7 @@ class DeviceRelaxation:
         columns[:, :, 3] = np.einsum("nii->ni", inverse) != 0.0
         self._inverse = device.texels(3 * len(inverse), "rgba32float", f"{label}.inverse")
         self._inverse.write(columns.reshape(-1, 4))
-        self._bound: dict[object, list[Bindings]] = {}
+        self._bound: dict[object, list[tuple[Bindings, int]]] = {}
 
     def vector(self, label: str) -> Texels:
         """A vector of zeros, one texel per node."""
@@ -98,40 +98,39 @@ class DeviceRelaxation:
         factors: tuple[float, float, float],
         **vectors: Texels,
     ) -> None:
-        assert isinstance(self._texels, BlockTexels)
+        entry = self._entry(entry)
+        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
         key = (entry, factors, *(id(one) for one in vectors.values()))
         if key not in self._bound:
+            steps = dict(zip(("keep", "lag", "gain"), factors, strict=True))
+            given: dict[str, object] = {**vectors, "inverse": self._inverse}
             self._bound[key] = [
-                self._bind(
-                    entry,
-                    factors,
-                    {"count": part.count, "cases": self.cases, "base": 0, "stride": part.stride},
-                    {"info": part.info, "neighbour": part.neighbour, "blocks": part.blocks},
-                    vectors,
-                )
-                for part in self._texels.parts
-            ]
-        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
-        for part, bindings in zip(self._texels.parts, self._bound[key], strict=True):
-            recording.dispatch(kernel, bindings, threads=(row_threads(part.count, self.cases),))
+                (kernel.bind_used(**given, **part, params={"nodes": self.nodes, **sizes, **steps}),
+                 row_threads(sizes["count"], sizes["cases"]))
+                for part, sizes in self._parts()
+            ]  # fmt: skip
+        for number, (bindings, threads) in enumerate(self._bound[key]):
+            if "x_in" in vectors:
+                self._multiply(recording, vectors["x_in"], number)
+            recording.dispatch(kernel, bindings, threads=(threads,))
 
-    def _bind(
-        self,
-        entry: str,
-        factors: tuple[float, float, float],
-        sizes: dict[str, int],
-        matrix: dict[str, Texels | None],
-        vectors: dict[str, Texels],
-    ) -> Bindings:
-        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
-        steps = dict(zip(("keep", "lag", "gain"), factors, strict=True))
-        given: dict[str, object] = {
-            **matrix,
-            **vectors,
-            "inverse": self._inverse,
-            "params": {"nodes": self.nodes, **sizes, **steps},
-        }
-        return kernel.bind_used(**given)
+    def _entry(self, step: str) -> str:
+        """The kernel's entry for a step."""
+        return step
+
+    def _parts(self) -> list[tuple[dict[str, Texels], dict[str, int]]]:
+        """The matrix and the sizes of each dispatch."""
+        assert isinstance(self._texels, BlockTexels)
+        return [
+            (
+                {"info": part.info, "neighbour": part.neighbour, "blocks": part.blocks},
+                {"count": part.count, "cases": self.cases, "base": 0, "stride": part.stride},
+            )
+            for part in self._texels.parts
+        ]
+
+    def _multiply(self, recording: Recording, x: Texels, number: int) -> None:
+        """Record what a dispatch takes of A x."""
 
 
 class TetRelaxation(DeviceRelaxation):
@@ -143,33 +142,18 @@ class TetRelaxation(DeviceRelaxation):
         super().__init__(device, texels, inverse, cases, label)
         self._forces = SingleForces(device, texels)
 
-    def _dispatch(
-        self,
-        recording: Recording,
-        entry: str,
-        factors: tuple[float, float, float],
-        **vectors: Texels,
-    ) -> None:
+    def _entry(self, step: str) -> str:
+        return step if step == "begin" else f"{step}_forces"
+
+    def _parts(self) -> list[tuple[dict[str, Texels], dict[str, int]]]:
         texels = self._forces.texels
-        multiplies = entry != "begin"
-        entry = f"{entry}_forces" if multiplies else entry
-        key = (entry, factors, *(id(one) for one in vectors.values()))
-        if key not in self._bound:
-            sizes = {"count": self.nodes, "cases": 1, "stride": 1}
-            matrix: dict[str, Texels | None] = {
-                "info": texels.info, "lists": texels.lists, "forces": texels.forces
-            }  # fmt: skip
-            self._bound[key] = [
-                self._bind(
-                    entry, factors, {**sizes, "base": case * (self.nodes + 1)}, matrix, vectors
-                )
-                for case in range(self.cases)
-            ]
-        kernel = self.device.kernel("fem/device/relaxation", entry=entry)
-        for case, bindings in enumerate(self._bound[key]):
-            if multiplies:
-                self._forces.record(recording, vectors["x_in"], case)
-            recording.dispatch(kernel, bindings, threads=(self.nodes,))
+        matrix = {"info": texels.info, "lists": texels.lists, "forces": texels.forces}
+        sizes = {"count": self.nodes, "cases": 1, "stride": 1}
+        bases = [case * (self.nodes + 1) for case in range(self.cases)]
+        return [(matrix, {**sizes, "base": base}) for base in bases]
+
+    def _multiply(self, recording: Recording, x: Texels, number: int) -> None:
+        self._forces.record(recording, x, number)
 
 
 class ColumnRelaxation:

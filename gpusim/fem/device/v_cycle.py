@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import bsr_matrix
 
 from gpusim.fem.device.block_texels import BlockTexels, block_texels_bytes, rows_of_matrix
 from gpusim.fem.device.interpolation import DeviceWeights
@@ -28,6 +27,7 @@ from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.hierarchy import Hierarchy, Level
 from gpusim.fem.multigrid.smoothers import Relaxation
 from gpusim.fem.multigrid.transfer import MatrixTransfer, NodeTransfer
+from gpusim.fem.sparse.block_rows import block_diagonal
 from gpusim.gpu import Recording
 from gpusim.gpu.texture_array import Texels
 
@@ -111,7 +111,7 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
         else:
             total += (
                 product_bytes(level.product.matrix)
-                + product_bytes(_diagonal(level))
+                + product_bytes(block_diagonal(level.inverse))
                 + vectors(20, fine)
             )
         if isinstance(level.transfer, NodeTransfer):
@@ -126,13 +126,6 @@ def multigrid_bytes(hierarchy: Hierarchy, cases: int) -> int:
     return total
 
 
-def _diagonal(level: Level) -> bsr_matrix:
-    """The inverted diagonal blocks as a matrix."""
-    count = len(level.inverse)
-    shape = (level.inverse.shape[1] * count,) * 2
-    return bsr_matrix((level.inverse, np.arange(count), np.arange(count + 1)), shape=shape)
-
-
 class _BlockLevel:
     """An aggregated level: six unknowns a node, float64."""
 
@@ -145,11 +138,12 @@ class _BlockLevel:
         cases: int,
         label: str,
     ) -> None:
-        diagonal = _diagonal(level)
         matrix = level.product.matrix
         self._steps = steps
         self._matrix = DeviceProduct(device, matrix, cases, f"{label}.matrix")
-        self._inverse = DeviceProduct(device, diagonal, cases, f"{label}.inverse")
+        self._inverse = DeviceProduct(
+            device, block_diagonal(level.inverse), cases, f"{label}.inverse"
+        )
         self._sum = DeviceSum(device, self._matrix.rows, cases)
         self._right, self._product, self._scaled = (self._matrix.vector() for _ in range(3))
         self._vectors = [self._matrix.vector() for _ in range(3)]

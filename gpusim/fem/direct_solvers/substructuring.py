@@ -154,25 +154,17 @@ class SubstructuredFactor:
     def __post_init__(self) -> None:
         self._kind = self.lattice.grid(self.group.matrix_of)
         current = shared(self._slab, self.slabs.first.tolist())
+        last_kind = int(self.slabs.kind[-1])
         for one in self.slabs.rounds:
-            done = shared(lambda pair: _join(*pair), self._pairs(one, current))
+            pairs = [(current[a], current[b]) for a, b in one.pairs.tolist()]
+            done = shared(lambda pair: _join(*pair), pairs)
             self._joins.append([join for _, join in done])
-            lone = [current[int(self._last_kind(one))]] if one.odd else []
+            lone = [current[last_kind]] if one.odd else []
             current = [superelement for superelement, _ in done] + lone
+            last_kind = len(done) if one.odd else int(one.number[-1])
         last = current[-1]
         whole = np.block([[last.a, last.b], [last.b.T, last.c]])
         self._end = _factor(whole)
-
-    def _pairs(self, one: _Round, current: list[_Super]) -> list[tuple[_Super, _Super]]:
-        return [(current[a], current[b]) for a, b in one.pairs.tolist()]
-
-    def _last_kind(self, one: _Round) -> int:
-        """Kind of the last superelement before round ``one``."""
-        number = self.slabs.rounds.index(one)
-        if number == 0:
-            return int(self.slabs.kind[-1])
-        before = self.slabs.rounds[number - 1]
-        return len(before.pairs) if before.odd else int(before.number[-1])
 
     def _slab(self, layer: int) -> _Super:
         """Plane matrices of one layer of cells."""

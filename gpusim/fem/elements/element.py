@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Int, Long
-from gpusim.errors import InputError
 from gpusim.mesh import Faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule, face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +63,9 @@ class Element:
         """
         if formulation is None:
             return next(iter(self.rules.values()))
-        if formulation not in self.rules:
-            raise InputError(
-                f"formulation: not available for {self.name}; got {formulation!r}; "
-                f"expected one of {', '.join(self.rules)}"
-            )
+        what = f"formulation: not available for {self.name}"
+        expected = f"one of {', '.join(self.rules)}"
+        require(formulation in self.rules, what, repr(formulation), expected)
         return self.rules[formulation]
 
 

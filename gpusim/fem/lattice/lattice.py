@@ -6,7 +6,6 @@ come. It may have holes, notches and several parts; only the node planes must be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
@@ -74,26 +73,13 @@ class Lattice:
         """(flat positions of the cells (M,), their nodes (M,8) in VTK order)."""
         filled = self.cell >= 0
         nodes = np.empty((int(filled.sum()), len(CORNERS)), dtype=np.int32)
-        for corner, into in zip(self._at_corners(self.node), nodes.T, strict=True):
-            into[:] = corner[filled]
-        return np.flatnonzero(filled), nodes
-
-    def touching(self, nodes: Bool) -> Bool:
-        """(M,) whether cells, in the order of ``corner_nodes``, touch any ``nodes`` (X,Y,Z)."""
-        result = np.zeros(self.cell.shape, dtype=bool)
-        for corner in self._at_corners(nodes):
-            result |= corner
-        return np.asarray(result[self.cell >= 0])
-
-    def _at_corners(self, grid: npt.NDArray[T]) -> Iterator[npt.NDArray[T]]:
-        """(X-1,Y-1,Z-1) of the cells: what ``grid`` (X,Y,Z) has at the first corner of each, at the
-        second one, …"""
-        for corner in CORNERS.tolist():
+        for corner, into in zip(CORNERS.tolist(), nodes.T, strict=True):
             x, y, z = (
                 slice(first, first + count)
                 for first, count in zip(corner, self.cell.shape, strict=True)
             )
-            yield grid[x, y, z]
+            into[:] = self.node[x, y, z][filled]
+        return np.flatnonzero(filled), nodes
 
     def grid(self, values: Long) -> Long:
         """(X-1,Y-1,Z-1): ``values`` (M,), in the order of ``corner_nodes``, in their places; -1
@@ -107,12 +93,8 @@ class Lattice:
 
         Column k is the cell of which the node is corner k. ``nodes``: of these only.
         """
-        padded = np.full(tuple(n + 2 for n in per_cell.shape), outside, dtype=np.int64)
-        padded[1:-1, 1:-1, 1:-1] = per_cell
-        step = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
         place = self.place if nodes is None else self.place[nodes]
-        node = (place.astype(np.int64) + 1) @ step
-        return np.asarray(padded.ravel()[node[:, None] - CORNERS @ step])
+        return _beside(per_cell, place, -CORNERS, outside)
 
     def linked(self, nodes: Long) -> Bool:
         """(K,27) whether a cell joins each of ``nodes`` (K,) and another one at ``OFFSETS``."""
@@ -125,12 +107,15 @@ class Lattice:
 
     def neighbours(self) -> Int:
         """(N,27) node numbers at ``OFFSETS``, -1 where there is none."""
-        padded = np.full(tuple(n + 2 for n in self.node.shape), -1, dtype=np.int32)
-        padded[1:-1, 1:-1, 1:-1] = self.node
-        flat = padded.ravel()
-        step = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
-        node = (self.place.astype(np.int64) + 1) @ step
-        return np.asarray(flat[node[:, None] + OFFSETS @ step])
+        return _beside(self.node, self.place, OFFSETS, -1)
+
+
+def _beside(grid: npt.NDArray[T], place: Int, steps: Long, outside: int) -> npt.NDArray[T]:
+    """(N,S): what ``grid`` has ``steps`` (S,3) from each ``place`` (N,3), or ``outside``."""
+    padded = np.pad(grid, 1, constant_values=outside)
+    across = np.array([padded.shape[1] * padded.shape[2], padded.shape[2], 1])
+    here = (place.astype(np.int64) + 1) @ across
+    return np.asarray(padded.ravel()[here[:, None] + steps @ across])
 
 
 def node_offsets(corner: int) -> Long:

@@ -17,7 +17,7 @@ from gpusim.fem.elements.element import ELEMENTS, face_groups
 from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.mesh import CELL_TYPES, Faces, Mesh
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import finite_numbers, require, unmasked
 
 _CHUNK = 16384
 # Gauss points on [-1, 1]; the nodes of an edge are at -1, 1 and, if it has a midside node, 0
@@ -45,14 +45,13 @@ def nodal_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float
     -2.5
     """
     given = np.asarray(nodes)
-    if given.size and given.dtype.kind not in "iu":
-        raise InputError(f"nodal_force: nodes; got {given.dtype}; expected integer node numbers")
+    whole = not given.size or given.dtype.kind in "iu"
+    require(whole, "nodal_force: nodes", given.dtype, "integer node numbers")
     numbers = distinct(given.astype(np.int64))
-    if numbers.size == 0 or numbers[0] < 0 or numbers[-1] >= mesh.node_count:
-        raise InputError(
-            f"nodal_force: nodes; got {numbers.size} numbers "
-            f"{numbers[:3].tolist()}…; expected at least one in 0 … {mesh.node_count - 1}"
-        )
+    inside = numbers.size > 0 and numbers[0] >= 0 and numbers[-1] < mesh.node_count
+    got = f"{numbers.size} numbers {numbers[:3].tolist()}…"
+    expected = f"at least one in 0 … {mesh.node_count - 1}"
+    require(inside, "nodal_force: nodes", got, expected)
     forces = np.zeros((mesh.node_count, 3))
     forces[numbers] = vector("nodal_force: total", total) / len(numbers)
     return forces
@@ -101,8 +100,7 @@ def pressure(mesh: Mesh, faces: Faces, value: float) -> Float:
     >>> gs.fem.pressure(bar, top, 3.0).sum(axis=0).round(6) + 0.0
     array([ 0.,  0., -6.])
     """
-    if not np.isfinite(value):
-        raise InputError(f"pressure: value; got {value}; expected a finite number")
+    require(np.isfinite(value), "pressure: value", value, "a finite number")
     return _integrate(mesh, faces, lambda normal: -value * normal)
 
 
@@ -163,10 +161,8 @@ def centrifugal(
     origin = vector("centrifugal: axis_point", axis_point)
     direction = vector("centrifugal: axis", axis)
     length = float(np.linalg.norm(direction))
-    if not length > 0.0:
-        raise InputError(f"centrifugal: axis; got {axis!r}; expected a direction that isn't zero")
-    if not np.isfinite(omega):
-        raise InputError(f"centrifugal: omega; got {omega!r}; expected a finite number")
+    require(length > 0.0, "centrifugal: axis", axis, "a direction that isn't zero")
+    require(np.isfinite(omega), "centrifugal: omega", omega, "a finite number")
     direction = direction / length
 
     def acceleration(place: Float) -> Float:
@@ -184,16 +180,10 @@ def _inertia_force(
     formulation: Mapping[str, str] | None,
 ) -> Float:
     """Integral of shape function x density x ``acceleration`` of the place (…,3) -> (…,3)."""
-    try:
-        rho = np.asarray(density, dtype=np.float64)
-    except (TypeError, ValueError):
-        rho = np.full((), np.nan)
-    if rho.shape not in ((), (mesh.cell_count,)) or not np.isfinite(rho).all():
-        raise InputError(
-            f"{what}: density; got shape {rho.shape}; expected a finite number or "
-            f"({mesh.cell_count},) of them"
-        )
-    rho = np.broadcast_to(rho, (mesh.cell_count,))
+    shape = (mesh.cell_count,)
+    expected = f"a finite number or {shape} of them"
+    rho = finite_numbers(density, f"{what}: density", ((), shape), expected)
+    rho = np.broadcast_to(rho, shape)
     forces = np.zeros((mesh.node_count, 3))
     for kind, first, block in mesh.blocks():
         element = ELEMENTS[kind]
@@ -211,13 +201,7 @@ def _inertia_force(
 
 def vector(where: str, value: npt.ArrayLike) -> Float:
     """(3,) finite float64, or InputError."""
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.full(1, np.nan)
-    if numbers.shape != (3,) or not np.isfinite(numbers).all():
-        raise InputError(f"{where}; got {value!r}; expected 3 finite numbers")
-    return numbers
+    return finite_numbers(value, where, [(3,)], "3 finite numbers")
 
 
 def _area(normal: Float) -> Float:
@@ -227,8 +211,7 @@ def _area(normal: Float) -> Float:
 
 def _integrate(mesh: Mesh, faces: Faces, density: Callable[[Float], Float]) -> Float:
     """(N,3) nodal integrals of shape function x density(area vectors (…,3)) over the faces."""
-    if len(faces) == 0:
-        raise InputError("face load: no faces; got an empty selection; expected at least one face")
+    require(len(faces) > 0, "face load: no faces", "an empty selection", "at least one face")
     forces = np.zeros((mesh.node_count, 3))
     for element, _, nodes in face_groups(faces):
         corners = mesh.points[nodes]
@@ -275,16 +258,12 @@ def line_force(mesh: Mesh, nodes: npt.ArrayLike, total: npt.ArrayLike) -> Float:
 def node_line(mesh: Mesh, nodes: npt.ArrayLike) -> Int:
     """(E,3) edges (end, end, midside or -1) of the line through ``nodes``; see `line_force`."""
     given = np.asarray(nodes)
-    if given.ndim != 1 or given.dtype.kind not in "iu" or not given.size:
-        raise InputError(
-            f"line_force: nodes; got shape {given.shape}, {given.dtype}; expected (K,) integer "
-            "node numbers"
-        )
-    if given.min() < 0 or given.max() >= mesh.node_count:
-        raise InputError(
-            f"line_force: nodes; got {given.min()} … {given.max()}; "
-            f"expected 0 … {mesh.node_count - 1}"
-        )
+    fits = given.ndim == 1 and given.dtype.kind in "iu" and given.size > 0
+    got = f"shape {given.shape}, {given.dtype}"
+    require(fits, "line_force: nodes", got, "(K,) integer node numbers")
+    first, last = given.min(), given.max()
+    inside = first >= 0 and last < mesh.node_count
+    require(inside, "line_force: nodes", f"{first} … {last}", f"0 … {mesh.node_count - 1}")
     chosen = np.zeros(mesh.node_count, dtype=bool)
     chosen[given] = True
     edges = np.unique(_edges_between(mesh, chosen), axis=0)
@@ -297,12 +276,9 @@ def node_line(mesh: Mesh, nodes: npt.ArrayLike) -> Int:
             f"line_force: {alone.size} nodes aren't joined to the others by a cell edge; got node "
             f"{alone[0]} at {mesh.points[alone[0]].tolist()}; expected the nodes of a line of edges"
         )
-    branches = np.flatnonzero(ends > 2)
-    if branches.size:
-        raise InputError(
-            f"line_force: the nodes form an area or branches, not a line; got {ends.max()} edges "
-            f"at node {int(np.argmax(ends))}; expected at most two"
-        )
+    what = "line_force: the nodes form an area or branches, not a line"
+    got = f"{ends.max()} edges at node {int(np.argmax(ends))}"
+    require(ends.max() <= 2, what, got, "at most two")
     return edges
 
 

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, kron
 
 from gpusim.arrays.array_types import Float, Int
-from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import volumes
 from gpusim.fem.model.model import Model
+from gpusim.validation import require
 
 _CHUNK = 16384
 
@@ -64,16 +64,12 @@ def lumped_mass(model: Model) -> Float:
 
 
 def _check(model: Model) -> None:
-    if not isinstance(model, Model):
-        raise InputError(f"mass: model; got {type(model).__name__}; expected a Model")
+    require(isinstance(model, Model), "mass: model", type(model).__name__, "a Model")
     density = model.densities
-    if not (density > 0.0).all():
-        assert model.material_of_cell is not None
-        number = int(model.material_of_cell[int(np.argmin(density))])
-        raise InputError(
-            f"mass: materials[{number}] has no density; got {model.materials[number]!r}; "
-            "expected density > 0"
-        )
+    assert model.material_of_cell is not None
+    number = int(model.material_of_cell[int(np.argmin(density))])
+    what, got = f"mass: materials[{number}] has no density", repr(model.materials[number])
+    require((density > 0.0).all(), what, got, "density > 0")
 
 
 def _element_masses(model: Model) -> Iterator[tuple[Int, Float]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.validation import is_number, real_numbers
+from gpusim.validation import is_number, real_numbers, require
 
 Triple = tuple[float, float, float]
 
@@ -67,10 +67,7 @@ class Isotropic:
             ("expansion", "", lambda value: True),
         ):
             value = _number(getattr(self, name), f"Isotropic: {name}", expected)
-            if not good(value):
-                raise InputError(
-                    f"Isotropic: {name} out of range; got {value!r}; expected a number{expected}"
-                )
+            require(good(value), f"Isotropic: {name} out of range", value, f"a number{expected}")
             object.__setattr__(self, name, value)
 
     def stiffness(self) -> Float:
@@ -125,19 +122,15 @@ class Orthotropic:
 
     def __post_init__(self) -> None:
         for name, expected in (("E", "> 0"), ("nu", ""), ("G", "> 0"), ("expansion", "")):
-            values = _numbers(getattr(self, name), (3,))
+            given = getattr(self, name)
+            values = _numbers(given, (3,))
             good = values is not None and (expected == "" or bool((values > 0.0).all()))
-            if values is None or not good:
-                raise InputError(
-                    f"Orthotropic: {name} out of range; got {getattr(self, name)!r}; "
-                    f"expected three numbers {expected}".rstrip()
-                )
+            what = f"Orthotropic: {name} out of range"
+            require(good, what, repr(given), f"three numbers {expected}".rstrip())
+            assert values is not None
             object.__setattr__(self, name, tuple(values.tolist()))
         density = _number(self.density, "Orthotropic: density", " >= 0")
-        if not density >= 0.0:
-            raise InputError(
-                f"Orthotropic: density out of range; got {self.density!r}; expected a number >= 0"
-            )
+        require(density >= 0.0, "Orthotropic: density out of range", density, "a number >= 0")
         object.__setattr__(self, "density", density)
         object.__setattr__(self, "axes", _rotation(self.axes))
         _check_definite(self.E, self.nu)
@@ -180,14 +173,12 @@ def strain_rotation(axes: Float) -> Float:
 
 def _number(value: Any, what: str, expected: str) -> float:
     """A finite number. Raises InputError for anything else, an array of one number included."""
-    if not is_number(value):
-        raise InputError(f"{what}; got {value!r}; expected a number{expected}")
+    require(is_number(value), what, repr(value), f"a number{expected}")
     try:
         number = float(value)
     except OverflowError:  # a whole number of more than 308 digits
         number = np.inf
-    if not np.isfinite(number):
-        raise InputError(f"{what} out of range; got {number!r}; expected a number{expected}")
+    require(np.isfinite(number), f"{what} out of range", number, f"a number{expected}")
     return number
 
 
@@ -205,18 +196,13 @@ def _numbers(value: Any, shape: tuple[int, ...]) -> Float | None:
 def _rotation(value: Any) -> tuple[Triple, ...]:
     axes = _numbers(value, (3, 3))
     expected = "three orthonormal rows, right-handed"
-    if axes is None:
-        raise InputError(f"Orthotropic: axes; got {value!r}; expected {expected}")
+    require(axes is not None, "Orthotropic: axes", repr(value), expected)
+    assert axes is not None
     off = float(np.abs(axes @ axes.T - np.eye(3)).max())
-    if not off <= 1e-6:
-        raise InputError(
-            f"Orthotropic: axes are off orthonormal by {off:.2g}; got {axes.tolist()}; "
-            f"expected {expected}"
-        )
-    if not np.linalg.det(axes) > 0.0:
-        raise InputError(
-            f"Orthotropic: axes are left-handed; got {axes.tolist()}; expected {expected}"
-        )
+    what = f"Orthotropic: axes are off orthonormal by {off:.2g}"
+    require(off <= 1e-6, what, axes.tolist(), expected)
+    right_handed = np.linalg.det(axes) > 0.0
+    require(right_handed, "Orthotropic: axes are left-handed", axes.tolist(), expected)
     left, _, right = np.linalg.svd(axes)
     exact = left @ right
     # what is exact already stays as it was given
@@ -227,17 +213,12 @@ def _rotation(value: Any) -> tuple[Triple, ...]:
 def _check_definite(E: Triple, nu: Triple) -> None:
     for (i, j), value in zip(_SHEAR, nu, strict=True):
         limit = float(np.sqrt(E[i] / E[j]))
-        if not abs(value) < limit:
-            raise InputError(
-                f"Orthotropic: nu{i + 1}{j + 1} makes the stiffness indefinite; got {value!r}; "
-                f"expected a size below sqrt(E{i + 1}/E{j + 1}) = {limit:.6g}"
-            )
+        what = f"Orthotropic: nu{i + 1}{j + 1} makes the stiffness indefinite"
+        expected = f"a size below sqrt(E{i + 1}/E{j + 1}) = {limit:.6g}"
+        require(abs(value) < limit, what, value, expected)
     # with x_ij = nu_ij sqrt(E_j / E_i), the scaled compliance's determinant
     x, y, z = (value * np.sqrt(E[j] / E[i]) for (i, j), value in zip(_SHEAR, nu, strict=True))
     rest = 1.0 - x * x - y * y - z * z - 2.0 * x * y * z
-    if not rest > 1e-12:
-        raise InputError(
-            f"Orthotropic: nu makes the stiffness indefinite; got {nu} with E {E} "
-            f"(1 - nu12 nu21 - nu23 nu32 - nu31 nu13 - 2 nu21 nu32 nu13 = {rest:.3g}); "
-            "expected a positive value"
-        )
+    sum_of_products = f"1 - nu12 nu21 - nu23 nu32 - nu31 nu13 - 2 nu21 nu32 nu13 = {rest:.3g}"
+    got = f"{nu} with E {E} ({sum_of_products})"
+    require(rest > 1e-12, "Orthotropic: nu makes the stiffness indefinite", got, "a positive value")

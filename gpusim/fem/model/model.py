@@ -15,7 +15,7 @@ from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
-from gpusim.validation import unmasked
+from gpusim.validation import as_float64, require, unmasked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,30 +59,25 @@ class Model:
     __repr__ = field_summary
 
     def __post_init__(self) -> None:
-        if not isinstance(self.mesh, Mesh):
-            raise InputError(f"Model.mesh: got {type(self.mesh).__name__}; expected a Mesh")
+        require(isinstance(self.mesh, Mesh), "Model.mesh", type(self.mesh).__name__, "a Mesh")
         shape = self.mesh.points.shape
         materials = _materials(self.materials)
         _check_stiffness(materials)
         fixed = np.zeros(shape, dtype=bool) if self.fixed is None else np.array(self.fixed)
-        if fixed.shape != shape or fixed.dtype != np.bool_:
-            raise InputError(f"Model.fixed: got {fixed.shape} {fixed.dtype}; expected {shape} bool")
+        fits = fixed.shape == shape and fixed.dtype == np.bool_
+        require(fits, "Model.fixed", f"{fixed.shape} {fixed.dtype}", f"{shape} bool")
         forces = np.zeros(shape) if self.forces is None else _float("forces", self.forces)
-        if forces.shape != shape and forces.shape[1:] != shape:
-            raise InputError(
-                f"Model.forces: wrong shape; got {forces.shape}; expected {shape} or "
-                f"(L, {shape[0]}, 3)"
-            )
-        if forces.size == 0:
-            raise InputError("Model.forces: no load case; got L = 0; expected L >= 1")
+        fits = shape in (forces.shape, forces.shape[1:])
+        expected = f"{shape} or (L, {shape[0]}, 3)"
+        require(fits, "Model.forces: wrong shape", forces.shape, expected)
+        require(forces.size > 0, "Model.forces: no load case", "L = 0", "L >= 1")
         given = np.zeros(shape) if self.prescribed is None else self.prescribed
         prescribed = _float("prescribed", given)
         cases = (len(forces), *shape) if forces.ndim == 3 else (len(prescribed), *shape)
-        if prescribed.shape not in (shape, cases) or prescribed.size == 0:
-            raise InputError(
-                f"Model.prescribed: wrong shape; got {prescribed.shape}; expected {shape}, or "
-                f"({len(forces) if forces.ndim == 3 else 'L'}, {shape[0]}, 3) for each load case"
-            )
+        fits = prescribed.shape in (shape, cases) and prescribed.size > 0
+        count = str(len(forces)) if forces.ndim == 3 else "L"
+        expected = f"{shape}, or ({count}, {shape[0]}, 3) for each load case"
+        require(fits, "Model.prescribed: wrong shape", prescribed.shape, expected)
         if prescribed.ndim == 3 and forces.ndim == 2:
             forces = np.repeat(forces[None], len(prescribed), axis=0)
         loose = np.flatnonzero(((prescribed != 0.0) & ~fixed).reshape(-1, *shape).any(axis=(0, 2)))
@@ -97,13 +92,11 @@ class Model:
         else:
             of_cell = _material_numbers(self.material_of_cell, cells, len(materials))
         _refuse_loaded_dangling(self.mesh, forces, fixed)
-        for array in (fixed, forces, prescribed, of_cell):
-            array.setflags(write=False)
         object.__setattr__(self, "materials", materials)
-        object.__setattr__(self, "fixed", fixed)
-        object.__setattr__(self, "forces", forces)
-        object.__setattr__(self, "prescribed", prescribed)
-        object.__setattr__(self, "material_of_cell", of_cell)
+        arrays = {"fixed": fixed, "forces": forces, "prescribed": prescribed}
+        for name, array in {**arrays, "material_of_cell": of_cell}.items():
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
 
     @property
     def load_cases(self) -> Float:
@@ -146,12 +139,7 @@ def _is_material(thing: Any) -> bool:
 
 
 def _float(name: str, value: Any) -> Float:
-    try:
-        if np.iscomplexobj(value):
-            raise TypeError("complex")
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"Model.{name}: not numbers ({error}); expected float64") from None
+    array = np.array(as_float64(value, f"Model.{name}", "float64"))
     if not np.isfinite(array).all():
         bad = np.argwhere(~np.isfinite(array))
         raise InputError(
@@ -164,12 +152,10 @@ def _float(name: str, value: Any) -> Float:
 def _check_stiffness(materials: Sequence[Material]) -> None:
     """Materials of the user's own are checked like ours: symmetric, positive definite."""
     matrices = [np.asarray(material.stiffness()) for material in materials]
+    expected = "(6, 6), stress over strain, xx yy zz xy yz zx"
     for number, matrix in enumerate(matrices):
-        if matrix.shape != (6, 6):
-            raise InputError(
-                f"Model.materials[{number}]: stiffness() has the wrong shape; got {matrix.shape}; "
-                "expected (6, 6), stress over strain, xx yy zz xy yz zx"
-            )
+        what = f"Model.materials[{number}]: stiffness() has the wrong shape"
+        require(matrix.shape == (6, 6), what, matrix.shape, expected)
     stack = _float("materials: stiffness()", np.stack(matrices))
     skew = np.abs(stack - stack.transpose(0, 2, 1)).max(axis=(1, 2))
     bad = np.flatnonzero(~(skew <= 1e-9 * np.abs(stack).max(axis=(1, 2))))
@@ -191,16 +177,13 @@ def _check_stiffness(materials: Sequence[Material]) -> None:
 
 def _material_numbers(value: Any, cells: int, count: int) -> Int:
     numbers = np.asarray(value)
-    if numbers.shape != (cells,) or numbers.dtype.kind not in "iu":
-        raise InputError(
-            f"Model.material_of_cell: got {numbers.shape} {numbers.dtype}; "
-            f"expected ({cells},) integers"
-        )
-    if numbers.min() < 0 or numbers.max() >= count:
-        raise InputError(
-            f"Model.material_of_cell: got {numbers.min()} … {numbers.max()}; "
-            f"expected 0 … {count - 1}"
-        )
+    fits = numbers.shape == (cells,) and numbers.dtype.kind in "iu"
+    got = f"{numbers.shape} {numbers.dtype}"
+    require(fits, "Model.material_of_cell", got, f"({cells},) integers")
+    first, last = numbers.min(), numbers.max()
+    if first < 0 or last >= count:
+        expected = f"expected 0 … {count - 1}"
+        raise InputError(f"Model.material_of_cell: got {first} … {last}; {expected}")
     return np.array(numbers, dtype=np.int32)
 
 
@@ -226,34 +209,25 @@ def resolve_formulation(
     """
     if isinstance(formulation, str):
         known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
-        if formulation not in known:
-            raise InputError(
-                f"formulation: unknown; got {formulation!r}; expected one of {', '.join(known)}"
-            )
+        expected = f"one of {', '.join(known)}"
+        require(formulation in known, "formulation: unknown", repr(formulation), expected)
         wanted = {k: formulation for k, e in ELEMENTS.items() if formulation in e.formulations}
         usual = any(formulation == e.formulations[0] for e in ELEMENTS.values())
-        if not usual and not any(kind in wanted for kind in model.mesh.cells):
-            raise InputError(
-                f"formulation: no cell of the mesh has it; got {formulation!r} for "
-                f"{', '.join(model.mesh.cells)}; it is known for {', '.join(wanted)}"
-            )
-    elif formulation is None or isinstance(formulation, Mapping):
-        wanted = dict(formulation or {})
+        had = usual or any(kind in wanted for kind in model.mesh.cells)
+        got = f"{formulation!r} for {', '.join(model.mesh.cells)}"
+        expected = f"cells among {', '.join(wanted)}"
+        require(had, "formulation: no cell of the mesh has it", got, expected)
     else:
-        raise InputError(
-            f"formulation: got {formulation!r}; expected a name, or a mapping from cell type to one"
-        )
+        named = isinstance(formulation, Mapping | None)
+        expected = "a name, or a mapping from cell type to one"
+        require(named, "formulation", repr(formulation), expected)
+        wanted = dict(formulation or {})
     for kind, name in wanted.items():
-        if kind not in ELEMENTS:
-            raise InputError(
-                f"formulation: unknown cell type; got {kind!r}; "
-                f"expected keys among {', '.join(ELEMENTS)}"
-            )
-        if name not in ELEMENTS[kind].formulations:
-            raise InputError(
-                f"formulation: not available for {kind}; got {name!r}; "
-                f"expected one of {', '.join(ELEMENTS[kind].formulations)}"
-            )
+        expected = f"keys among {', '.join(ELEMENTS)}"
+        require(kind in ELEMENTS, "formulation: unknown cell type", repr(kind), expected)
+        names = ELEMENTS[kind].formulations
+        what = f"formulation: not available for {kind}"
+        require(name in names, what, repr(name), f"one of {', '.join(names)}")
     return {kind: wanted.get(kind, ELEMENTS[kind].formulations[0]) for kind in model.mesh.cells}
 
 

@@ -17,6 +17,7 @@ from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
 from gpusim.mesh import Faces, Mesh
 from gpusim.mesh.cell_types import CELL_TYPES
+from gpusim.validation import require
 
 # models that have passed: they and their arrays can't change
 _HELD: WeakSet[Model] = WeakSet()
@@ -37,8 +38,7 @@ def symmetry(mesh: Mesh, faces: Faces) -> Bool:
     >>> gs.fem.symmetry(bar, gs.mesh.select_faces(bar, name="y_min")).sum(axis=0)
     array([0, 6, 0])
     """
-    if len(faces) == 0:
-        raise InputError("symmetry: no faces; got an empty selection; expected at least one face")
+    require(len(faces) > 0, "symmetry: no faces", "an empty selection", "at least one face")
     normals = faces.normals
     mean = normals.mean(axis=0)
     axis = int(np.argmax(np.abs(mean)))
@@ -46,15 +46,15 @@ def symmetry(mesh: Mesh, faces: Faces) -> Bool:
     along = mesh.points[nodes, axis]
     extent = float((mesh.bounds[1] - mesh.bounds[0]).max())
     thickness = float(along.max() - along.min())
-    if not thickness <= 1e-6 * extent:
-        tilted = normals[np.argmin(np.abs(normals[:, axis]))]
-        shown = ", ".join(f"{value:.4g}" for value in tilted)
-        raise InputError(
-            f"symmetry: the {len(faces)} faces aren't in one plane across an axis; got "
-            f"{'xyz'[axis]} from {along.min():.6g} to {along.max():.6g}, a normal ({shown}); "
-            "expected a flat selection that looks along x, y or z (turn the mesh so that the "
-            "plane of symmetry does)"
-        )
+    tilted = normals[np.argmin(np.abs(normals[:, axis]))]
+    shown = ", ".join(f"{value:.4g}" for value in tilted)
+    require(
+        thickness <= 1e-6 * extent,
+        f"symmetry: the {len(faces)} faces aren't in one plane across an axis",
+        f"{'xyz'[axis]} from {along.min():.6g} to {along.max():.6g}, a normal ({shown})",
+        "a flat selection that looks along x, y or z (turn the mesh so that the plane of symmetry "
+        "does)",
+    )
     fixed = np.zeros((mesh.node_count, 3), dtype=bool)
     fixed[nodes, axis] = True
     return fixed
@@ -102,9 +102,7 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
     body_of_part = number[count:]
     for body in np.unique(body_of_part):
         body_parts = np.flatnonzero(body_of_part == body)
-        inside = (
-            np.isin(part, body_parts) if len(body_parts) < parts else np.ones(len(part), dtype=bool)
-        )
+        inside = np.isin(part, body_parts)
         if len(body_parts) > _MOST_PARTS:
             _check_body(model, distinct(node[inside]))
         else:
@@ -115,8 +113,6 @@ def _check_parts(model: Model, lattice: Lattice | None) -> None:
 def _lattice_parts(lattice: Lattice) -> Long:
     """The same as ``_parts``, by cells beside one another."""
     present = lattice.cell >= 0
-    if present.all():
-        return np.zeros(present.size, dtype=np.int64)
     number, _ = label(present)
     result = np.empty(int(present.sum()), dtype=np.int64)
     result[lattice.cell[present]] = number[present] - 1

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float, Int
-from gpusim.errors import InputError
 from gpusim.fem.elements.element import ELEMENTS, Rule
 from gpusim.fem.elements.isoparametric_map import add_to
 from gpusim.fem.elements.strain import internal_force, point_stress
@@ -17,7 +16,7 @@ from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.mesh import CELL_TYPES, Mesh
 from gpusim.mesh.shape_functions import shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import unmasked
+from gpusim.validation import finite_numbers, unmasked
 
 _CHUNK = 8192
 
@@ -81,16 +80,10 @@ def linear_temperature(what: str, mesh: Mesh, temperature: npt.ArrayLike) -> Flo
 
     Raises InputError.
     """
-    try:
-        change = np.asarray(temperature, dtype=np.float64)
-    except (TypeError, ValueError):
-        change = np.full(1, np.nan)
-    if change.shape not in ((), (mesh.node_count,)) or not np.isfinite(change).all():
-        raise InputError(
-            f"{what}: temperature; got shape {change.shape}; expected a finite number or "
-            f"({mesh.node_count},) of them"
-        )
-    change = np.array(np.broadcast_to(change, (mesh.node_count,)))
+    shape = (mesh.node_count,)
+    expected = f"a finite number or {shape} of them"
+    change = finite_numbers(temperature, f"{what}: temperature", ((), shape), expected)
+    change = np.array(np.broadcast_to(change, shape))
     for kind, _, block in mesh.blocks():
         cell = CELL_TYPES[kind]
         for number, corners in enumerate(cell.parents, start=cell.corners):

@@ -192,16 +192,16 @@ class Columns:
 
     def __init__(self, matrix: Product, free: Bool, column: Long) -> None:
         self.column = column
-        self._inverse = Product(_inverse(matrix, free, column))
+        self.product = Product(_inverse(matrix, free, column))
 
     @property
     def matrix(self) -> bsr_matrix:
         """D^-1 in blocks of 3x3, zero where nothing is free."""
-        return self._inverse.matrix
+        return self.product.matrix
 
     def apply(self, r: Vectors) -> Vectors:
         """(L,3N) -> (L,3N)."""
-        return self._inverse(r)
+        return self.product(r)
 
     def steps(self, largest: float) -> tuple[Relaxation, ...]:
         """Of Chebyshev's iteration, for the greatest eigenvalue of D^-1 A."""

@@ -140,10 +140,8 @@ def drop_planes(group: Group, lattice: Lattice, free: Bool) -> Coarser | None:
     weights = coarse_lattice(lattice)
     if weights is None:
         return None
-    coarse, keep = weights.coarse, weights.keep
-    kept = weights.kept
-    held = lattice.spread(~(free[:, :1] & free[:, 1:2] & free[:, 2:]))[..., 0]
-    parts = _inside(lattice, coarse, keep, masked(group, free, lattice.touching(held)))
+    coarse, kept = weights.coarse, weights.kept
+    parts = _inside(lattice, coarse, weights.keep, masked(group, free))
     return Coarser(weights, kept, [masked(parts, free[kept])], coarse)
 
 
@@ -195,8 +193,6 @@ def _kept_planes(lattice: Lattice) -> list[Long] | None:
 
 def _thinnest(lines: Bool) -> int:
     """Fewest solid cells one after the other, down the columns of (n,m)."""
-    if lines.all():
-        return len(lines)
     edge = np.zeros((1, lines.shape[1]), dtype=np.int8)
     step = np.diff(np.concatenate([edge, lines.astype(np.int8), edge]), axis=0).T
     # by column, so that the n-th beginning belongs to the n-th end

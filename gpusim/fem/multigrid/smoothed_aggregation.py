@@ -16,7 +16,7 @@ from gpusim.arrays.unique import noise
 from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
-from gpusim.fem.sparse.block_rows import pattern, ranges
+from gpusim.fem.sparse.block_rows import block_diagonal, pattern, ranges
 from gpusim.fem.sparse.matrix_product import Product, ahead, row_shares, shared
 
 _STRENGTH = 0.08
@@ -59,14 +59,14 @@ def prolongator(
     # P = (I - 4/(3 lambda) D^-1 A) T, with D^-1 D T = T
     step = 4.0 / (3.0 * largest)
     if isinstance(inverse, Columns):
-        by_columns = _smoothed_by_columns(matrix, tentative, inverse.matrix, step, single)
+        by_columns = _smoothed_by_columns(matrix, tentative, inverse.product, step, single)
         return by_columns, coarse_null, coarse_mask
 
     def smoothed(rows: slice) -> bsr_matrix:
         image = _rows(off, rows) @ tentative
         tentative_rows = _rows(tentative, rows) * (1.0 - step if matrix.apart else 1.0)
         result = bsr_matrix(
-            tentative_rows - (step / scale) * (_block_diagonal(inverse[rows]) @ image)
+            tentative_rows - (step / scale) * (block_diagonal(inverse[rows]) @ image)
         )
         return in_single(result) if single else result
 
@@ -76,23 +76,22 @@ def prolongator(
 def _smoothed_by_columns(
     matrix: Product,
     tentative: bsr_matrix,
-    inverse: bsr_matrix,
+    inverse: Product,
     step: float,
     single: bool,
 ) -> bsr_matrix:
     """P as above, by an inverse whose blocks lie anywhere."""
-    apart = matrix.diagonal if matrix.apart else None
     parts = _parts(matrix.others)
 
     def image(rows: slice) -> bsr_matrix:
         # rounded as P is: the largest thing here
-        result = _image(matrix.others, apart, rows, tentative)
+        result = _image(matrix, rows, tentative)
         return in_single(result) if single else result
 
     whole = _stacked(shared(image, parts))
 
     def smoothed(rows: slice) -> bsr_matrix:
-        result = _rows(tentative, rows) - (step / matrix.scale) * _image(inverse, None, rows, whole)
+        result = _rows(tentative, rows) - (step / matrix.scale) * _image(inverse, rows, whole)
         return in_single(result) if single else bsr_matrix(result)
 
     return _stacked(shared(smoothed, parts))
@@ -120,9 +119,8 @@ def _between(
 
 def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
     """P^T A P in float64, in blocks as wide as those of the ``prolongation``."""
-    off, apart = matrix.others, matrix.diagonal if matrix.apart else None
     width = prolongation.blocksize[1]
-    start, column = _pattern(off, apart is not None, prolongation)
+    start, column = _pattern(matrix, prolongation)
     count = len(start) - 1
     # blocks of the result by row and column, ascending
     place = np.repeat(np.arange(count), np.diff(start)) * count + column
@@ -130,24 +128,22 @@ def galerkin(matrix: Product, prolongation: bsr_matrix) -> bsr_matrix:
 
     def coarsened(rows: slice) -> bsr_matrix:
         interpolation = _double(_rows(prolongation, rows))
-        return bsr_matrix(interpolation.T @ _image(off, apart, rows, prolongation))
+        return bsr_matrix(interpolation.T @ _image(matrix, rows, prolongation))
 
     # one part after the other: all of them together take several times as much as their sum
-    for part in ahead(coarsened, _parts(off)):
+    for part in ahead(coarsened, _parts(matrix.others)):
         row = np.repeat(np.arange(count), np.diff(part.indptr))
         blocks[np.searchsorted(place, row * count + part.indices)] += part.data
     blocks /= matrix.scale
     return bsr_matrix((blocks, column, start), shape=(width * count,) * 2)
 
 
-def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple[Int, Int]:
-    """Where P^T A P has blocks: first of each row, and columns, ascending. ``diagonal``: A has
-    diagonal blocks beside those of ``off``."""
-
-    across = pattern(prolongation)
+def _pattern(matrix: Product, prolongation: bsr_matrix) -> tuple[Int, Int]:
+    """Where P^T A P has blocks: first of each row, and columns, ascending."""
+    off, across = matrix.others, pattern(prolongation)
 
     def image(rows: slice) -> csr_matrix:
-        on_diagonal = across[rows] if diagonal else 0
+        on_diagonal = across[rows] if matrix.apart else 0
         return csr_matrix(pattern(_rows(off, rows)) @ across + on_diagonal)
 
     result = csr_matrix(across.T @ vstack(shared(image, _parts(off)), format="csr"))
@@ -155,9 +151,9 @@ def _pattern(off: bsr_matrix, diagonal: bool, prolongation: bsr_matrix) -> tuple
     return result.indptr, result.indices
 
 
-def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matrix) -> bsr_matrix:
-    """Some rows of A times another matrix, in float64; ``diagonal`` where ``off`` is without it."""
-    matrix_rows, factor = _rows(off, rows), other
+def _image(matrix: Product, rows: slice, other: bsr_matrix) -> bsr_matrix:
+    """Some rows of A, without its scale, times another matrix, in float64."""
+    matrix_rows, factor = _rows(matrix.others, rows), other
     if other.dtype != np.float64:
         # only those rows that are asked for
         wanted = np.zeros(len(other.indptr) - 1, dtype=bool)
@@ -169,8 +165,8 @@ def _image(off: bsr_matrix, diagonal: Float | None, rows: slice, other: bsr_matr
             (matrix_rows.data, number[matrix_rows.indices], matrix_rows.indptr), shape=shape
         )
     result = matrix_rows @ factor
-    if diagonal is not None:
-        result = result + _block_diagonal(diagonal[rows]) @ _double(_rows(other, rows))
+    if matrix.apart:
+        result = result + block_diagonal(matrix.diagonal[rows]) @ _double(_rows(other, rows))
     return bsr_matrix(result)
 
 
@@ -208,11 +204,6 @@ def _stacked(parts: Sequence[bsr_matrix]) -> bsr_matrix:
     blocks = np.concatenate([part.data for part in parts])
     shape = (sum(part.shape[0] for part in parts), parts[0].shape[1])
     return bsr_matrix((blocks, columns, start), shape=shape)
-
-
-def _block_diagonal(blocks: Float) -> bsr_matrix:
-    one = np.arange(len(blocks) + 1)
-    return bsr_matrix((blocks, one[:-1], one), shape=(len(blocks) * blocks.shape[1],) * 2)
 
 
 def largest_eigenvalue(

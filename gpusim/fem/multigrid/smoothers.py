@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Real
+from gpusim.fem.sparse.block_rows import block_diagonal
 from gpusim.fem.sparse.matrix_product import Product, Vectors
 
 
@@ -44,10 +44,7 @@ class BlockJacobi:
     """r -> D^-1 r with the inverted diagonal blocks ``inverse`` (B,s,s), zero on fixed unknowns."""
 
     def __init__(self, inverse: Real) -> None:
-        count, size, _ = inverse.shape
-        one = np.arange(count + 1, dtype=np.int32)
-        shape = (size * count, size * count)
-        self._inverse = Product(bsr_matrix((inverse, one[:-1], one), shape=shape))
+        self._inverse = Product(block_diagonal(inverse))
 
     def apply(self, r: Vectors) -> Vectors:
         """(L,n) for (L,n), both of the blocks' dtype."""

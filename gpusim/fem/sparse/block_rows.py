@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
-from gpusim.arrays.array_types import Bool, Float, Int, Long
+from gpusim.arrays.array_types import Bool, Float, Int, Long, Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,27 +88,15 @@ def block_matrix(rows: BlockRows, scale: float = 1.0) -> bsr_matrix:
     """K / scale as a SciPy block matrix with 3x3 blocks, float64; the diagonal comes first."""
     count = rows.node_count
     start = rows.start + np.arange(count + 1)
-    data = np.empty((int(start[-1]), 3, 3))
     column = np.empty(int(start[-1]), dtype=np.int32)
     is_diagonal = np.zeros(int(start[-1]), dtype=bool)
     is_diagonal[start[:-1]] = True
     column[is_diagonal] = np.arange(count)
     column[~is_diagonal] = rows.neighbour
-    few = rows.class_count <= count // 8
-    diagonal, table = rows.diagonal / scale, rows.table / scale
-    if few:
-        # row by row from a padded table: one gather
-        joined = np.concatenate([diagonal, table])
-        classes = rows.row_class
-        at = ranges(rows.table_start[classes], rows.degree) + len(diagonal)
-        source = np.empty(int(start[-1]), dtype=np.int64)
-        source[is_diagonal], source[~is_diagonal] = classes, at
-        np.take(joined, source, axis=0, out=data, mode="clip")
-    else:
-        data[is_diagonal] = diagonal[rows.row_class]
-        same = bool((rows.row_class == np.arange(count)).all())
-        order = ranges(rows.table_start[rows.row_class], rows.degree)
-        data[~is_diagonal] = table if same else table[order]
+    source = np.empty(int(start[-1]), dtype=np.int64)
+    source[is_diagonal] = rows.row_class
+    source[~is_diagonal] = rows.class_count + ranges(rows.table_start[rows.row_class], rows.degree)
+    data = np.take(np.concatenate([rows.diagonal, rows.table]) / scale, source, axis=0)
     return bsr_matrix((data, column, start), shape=(3 * count, 3 * count))
 
 
@@ -117,6 +105,12 @@ def pattern(matrix: bsr_matrix) -> csr_matrix:
     rows, columns = (n // size for n, size in zip(matrix.shape, matrix.blocksize, strict=True))
     present = np.ones(len(matrix.indices), dtype=bool)
     return csr_matrix((present, matrix.indices, matrix.indptr), shape=(rows, columns))
+
+
+def block_diagonal(blocks: Real) -> bsr_matrix:
+    """A matrix with (B,s,s) ``blocks`` on its diagonal, and none elsewhere."""
+    one = np.arange(len(blocks) + 1, dtype=np.int32)
+    return bsr_matrix((blocks, one[:-1], one), shape=(len(blocks) * blocks.shape[1],) * 2)
 
 
 def diagonal_blocks(matrix: bsr_matrix) -> Float:

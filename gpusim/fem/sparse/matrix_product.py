@@ -20,6 +20,7 @@ from scipy.sparse import _sparsetools, bsr_matrix
 from gpusim.arrays.array_types import Bool, Float, Int, Real
 from gpusim.fem.sparse.block_rows import (
     BlockRows,
+    block_diagonal,
     block_matrix,
     diagonal_blocks,
     invert_blocks,
@@ -122,32 +123,44 @@ def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:
 class Product:
     """x (L,n) -> A x (L,m) for a block matrix, both of the matrix's own dtype.
 
-    A is (``others``, and ``diagonal`` (B,s,s) beside it if that is stored ``apart``) / ``scale``.
+    A is ``others``, or (``others`` + ``diagonal`` (B,s,s)) / ``scale`` where the diagonal is stored
+    ``apart``; the scale is a power of two.
     """
 
-    apart = False
-    scale = 1.0
-
-    def __init__(self, matrix: bsr_matrix) -> None:
-        self._matrix = matrix
+    def __init__(
+        self, matrix: bsr_matrix, diagonal: Float | None = None, scale: float = 1.0
+    ) -> None:
+        self.others, self.scale, self._diagonal = matrix, scale, diagonal
         numbers = matrix.data.size
         most = _PIECES * processors() if numbers > _SMALL else 1
-        parts = min(most, 1 + numbers // _LEAST_PART)
-        self._parts = [
-            _Rows(matrix, share.start, share.stop) for share in row_shares(matrix, parts)
-        ]
+        shares = row_shares(matrix, min(most, 1 + numbers // _LEAST_PART))
+        stored = [matrix] if diagonal is None else [matrix, block_diagonal(diagonal)]
+        self._parts = [[_Rows(one, share.start, share.stop) for one in stored] for share in shares]
+
+    @staticmethod
+    def of_rows(rows: BlockRows, scale: float) -> Product:
+        """K / scale. Rows that are all of their own kind are the matrix, but for the diagonal, and
+        aren't stored a second time."""
+        count = rows.node_count
+        if rows.class_count < count or (rows.row_class != np.arange(count)).any():
+            return Product(block_matrix(rows, scale))
+        others = bsr_matrix((rows.table, rows.neighbour, rows.start), shape=(3 * count, 3 * count))
+        return Product(others, rows.diagonal, scale)
 
     @property
-    def matrix(self) -> bsr_matrix:
-        return self._matrix
-
-    @property
-    def others(self) -> bsr_matrix:
-        return self._matrix
+    def apart(self) -> bool:
+        return self._diagonal is not None
 
     @cached_property
     def diagonal(self) -> Float:
-        return diagonal_blocks(self._matrix)
+        return diagonal_blocks(self.others) if self._diagonal is None else self._diagonal
+
+    @property
+    def matrix(self) -> bsr_matrix:
+        """A with its diagonal."""
+        if self._diagonal is None:
+            return self.others
+        return bsr_matrix((self.others + block_diagonal(self._diagonal)) / self.scale)
 
     def block_inverse(self, free: Bool) -> Float:
         """Inverted diagonal blocks (B,s,s) of A, zero where not ``free`` (B,s)."""
@@ -156,10 +169,10 @@ class Product:
     @property
     def unknowns(self) -> int:
         """Number of rows."""
-        return int(self._matrix.shape[0])
+        return int(self.others.shape[0])
 
     def __call__(self, x: Vectors) -> Vectors:
-        result: Any = np.zeros((len(x), self.unknowns), dtype=self._matrix.dtype)
+        result: Any = np.zeros((len(x), self.unknowns), dtype=self.others.dtype)
         tasks = [
             (part, np.ascontiguousarray(one), into)
             for one, into in zip(x, result, strict=True)
@@ -168,8 +181,11 @@ class Product:
         shared(lambda task: self._add(*task), tasks)
         return result  # type: ignore[no-any-return]
 
-    def _add(self, part: _Rows, x: Real, into: Real) -> None:
-        part.add(x, into)
+    def _add(self, part: list[_Rows], x: Real, into: Real) -> None:
+        for rows in part:
+            rows.add(x, into)
+        if self.scale != 1.0:
+            into[part[0].own] /= self.scale
 
 
 class _Rows:
@@ -188,39 +204,3 @@ class _Rows:
         """Add the product with all of ``x`` to the rows' part of ``into``."""
         shape = self.last - self.first, self._columns
         add_block_product(self._blocks, shape, x, into[self.own])
-
-
-class RowsProduct(Product):
-    """x (L,3N) -> K x / scale for block rows that are all of their own kind: their table is the
-    matrix, but for the diagonal, and isn't stored a second time. ``scale`` is a power of two."""
-
-    apart = True
-
-    def __init__(self, rows: BlockRows, scale: float) -> None:
-        count = rows.node_count
-        shape = (3 * count, 3 * count)
-        super().__init__(bsr_matrix((rows.table, rows.neighbour, rows.start), shape=shape))
-        self._rows, self.scale = rows, scale
-        one = np.arange(count + 1, dtype=np.int32)
-        diagonal = bsr_matrix((rows.diagonal, one[:-1], one), shape=shape)
-        self._own = [_Rows(diagonal, part.first, part.last) for part in self._parts]
-
-    @staticmethod
-    def fits(rows: BlockRows) -> bool:
-        """Whether the rows' table is in the order of the nodes."""
-        same = rows.class_count == rows.node_count
-        return same and bool((rows.row_class == np.arange(rows.node_count)).all())
-
-    @property
-    def matrix(self) -> bsr_matrix:
-        """K / scale with its diagonal."""
-        return block_matrix(self._rows, self.scale)
-
-    @property
-    def diagonal(self) -> Float:
-        return self._rows.diagonal
-
-    def _add(self, part: _Rows, x: Real, into: Real) -> None:
-        part.add(x, into)
-        self._own[self._parts.index(part)].add(x, into)
-        into[part.own] /= self.scale

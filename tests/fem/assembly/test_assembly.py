@@ -19,7 +19,7 @@ from gpusim.fem.multigrid.geometric_coarsening import drop_midsides
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.multigrid.transfer import NodeTransfer, in_single
 from gpusim.fem.sparse.block_rows import block_matrix, invert_blocks
-from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh import Mesh, box, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)
@@ -150,7 +150,7 @@ def test_a_diagonal_stored_apart_gives_the_same_coarse_level() -> None:
     inverse = invert_blocks(rows.diagonal / scale, free)
     near_null = rigid_modes(mesh.points, np.zeros(3), 1.0) * free[:, :, None]
     coarser = []
-    for matrix in (RowsProduct(rows, scale), Product(block_matrix(rows, scale))):
+    for matrix in (Product.of_rows(rows, scale), Product(block_matrix(rows, scale))):
         p, _, mask = prolongator(matrix, inverse, 2.1, near_null, free, False)
         coarser.append((p, galerkin(matrix, p), mask))
     apart, whole = coarser
@@ -171,7 +171,7 @@ def test_galerkin_products_add_up_whatever_the_parts(
     rows = assemble_groups(model_groups(Model(mesh, [STEEL]), RULE), count)
     rows.diagonal[-1] = np.eye(3)
     rng = np.random.default_rng(3)
-    matrix = RowsProduct(rows, 4.0)
+    matrix = Product.of_rows(rows, 4.0)
     there = rng.random((count, 9)) < 0.3
     there[-1] = np.arange(9) > 6
     blocks = there[:, None, :, None] * rng.normal(size=(count, 3, 9, 6))

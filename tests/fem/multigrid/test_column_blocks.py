@@ -20,7 +20,7 @@ from gpusim.fem.multigrid.column_blocks import Columns, columns_across, thin_axe
 from gpusim.fem.multigrid.hierarchy import build_hierarchy
 from gpusim.fem.multigrid.smoothed_aggregation import galerkin, prolongator
 from gpusim.fem.sparse.block_rows import block_matrix
-from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh import Mesh, box, plate_with_hole
 from gpusim.mesh.builders.conversion import split
 
@@ -89,7 +89,7 @@ def test_the_inverse_is_that_of_each_columns_block(apart: bool) -> None:
     free, column = ~model.fixed, columns_across(parts.groups, mesh.points)
     assert column is not None
     dense = block_matrix(parts.rows, 4.0).toarray()
-    matrix = RowsProduct(parts.rows, 4.0) if apart else Product(block_matrix(parts.rows, 4.0))
+    matrix = Product.of_rows(parts.rows, 4.0) if apart else Product(block_matrix(parts.rows, 4.0))
     r = np.random.default_rng(3).normal(size=(2, free.size))
     wanted = np.zeros_like(r)
     for one in range(column.max() + 1):
@@ -112,7 +112,7 @@ def test_aggregates_keep_columns_together() -> None:
     assert column is not None
     near_null = rigid_modes(mesh.points, mesh.points.mean(axis=0), 7.0) * free[:, :, None]
     forms = []
-    for matrix in (RowsProduct(parts.rows, 1.0), Product(block_matrix(parts.rows, 1.0))):
+    for matrix in (Product.of_rows(parts.rows, 1.0), Product(block_matrix(parts.rows, 1.0))):
         smoother = Columns(matrix, free, column)
         p, coarse_null, _ = prolongator(matrix, smoother, 2.6, near_null, free, False)
         forms.append(p.toarray())

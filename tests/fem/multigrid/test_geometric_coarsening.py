@@ -17,7 +17,7 @@ from gpusim.fem.lattice.lattice import find_lattice
 from gpusim.fem.multigrid.geometric_coarsening import drop_midsides, drop_planes
 from gpusim.fem.multigrid.transfer import NodeTransfer
 from gpusim.fem.sparse.block_rows import block_matrix
-from gpusim.fem.sparse.matrix_product import RowsProduct
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh import CELL_TYPES, Mesh, box, crane, quadratic, split
 
 STEEL = Isotropic(2.0, 0.3)
@@ -92,20 +92,10 @@ def test_rows_that_all_differ_are_numbered_as_their_nodes() -> None:
     rows = assemble_lattice(lattice_group(model, lattice, {"hex8": "full"}), lattice)
     assert (rows.row_class == np.arange(mesh.node_count)).all()
     plain = block_matrix(assemble_groups(model_groups(model, {"hex8": "full"}), mesh.node_count))
-    product = RowsProduct(rows, 1.0)
+    product = Product.of_rows(rows, 1.0)
     x = np.random.default_rng(2).normal(size=(1, 3 * mesh.node_count))
     wanted = plain @ x[0]
     assert np.abs(product(x)[0] - wanted).max() <= 1e-14 * np.abs(wanted).max()
-
-
-def test_elements_that_touch_held_nodes_are_known_by_their_places() -> None:
-    mesh = shuffled(box((1.0, 0.8, 0.5), (5, 4, 3)))
-    lattice = find_lattice(mesh.points, mesh.cells["hex8"])
-    assert lattice is not None
-    model = Model(mesh, [STEEL], held(mesh))
-    group = lattice_group(model, lattice, {"hex8": "incompatible"})
-    touching = lattice.touching(lattice.spread(held(mesh)).any(axis=3))
-    assert (touching == held(mesh)[group.cells].any(axis=(1, 2))).all() and 0 < touching.sum() < 60
 
 
 def test_planes_that_few_nodes_lie_on_are_found() -> None:

@@ -13,7 +13,7 @@ from gpusim.fem.assembly.assembly import assemble
 from gpusim.fem.model.model import resolve_formulation
 from gpusim.fem.multigrid.transfer import MatrixTransfer, in_single
 from gpusim.fem.sparse.block_rows import BlockRows, block_matrix
-from gpusim.fem.sparse.matrix_product import Product, RowsProduct
+from gpusim.fem.sparse.matrix_product import Product
 from gpusim.mesh import Mesh, box
 
 
@@ -30,8 +30,8 @@ def uneven() -> Mesh:
 @pytest.mark.parametrize("scale", [1.0, 8.0])
 def test_a_table_that_is_the_matrix_multiplies_like_it(scale: float) -> None:
     rows = rows_of(uneven())
-    assert RowsProduct.fits(rows)
-    product = RowsProduct(rows, scale)
+    product = Product.of_rows(rows, scale)
+    assert product.apart
     dense = block_matrix(rows).toarray() / scale
     np.testing.assert_allclose(product.matrix.toarray(), dense, rtol=1e-15)
     x = np.random.default_rng(1).normal(size=(2, len(dense)))
@@ -43,7 +43,7 @@ def test_a_table_that_is_the_matrix_multiplies_like_it(scale: float) -> None:
 
 
 def test_a_table_of_repeating_rows_is_not_the_matrix() -> None:
-    assert not RowsProduct.fits(rows_of(box((1.0, 0.4, 0.7), (7, 6, 5))))
+    assert not Product.of_rows(rows_of(box((1.0, 0.4, 0.7), (7, 6, 5))), 1.0).apart
 
 
 def test_the_probe_counts_what_its_product_reads() -> None:
