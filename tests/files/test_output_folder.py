@@ -103,7 +103,6 @@ ALLOWED = {
     "gpu/priming.py": "a list beside the driver's cache of compiled programs",
     "cli/console.py": "a stream that nobody reads",
     "export/images.py": "into the temporary name that atomic_path gives",
-    "export/radiance.py": "into the temporary name that atomic_path gives",
     "files/hdf5_file.py": "into the temporary name that atomic_path gives",
     "export/correlation.py": "into the streams and temporary names of files/atomic_files.py",
     "graph/log.py": "lines, appended to a log of its own",
