@@ -21,6 +21,8 @@ INTERRUPTED = 130
 UNINTERRUPTED: set[CodeType] = set()
 """Functions that a library calls which doesn't expect KeyboardInterrupt."""
 _PATIENCE_S = 0.02
+_MOST_DELAYS = 500
+_delays = 0
 
 
 def end_at_once() -> None:
@@ -89,11 +91,15 @@ def _end(number: int, frame: FrameType | None) -> None:
 
 
 def _raise(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt, or come again a little later."""
-    while frame is not None and hasattr(signal, "setitimer"):  # Windows has none
+    """Raise KeyboardInterrupt, or come again a little later; not for ever: an import may be what
+    has called the command."""
+    global _delays
+    while frame is not None and _delays < _MOST_DELAYS and hasattr(signal, "setitimer"):
         code, frame = frame.f_code, frame.f_back
         if code in UNINTERRUPTED or code.co_filename.startswith("<frozen importlib"):
+            _delays += 1
             signal.signal(signal.SIGALRM, _raise)
             signal.setitimer(signal.ITIMER_REAL, _PATIENCE_S)
             return
+    _delays = 0
     raise KeyboardInterrupt

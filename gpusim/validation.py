@@ -127,7 +127,8 @@ def checked(thing: T) -> T:
     A dataclass' own checks come first: they know what is expected better than its types do.
     """
     if not isinstance(thing, type):
-        return unmasked()(typing.cast(T, _wrapped(thing, thing.__name__)))
+        name = thing.__qualname__.rpartition("<locals>.")[2]
+        return unmasked()(typing.cast(T, _wrapped(thing, name)))
     init: Any = thing.__init__  # type: ignore[misc]
     thing.__init__ = _wrapped(init, thing.__name__, own_first=True)  # type: ignore[misc]
     return unmasked()(thing)

@@ -63,6 +63,7 @@ def recall(path: PathLike) -> npt.NDArray[Any] | None:
 
 Picture = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
+_PNG_SIDE = 1_000_000  # of libpng, unless it is built otherwise
 _HEAD = 33  # bytes of a PNG's signature and its first chunk, which metadata follows
 _FILTER, _UP = 19, 32  # IMWRITE_PNG_FILTER, which older ones than OpenCV 4.12 don't name, and skip
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE,
@@ -136,6 +137,8 @@ def _save_png(
     text: Mapping[str, str] | None,
 ) -> None:
     """A PNG with the metadata that OpenCV doesn't write (W3C specification, 3rd edition)."""
+    expected = f"at most {_PNG_SIDE} px a side in a PNG; .tiff takes more"
+    require(max(image.shape[:2]) <= _PNG_SIDE, "image", f"shape {image.shape}", expected)
     metadata = []
     if pixels_per_metre is not None:
         density = max(1, round(pixels_per_metre))

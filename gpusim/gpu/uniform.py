@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import wgpu
 
+from gpusim.errors import InputError
 from gpusim.gpu.context import DeviceContext
 from gpusim.validation import require
 
@@ -55,7 +56,8 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
     mapped = isinstance(values, Mapping)
     require(mapped, where, type(values).__name__, "a dict of the members")
     names = set(dtype.names or ())
-    require(set(values) == names, where, f"members {sorted(values)}", f"{sorted(names)}")
+    if set(values) != names:  # no `require`: it is called for every pass of a frame
+        raise InputError(f"{where}; got members {sorted(values)}; expected {sorted(names)}")
     record = np.zeros((), dtype)
     for key, value in values.items():
         member = dtype[key]
@@ -66,11 +68,11 @@ def pack(values: dict[str, Any], dtype: np.dtype[np.void], where: str) -> npt.ND
 
 def _numbers(value: Any, member: np.dtype[Any], where: str) -> npt.NDArray[Any]:
     given = np.asarray(value)
-    fits = given.shape == member.shape and given.dtype.kind in "biuf"
-    require(fits, where, repr(value), f"numbers of shape {member.shape}")
+    if given.shape != member.shape or given.dtype.kind not in "biuf":
+        raise InputError(f"{where}; got {value!r}; expected numbers of shape {member.shape}")
     with np.errstate(over="ignore", invalid="ignore"):
         stored = given.astype(member.base)
     held = stored == given if member.base.kind in "iu" else np.isfinite(stored)
-    fits = np.isfinite(given).all() and held.all()
-    require(fits, where, repr(value), f"finite values that {member.base} holds")
+    if not (np.isfinite(given).all() and held.all()):
+        raise InputError(f"{where}; got {value!r}; expected finite values that {member.base} holds")
     return stored

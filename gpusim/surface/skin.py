@@ -232,7 +232,8 @@ class Skin:
         tolerance = 1e-6 * float(np.max(high - low))
         reach = 1.5 * radius + tolerance
         of_point: list[Long] = []
-        around = scipy.spatial.cKDTree(centre).query_ball_point(points, reach.max())
+        queries = np.where(np.isfinite(points), points, low)  # what is NaN is near no face below
+        around = scipy.spatial.cKDTree(centre).query_ball_point(queries, reach.max())
         for point, rows in zip(points, around, strict=True):
             some = np.array(rows, np.int64)
             relative = point - centre[some]

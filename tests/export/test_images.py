@@ -122,6 +122,7 @@ def test_metadata(tmp_path: Path) -> None:
         (np.zeros((3, 4), np.uint8), ".png", {"pixels_per_metre": float("nan")}, "pixels_per"),
         (np.zeros((3, 4), np.uint8), ".png", {"text": {"k": "日"}}, "Latin-1"),
         (np.zeros((3, 4), np.uint8), ".png", {"text": {"": "x"}}, "key of 1 to 79"),
+        (np.zeros((1, 1_000_001), np.uint8), ".png", {}, "1000001.*at most 1000000 px a side"),
     ],
 )
 def test_bad_input_writes_nothing(

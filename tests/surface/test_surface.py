@@ -219,3 +219,5 @@ def test_the_skin_locates_points_with_the_faces_own_shape_functions() -> None:
     )
     with pytest.raises(InputError, match=r"0\.25.*expected one on the surface"):
         skin.locate(np.array([[0.25, 0.3, 0.3]]))
+    with pytest.raises(InputError, match=r"nan.*expected one on the surface"):
+        skin.locate(np.array([[0.4, 0.0, 0.33], [0.4, np.nan, 0.33]]))

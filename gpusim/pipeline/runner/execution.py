@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
+from threading import current_thread, main_thread
 
 from gpusim.files.atomic_files import clean_leftovers, write_text
 from gpusim.files.output_folder import delete, inside
@@ -17,6 +18,7 @@ from gpusim.graph.graph import Task
 from gpusim.graph.runner import Runner, StageFailed
 from gpusim.graph.session import Session
 from gpusim.graph.store import Store
+from gpusim.interrupts import DelayedSignals
 from gpusim.pipeline.checks.resources import check_memory, check_views
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.runner.scene_report import SceneReport
@@ -102,13 +104,16 @@ class Execution:
                 self._close()
 
     def _import_stages(self) -> None:
-        """Import what will be run, before threads do it side by side."""
+        """Import what will be run, before threads do it side by side; an interrupt is put off: in
+        the middle of an import it comes out as any error, or ends the process by the signal."""
         running = (task for task in self.decision.graph.tasks.values() if task.runs)
         modules = sorted({task.stage.work.split(":")[0] for task in running})
-        for module in modules:
-            import_module(module)
-        for spec in self.scene.measures:
-            kind_of(spec)
+        is_main = current_thread() is main_thread()
+        with DelayedSignals() if is_main else nullcontext():
+            for module in modules:
+                import_module(module)
+            for spec in self.scene.measures:
+                kind_of(spec)
 
     @contextmanager
     def _device(self) -> Iterator[Device | None]:

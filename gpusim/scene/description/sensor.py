@@ -10,6 +10,7 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     ValidationError,
+    field_validator,
     model_serializer,
     model_validator,
 )
@@ -74,6 +75,13 @@ class _Electronics(Table):
     """In the bands red, green, blue: 3 numbers of a mono camera (by default a third each), or 3
     rows of them, for the red, green and blue channel (by default each sees its band)."""
 
+    @field_validator("sensitivities")
+    @classmethod
+    def _seeing(cls, rows: Any) -> Any:
+        if rows is not None and not all(map(any, rows if isinstance(rows[0], tuple) else [rows])):
+            raise fault("", "a channel that sees nothing", rows, "none all zero")
+        return rows
+
 
 class SensorTable(_Electronics):
     """From radiance to grey values, without noise unless a gain, a full well or a preset is given.
@@ -99,9 +107,6 @@ class SensorTable(_Electronics):
         black = self.black_level_DN
         if black is not None and not black < 2**self.bits - 1:
             raise fault("black_level_DN", "above full scale", black, f"below {2**self.bits - 1}")
-        rows = self.sensitivities
-        if rows is not None and not all(map(any, rows if isinstance(rows[0], tuple) else [rows])):
-            raise fault("sensitivities", "a channel that sees nothing", rows, "none all zero")
         if self.demosaic is not None and self.bayer is None:
             raise fault("demosaic", "no mosaic", self.demosaic, "bayer beside it")
         return self

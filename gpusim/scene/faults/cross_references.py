@@ -96,17 +96,19 @@ class _Checks:
         self.found.append((keys, Fault(dotted(keys), problem, value_text(got), expected, hint)))
 
     def refer(self, keys: Keys, value: Any, names: Names | None, what: str) -> None:
-        """A reference, or a list of them, to one of ``names``, which may be unknown (None)."""
-        if isinstance(value, list):
-            for place, one in enumerate(value):
-                self.refer((*keys, place), one, names, what)
-            return
+        """A reference to one of ``names``, which may be unknown (None)."""
         if names is None or not isinstance(value, str) or value in names:
             return
         near = similar_name(value, list(names)) if len(self.found) < _HINTS else ""
         expected = f"one of {listed(names)}" if names else f"a {what}, but there is none"
         hint = f"did you mean {near}?" if near else ""
         self.add(keys, f"no such {what}", value, expected, hint)
+
+    def refer_each(self, keys: Keys, value: Any, names: Names | None, what: str) -> None:
+        """The same of a key that may be a list."""
+        for place, one in enumerate(value if isinstance(value, list) else ()):
+            self.refer((*keys, place), one, names, what)
+        self.refer(keys, value, names, what)
 
     def unique_names(self) -> None:
         def unique(prefix: Keys, table: Mapping[str, Any], key: str, seen: dict[str, Keys]) -> None:
@@ -171,7 +173,7 @@ class _Checks:
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
                 else:
                     named = names[what]
-                self.refer((*at, key), measure.get(key), named, what)
+                self.refer_each((*at, key), measure.get(key), named, what)
             for keys, *fault in table.faults(measure, self.document):
                 self.add((*at, *keys), *fault)
 
@@ -263,7 +265,7 @@ class _Checks:
             ("show", _names(self.props), "prop"),
         )
         for key, names, what in known:
-            self.refer(("calibration", key), calibration.get(key), names, what)
+            self.refer_each(("calibration", key), calibration.get(key), names, what)
         if not self.cameras:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("calibration",), "needs a camera", got, wanted)

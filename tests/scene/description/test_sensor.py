@@ -287,6 +287,8 @@ def test_a_mosaic_and_the_curve_of_viewers(tmp_path: Path) -> None:
          "camera.one.channels: doesn't go with the sensor's sensitivities"),
         (CAMERA.format("one") + "[camera.sensor]\nsensitivities = [1, 1]\n",
          "got 2 items; expected a list of 3 numbers >= 0, or a list of 3 lists of 3 numbers >= 0"),
+        (CAMERA.format("one") + "[camera.sensor]\nsensitivities = [0, 0, 0]\n",
+         "camera.one.sensor.sensitivities: a channel that sees nothing"),
         (CAMERA.format("one") + '[camera.sensor]\ngamma = "log"\n',
          'got "log"; expected "srgb", or a number > 0'),
         (CAMERA.format("one").rstrip() + '\nchannels = "color"\n', "camera.one.channels"),

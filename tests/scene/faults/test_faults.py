@@ -189,6 +189,19 @@ def test_each_fault_is_found(crane: Document, path: str, value: Any, key: str, s
 
 
 @pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("body.0.material", ["stel"]),
+        ("body.0.support.0.where.set", ["fot"]),
+        ("measure.0.groups", [["beam"]]),
+    ],
+)
+def test_a_list_too_many_is_one_fault(crane: Document, path: str, value: Any) -> None:
+    (fault,) = faults(with_value(crane, path, value)).values()
+    assert "wrong type" in fault.problem
+
+
+@pytest.mark.parametrize(
     ("path", "value", "hint"),
     [
         ("light.0.type", "aera", "did you mean area?"),
