@@ -71,6 +71,18 @@ def require(fits: bool | np.bool_, what: str, got: object, expected: str) -> Non
         raise InputError(f"{what}; got {got}; expected {expected}")
 
 
+def require_one_of(what: str, got: object, names: Iterable[str]) -> None:
+    """Raises InputError "what; got …; expected one of …" unless an argument is one of ``names``."""
+    known = tuple(names)
+    require(got in known, what, repr(got), f"one of {', '.join(known)}")
+
+
+def count_of(what: str, value: float) -> int:
+    """``value`` as a whole number from 1 up. Raises InputError naming ``what`` if it is none."""
+    require(_is_whole(value) and value >= 1, what, value, "a whole number >= 1")
+    return int(value)
+
+
 class _Alternative(NamedTuple):
     """One of the types that a value may have: its name, whether a value is of it, and its rule."""
 

@@ -16,7 +16,7 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import FromZero, by_number, checked, require, within
+from gpusim.validation import FromZero, by_number, checked, require, require_one_of, within
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -180,8 +180,7 @@ def _one_of(name: str, known: Iterable[str]) -> str:
 def _inside(points: Float, bounds: Bounds, tolerance: float) -> Bool:
     keep = np.ones(len(points), dtype=bool)
     for key, value in bounds.items():
-        expected = f"one of {', '.join(_BOUND_KEYS)}"
-        require(key in _BOUND_KEYS, "selection: unknown bound", repr(key), expected)
+        require_one_of("selection: unknown bound", key, _BOUND_KEYS)
         require(np.isfinite(value), f"selection: {key}", value, "a finite coordinate")
         coordinate = points[:, "xyz".index(key[0])]
         if key.endswith("min"):

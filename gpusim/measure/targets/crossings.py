@@ -127,8 +127,9 @@ def fit_crossings(
     if not span > 0:
         return _failed(len(points))
     known = _known_blur(blur, len(points))
-    fits = index is None or np.shape(index) == (len(points), 2)
-    require(fits, "fit_crossings: index", np.shape(index), f"({len(points)}, 2)")
+    if index is not None:
+        shape, expected = np.shape(index), (len(points), 2)
+        require(shape == expected, "fit_crossings: index", shape, str(expected))
     around, before = points, None
     sharp = known
     if sharp is None:

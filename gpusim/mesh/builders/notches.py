@@ -16,7 +16,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import require
+from gpusim.validation import count_of, require, require_one_of
 
 _GROWTH = 0.25  # the size grows by a quarter of the distance: neighbours differ by about 1.28
 _SAMPLES = 4000
@@ -88,13 +88,12 @@ class Notch:
     def __post_init__(self) -> None:
         require(self.axis in ("x", "y", "z"), "Notch.axis", repr(self.axis), "'x', 'y' or 'z'")
         sides = [sign + axis for axis in "xyz" if axis != self.axis for sign in "-+"]
-        require(self.side in sides, "Notch.side", repr(self.side), f"one of {', '.join(sides)}")
+        require_one_of("Notch.side", self.side, sides)
         require(np.isfinite(self.position), "Notch.position", self.position, "a coordinate")
         for name in ("width", "depth"):
             value = getattr(self, name)
             require(np.isfinite(value) and value > 0.0, f"Notch.{name}", value, "a length > 0")
-        if not (isinstance(self.cells, int) and self.cells >= 1):
-            raise InputError(f"Notch.cells; got {self.cells}; expected a whole number >= 1")
+        count_of("Notch.cells", self.cells)
 
     def bounds(self, body: Float) -> Float:
         """(2,3) corners of the slot in a body of bounds (2,3); the open side is at infinity."""
