@@ -213,7 +213,6 @@ def _direction(value: str | npt.ArrayLike) -> Float:
 def _found(mesh: Mesh, found: Int, what: str, *conditions: object) -> Int:
     if found.size:
         return found
-    low, high = mesh.bounds
     labels = ("bounds", "plane", "name", "normal")
     asked = ", ".join(
         f"{label} {value}"
@@ -222,6 +221,10 @@ def _found(mesh: Mesh, found: Int, what: str, *conditions: object) -> Int:
     )
     raise EmptySelection(
         f"selection: no {what} found; got {asked or 'no condition'}; expected something inside the "
-        f"mesh, x {low[0]:.6g} … {high[0]:.6g}, y {low[1]:.6g} … {high[1]:.6g}, "
-        f"z {low[2]:.6g} … {high[2]:.6g}"
+        f"mesh, {extents(mesh.bounds)}"
     )
+
+
+def extents(bounds: Float) -> str:
+    """What a message says of bounds (2,3)."""
+    return ", ".join(f"{axis} {a:.6g} … {b:.6g}" for axis, a, b in zip("xyz", *bounds, strict=True))

@@ -16,6 +16,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
+from gpusim.mesh.selection import extents
 from gpusim.validation import count_of, require, require_one_of
 
 _GROWTH = 0.25  # the size grows by a quarter of the distance: neighbours differ by about 1.28
@@ -183,12 +184,8 @@ def notched(mesh: Mesh, notches: Sequence[Notch]) -> Mesh:
     gone = np.zeros(mesh.cell_count, dtype=bool)
     for number, notch in enumerate(notches, start=1):
         inside = _cells_inside(mesh, notch.bounds(body), length, f"notch {number}")
-        if not inside.any():
-            raise InputError(
-                f"notch {number}: no cell lies inside; got {notch}; expected a slot in the body, "
-                f"x {body[0, 0]:.6g} … {body[1, 0]:.6g}, y {body[0, 1]:.6g} … {body[1, 1]:.6g}, "
-                f"z {body[0, 2]:.6g} … {body[1, 2]:.6g}"
-            )
+        expected = f"a slot in the body, {extents(body)}"
+        require(inside.any(), f"notch {number}: no cell lies inside", notch, expected)
         gone |= inside
     if gone.all():
         raise InputError("notched: the notches cut everything away; expected some cells left")
