@@ -3,7 +3,8 @@
 `checked` reads the types from a function's or dataclass' annotations, so that what the signature
 says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers. A
 `Rule` beside a type says what else a value must be (``power: Positive``). Other types, shapes and
-what depends on several arguments are left to the function itself, which asks by `require`.
+what depends on several arguments are left to the function itself, which asks by `require`,
+`require_one_of` and `count_of`.
 
 `unmasked`, which is part of `checked`, is the rule for NumPy's masked arrays, whose masks
 `np.asarray` would drop without a word. Masked pixels of a picture that is measured count as NaN

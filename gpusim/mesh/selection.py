@@ -6,7 +6,6 @@ A selection that finds nothing is an InputError that says where the mesh is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from typing import Annotated
 
 import numpy as np
@@ -16,7 +15,15 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import FromZero, by_number, checked, require, require_one_of, within
+from gpusim.validation import (
+    FromZero,
+    by_number,
+    checked,
+    nearest_name,
+    require,
+    require_one_of,
+    within,
+)
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -172,9 +179,8 @@ def _one_of(name: str, known: Iterable[str]) -> str:
     names = by_number(known)
     if not names:
         return "no name: the mesh has no sets"
-    near = get_close_matches(name, names, 1)
     shown = ", ".join(names[:30]) + (", …" if len(names) > 30 else "")
-    return f"one of {shown}" + (f" (did you mean {near[0]!r}?)" if near else "")
+    return f"one of {shown}{nearest_name(repr(name), map(repr, names))}"
 
 
 def _inside(points: Float, bounds: Bounds, tolerance: float) -> Bool:

@@ -15,7 +15,7 @@ from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.builders.notches import Notch, notch_axes, notched, stepped_axis
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.selection import select_faces
-from gpusim.validation import Positive, checked, count_of, require
+from gpusim.validation import Positive, checked, count_of, real_numbers, require
 
 
 def box(
@@ -203,14 +203,10 @@ def _corners(nx: int, ny: int) -> Long:
 
 
 def triple_of(where: str, value: Sequence[float], positive: bool = True) -> Float:
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0)
-    good = numbers.shape == (3,) and bool(np.isfinite(numbers).all())
-    if not good or (positive and not (numbers > 0.0).all()):
-        kind = "3 numbers > 0" if positive else "3 finite numbers"
-        raise InputError(f"{where}; got {value}; expected {kind}")
+    numbers = real_numbers(value, where)
+    low = 0.0 if positive else -np.inf
+    fits = numbers.shape == (3,) and ((low < numbers) & (numbers < np.inf)).all()
+    require(fits, where, value, "3 numbers > 0" if positive else "3 finite numbers")
     return numbers
 
 
