@@ -4,7 +4,7 @@
 says is what is checked: numbers, whole numbers, texts, switches, arrays and tuples of numbers. A
 `Rule` beside a type says what else a value must be (``power: Positive``). Other types, shapes and
 what depends on several arguments are left to the function itself, which asks by
-`gpusim.errors.require`.
+`gpusim.errors.require`, `require_one_of` and `count_of`.
 
 `unmasked`, which is part of `checked`, is the rule for NumPy's masked arrays, whose masks
 `np.asarray` would drop without a word. Masked pixels of a picture that is measured count as NaN
@@ -64,6 +64,18 @@ Share = Annotated[float, within(0.0, 1.0)]
 """0 to 1."""
 Portion = Annotated[float, Rule("above 0, up to 1", lambda value: 0.0 < value <= 1.0)]
 Finite = Annotated[float, Rule("a finite number", np.isfinite)]
+
+
+def require_one_of(what: str, got: object, names: Iterable[str]) -> None:
+    """Raises InputError "what; got …; expected one of …" unless an argument is one of ``names``."""
+    known = tuple(names)
+    require(got in known, what, repr(got), f"one of {', '.join(known)}")
+
+
+def count_of(what: str, value: float) -> int:
+    """``value`` as a whole number from 1 up. Raises InputError naming ``what`` if it is none."""
+    require(_is_whole(value) and value >= 1, what, value, "a whole number >= 1")
+    return int(value)
 
 
 class _Alternative(NamedTuple):

@@ -95,11 +95,9 @@ class Deck:
         if not chosen:
             raise InputError("Deck.model: no step; expected at least one number, counted from 1")
         for step in chosen:
-            if step.equations is not None:
-                raise InputError(
-                    f"Deck.model: step {step.number} has equations or supports in turned axes; "
-                    "got constraints that a Model doesn't hold; expected Deck.solve"
-                )
+            what = f"Deck.model: step {step.number} has equations or supports in turned axes"
+            got = "constraints that a Model doesn't hold"
+            require(step.equations is None, what, got, "Deck.solve")
             if not np.array_equal(step.fixed, chosen[0].fixed):
                 raise InputError(
                     f"Deck.model: steps {chosen[0].number} and {step.number} hold different "

@@ -18,7 +18,7 @@ from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces, check_range
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quality import least_jacobian
-from gpusim.validation import require, unmasked
+from gpusim.validation import require, require_one_of, unmasked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -194,8 +194,7 @@ def _points(value: Any) -> Float:
 
 
 def _cells(name: str, value: Any, count: int) -> Int:
-    expected = f"one of {', '.join(CELL_TYPES)}"
-    require(name in CELL_TYPES, "Mesh.cells: unknown cell type", repr(name), expected)
+    require_one_of("Mesh.cells: unknown cell type", name, CELL_TYPES)
     width = CELL_TYPES[name].nodes
     try:
         block = np.asarray(value)

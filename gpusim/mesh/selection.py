@@ -6,7 +6,6 @@ A selection that finds nothing is an InputError that says where the mesh is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from typing import Annotated
 
 import numpy as np
@@ -16,7 +15,15 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import FromZero, by_number, checked, require, within
+from gpusim.validation import (
+    FromZero,
+    by_number,
+    checked,
+    nearest_name,
+    require,
+    require_one_of,
+    within,
+)
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -172,16 +179,14 @@ def _one_of(name: str, known: Iterable[str]) -> str:
     names = by_number(known)
     if not names:
         return "no name: the mesh has no sets"
-    near = get_close_matches(name, names, 1)
     shown = ", ".join(names[:30]) + (", …" if len(names) > 30 else "")
-    return f"one of {shown}" + (f" (did you mean {near[0]!r}?)" if near else "")
+    return f"one of {shown}{nearest_name(repr(name), map(repr, names))}"
 
 
 def _inside(points: Float, bounds: Bounds, tolerance: float) -> Bool:
     keep = np.ones(len(points), dtype=bool)
     for key, value in bounds.items():
-        expected = f"one of {', '.join(_BOUND_KEYS)}"
-        require(key in _BOUND_KEYS, "selection: unknown bound", repr(key), expected)
+        require_one_of("selection: unknown bound", key, _BOUND_KEYS)
         require(np.isfinite(value), f"selection: {key}", value, "a finite coordinate")
         coordinate = points[:, "xyz".index(key[0])]
         if key.endswith("min"):
@@ -214,7 +219,6 @@ def _direction(value: str | npt.ArrayLike) -> Float:
 def _found(mesh: Mesh, found: Int, what: str, *conditions: object) -> Int:
     if found.size:
         return found
-    low, high = mesh.bounds
     labels = ("bounds", "plane", "name", "normal")
     asked = ", ".join(
         f"{label} {value}"
@@ -223,6 +227,10 @@ def _found(mesh: Mesh, found: Int, what: str, *conditions: object) -> Int:
     )
     raise EmptySelection(
         f"selection: no {what} found; got {asked or 'no condition'}; expected something inside the "
-        f"mesh, x {low[0]:.6g} … {high[0]:.6g}, y {low[1]:.6g} … {high[1]:.6g}, "
-        f"z {low[2]:.6g} … {high[2]:.6g}"
+        f"mesh, {extents(mesh.bounds)}"
     )
+
+
+def extents(bounds: Float) -> str:
+    """What a message says of bounds (2,3)."""
+    return ", ".join(f"{axis} {a:.6g} … {b:.6g}" for axis, a, b in zip("xyz", *bounds, strict=True))

@@ -11,7 +11,17 @@ import pytest
 
 import gpusim as gs
 from gpusim.errors import InputError
-from gpusim.validation import Portion, Positive, checked, one_of, real_numbers, require, within
+from gpusim.validation import (
+    Portion,
+    Positive,
+    checked,
+    count_of,
+    one_of,
+    real_numbers,
+    require,
+    require_one_of,
+    within,
+)
 
 K = np.array([[30.0, 0.0, 5.0], [0.0, 31.0, 3.5], [0.0, 0.0, 1.0]])
 CORNERS = np.array([[-1.0, -0.7, 4.0], [1.1, -0.6, 4.0], [0.2, 0.9, 4.3]])
@@ -169,6 +179,16 @@ def test_what_is_required_is_said_in_one_form() -> None:
     require(True, "x", 1, "2")
     with pytest.raises(InputError, match=r"^x; got 1; expected 2$"):
         require(False, "x", 1, "2")
+    require_one_of("x", "a", ("a", "b"))
+    with pytest.raises(InputError, match=r"^x; got 'c'; expected one of a, b$"):
+        require_one_of("x", "c", ("a", "b"))
+
+
+@pytest.mark.parametrize("value", [0, 1.5, np.nan, np.inf, True, "3", None])
+def test_a_count_is_a_whole_number_from_1_up(value: Any) -> None:
+    assert count_of("x", 2.0) == count_of("x", np.int32(2)) == 2
+    with pytest.raises(InputError, match=r"^x; got .*; expected a whole number >= 1$"):
+        count_of("x", value)
 
 
 def test_a_mesh_and_a_surface_are_shown_by_their_counts() -> None:

@@ -28,7 +28,7 @@ from gpusim.measure.calibration.bundle_adjustment import (
 from gpusim.measure.calibration.first_estimate import MIN_POINTS, calibrated_single, first_rig
 from gpusim.measure.targets.boards import Sighting
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import require, unmasked
+from gpusim.validation import require, require_one_of, unmasked
 
 MIN_VIEWS = 3
 OUTLIER = 6.0  # robust standard deviations
@@ -222,7 +222,7 @@ def calibrate(
 def _checked(
     sightings: Mapping[str, Sequence[Sighting]] | Sequence[Sighting], lens: str
 ) -> dict[str, list[Sighting]]:
-    require(lens in LENSES, "calibrate: lens", repr(lens), f"one of {', '.join(LENSES)}")
+    require_one_of("calibrate: lens", lens, LENSES)
     named = sightings if isinstance(sightings, Mapping) else {"camera": sightings}
     seen = {name: list(views) for name, views in named.items()}
     counts = {name: len(views) for name, views in seen.items()}

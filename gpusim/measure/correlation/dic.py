@@ -7,7 +7,7 @@ matched features. From the seeds the front spreads over the other points (see ``
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ from gpusim.measure.correlation.start_values import feature_motions, global_shif
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import require, unmasked
+from gpusim.validation import count_of, require, require_one_of, unmasked
 
 Start = Literal["auto", "search", "features"]
 MIN_FOUND_SEEDS = 0.5  # share of the seeds that must be found by searching
@@ -110,22 +110,15 @@ def dic(
     first = masked_image(reference, "reference", subset, mask, saturation)
     second = masked_image(deformed, "deformed", subset, None, saturation)
     allowed = check_mask(first.good, first.image, blur_px)
-    _check_start(start, search_px)
+    require_one_of("start", start, get_args(Start))
     positions = given_or_grid(points, first.image.shape, subset=subset, step=step, roi=roi)
     begin = None if guess is None else _check_guess(guess, positions, settings)
-    images, near = (first.image, second.image), _reach(begin, search_px)
+    images, near = (first.image, second.image), _reach(begin, count_of("search_px", search_px))
     front = Front(images, positions, settings, allowed, blur_px, near, device)
     matches = _measure_all(front, begin, isinstance(guess, DicResult), start, int(search_px))
     name_failures(matches, positions, settings, first, second)
     widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
     return make_result(positions, matches, subset, widening)
-
-
-def _check_start(start: Start, search_px: int) -> None:
-    if not isinstance(search_px, (int, np.integer)) or search_px < 1:
-        raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
-    if start not in ("auto", "search", "features"):
-        raise InputError(f"start: got {start!r}; expected 'auto', 'search' or 'features'")
 
 
 def _measure_all(
@@ -234,8 +227,7 @@ def grid_points(
            [35., 35.],
            [55., 35.]])
     """
-    if not isinstance(step, (int, np.integer)) or step < 1:
-        raise InputError(f"step: got {step!r}; expected a whole number of px >= 1")
+    step = count_of("step", step)
     height, width = image_shape
     corners = np.asarray((0, 0, width - 1, height - 1) if roi is None else roi)
     if corners.shape != (4,) or corners.dtype.kind not in "iu":

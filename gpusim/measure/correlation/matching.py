@@ -23,9 +23,9 @@ from gpusim.arrays.array_types import Bool, Float, Int
 from gpusim.display import notebook_html, plotted
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
-from gpusim.measure.correlation.warp import UNKNOWNS, Shape, check_shape
+from gpusim.measure.correlation.warp import SHAPES, UNKNOWNS, Shape
 from gpusim.measure.images import BLUR_REACH, SplineImage
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +91,7 @@ class Settings:
         require(-1 <= self.min_zncc <= 1, "min_zncc", repr(self.min_zncc), "-1..1")
         require(0 < self.max_move < np.inf, "max_move", repr(self.max_move), "px > 0")
         require(self.apart_px > 0, "apart_px", repr(self.apart_px), "px > 0, or inf")
-        check_shape(self.shape)
+        require_one_of("shape: unknown shape function", self.shape, SHAPES)
         size = len(window)
         fits = window.shape == (size, size) and size % 2 == 1 and size >= 5
         require(fits, "window: wrong shape", window.shape, "(S, S), S odd, at least 5")

@@ -22,7 +22,7 @@ from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.images import check_points
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import require, unmasked
+from gpusim.validation import require, require_one_of, unmasked
 
 Update = Literal["never", "auto", "always"]
 
@@ -90,8 +90,7 @@ def dic_sequence(
     >>> gs.measure.dic_sequence(before, images, **options)[-1].displacement.round(2) + 0.0
     array([[0.25, 0.  ]])
     """
-    if update not in ("never", "auto", "always"):
-        raise InputError(f"update: got {update!r}; expected 'never', 'auto' or 'always'")
+    require_one_of("update", update, ("never", "auto", "always"))
     require(-1 <= update_zncc <= 1, "update_zncc", repr(update_zncc), "-1..1")
     if points is not None:
         places = check_points(points, "points")

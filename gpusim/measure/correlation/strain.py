@@ -27,7 +27,7 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.matching import PointResult
 from gpusim.measure.images import point_spacing
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import require, unmasked
+from gpusim.validation import require, require_one_of, unmasked
 
 StrainKind = Literal["small", "green-lagrange", "hencky", "almansi"]
 KINDS: tuple[StrainKind, ...] = get_args(StrainKind)
@@ -164,7 +164,7 @@ def strain(
     points, displacement = result.points, result.displacement
     _check_gauge("strain", window, points)
     require(order in TERMS, "order", repr(order), "1 or 2")
-    check_kind(kind)
+    require_one_of("kind: unknown strain", kind, KINDS)
     if spacing is None:
         spacing = point_spacing(points)
     require(0 < spacing < np.inf, "spacing", repr(spacing), "a distance > 0 between points")
@@ -215,8 +215,7 @@ def surface_strain(
     """
     points = result.points
     _check_gauge("surface_strain", window, points)
-    if kind not in ("green-lagrange", "hencky"):
-        raise InputError(f"kind: got {kind!r}; expected 'green-lagrange' or 'hencky'")
+    require_one_of("kind", kind, ("green-lagrange", "hencky"))
     spacing = point_spacing(points)
     reach = 0.5 * (window - 1) * spacing
     before, _, _ = fit_gradients(points, result.shape, reach, 1, window)
@@ -270,7 +269,7 @@ def _statuses(fitted: Any, measured: Any) -> npt.NDArray[np.int8]:
 
 def strain_tensor(gradient: Float, kind: StrainKind) -> Float:
     """Strain (..., d, d) of displacement gradients (..., d, d); NaN stays NaN."""
-    check_kind(kind)
+    require_one_of("kind: unknown strain", kind, KINDS)
     small = 0.5 * (gradient + np.swapaxes(gradient, -1, -2))
     if kind == "small":
         return small
@@ -289,11 +288,6 @@ def strain_tensor(gradient: Float, kind: StrainKind) -> Float:
         logarithm = 0.5 * np.log1p(2.0 * np.maximum(values, -0.5 + 1e-15))
         tensor = (vectors * logarithm[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return np.where(np.isfinite(green), tensor, np.nan)
-
-
-def check_kind(kind: object) -> None:
-    """Refuse what is no strain."""
-    require(kind in KINDS, "kind: unknown strain", repr(kind), f"one of {KINDS}")
 
 
 def fit_gradients(

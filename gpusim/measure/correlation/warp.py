@@ -16,20 +16,11 @@ from typing import Literal, get_args
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.errors import InputError
 
 Shape = Literal["translation", "rigid", "affine", "quadratic"]
 SHAPES: tuple[Shape, ...] = get_args(Shape)
 COEFFICIENTS: dict[Shape, int] = {"translation": 1, "rigid": 3, "affine": 3, "quadratic": 6}
 UNKNOWNS: dict[Shape, int] = {"translation": 2, "rigid": 3, "affine": 6, "quadratic": 12}
-
-
-def check_shape(shape: object) -> Shape:
-    """Return ``shape`` if it names a shape function."""
-    for known in SHAPES:
-        if shape == known:
-            return known
-    raise InputError(f"shape: unknown shape function; got {shape!r}; expected one of {SHAPES}")
 
 
 def basis(a: Float, b: Float, count: int) -> Float:

@@ -15,7 +15,6 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.matching import (
     DicResult,
@@ -30,7 +29,7 @@ from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_image, check_points
 from gpusim.measure.structures.marker_matching import Matcher, Matches
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import require, unmasked
+from gpusim.validation import count_of, require, unmasked
 
 MAX_SOURCES = 3  # tracked markers from which each one is predicted
 CHORD_MARKERS = 4  # markers back along a chain, whose chord tells how the member has turned
@@ -112,8 +111,7 @@ def track(
     first = check_image(reference, "reference")
     second = check_image(deformed, "deformed")
     positions = check_points(points, "points")
-    if not isinstance(search_px, (int, np.integer)) or search_px < 1:
-        raise InputError(f"search_px: got {search_px!r}; expected a whole number of px >= 1")
+    search_px = count_of("search_px", search_px)
     require(0 < backward_px < np.inf, "backward_px", repr(backward_px), "px > 0")
     settings = make_settings(
         subset, window, shape=shape, tolerance=tolerance, max_iterations=max_iterations,

@@ -17,7 +17,7 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.measure.targets.crossings import Crossings
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 
 @dataclass(frozen=True)
@@ -116,8 +116,7 @@ class CharucoBoard(_Fields):
 def check_dictionary(name: str, what: str) -> Any:
     """OpenCV's dictionary of that name, without DICT_. Raises InputError for others."""
     names = sorted(n[5:] for n in dir(cv2.aruco) if n.startswith("DICT_"))
-    if name not in names:
-        raise InputError(f"{what}: got {name!r}; expected one of {', '.join(names)}")
+    require_one_of(what, name, names)
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{name}"))
 
 

@@ -128,9 +128,8 @@ def fit_crossings(
         return _failed(len(points))
     known = _known_blur(blur, len(points))
     if index is not None:
-        numbered = np.shape(index)
-        expected = f"({len(points)}, 2)"
-        require(numbered == (len(points), 2), "fit_crossings: index", numbered, expected)
+        shape, expected = np.shape(index), (len(points), 2)
+        require(shape == expected, "fit_crossings: index", shape, str(expected))
     around, before = points, None
     sharp = known
     if sharp is None:

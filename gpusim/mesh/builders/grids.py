@@ -6,7 +6,6 @@ The crane is that of Zdziebko & Holak, Sensors 2021, 21(18), 6046.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from numbers import Real
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.builders.notches import Notch, notch_axes, notched, stepped_axis
 from gpusim.mesh.mesh import Mesh
 from gpusim.mesh.selection import select_faces
-from gpusim.validation import Positive, checked, require
+from gpusim.validation import Positive, checked, count_of, real_numbers, require
 
 
 def box(
@@ -204,21 +203,11 @@ def _corners(nx: int, ny: int) -> Long:
 
 
 def triple_of(where: str, value: Sequence[float], positive: bool = True) -> Float:
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.zeros(0)
-    good = numbers.shape == (3,) and bool(np.isfinite(numbers).all())
-    if not good or (positive and not (numbers > 0.0).all()):
-        kind = "3 numbers > 0" if positive else "3 finite numbers"
-        raise InputError(f"{where}; got {value}; expected {kind}")
+    numbers = real_numbers(value, where)
+    low = 0.0 if positive else -np.inf
+    fits = numbers.shape == (3,) and ((low < numbers) & (numbers < np.inf)).all()
+    require(fits, where, value, "3 numbers > 0" if positive else "3 finite numbers")
     return numbers
-
-
-def count_of(where: str, value: int) -> int:
-    if not (isinstance(value, Real) and 1 <= value < np.inf and int(value) == value):
-        raise InputError(f"{where}; got {value}; expected a whole number >= 1")
-    return int(value)
 
 
 def _counts(where: str, value: Sequence[int]) -> list[int]:

@@ -16,7 +16,8 @@ from gpusim.errors import InputError
 from gpusim.mesh.boundary import boundary_faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import require
+from gpusim.mesh.selection import extents
+from gpusim.validation import count_of, require, require_one_of
 
 _GROWTH = 0.25  # the size grows by a quarter of the distance: neighbours differ by about 1.28
 _SAMPLES = 4000
@@ -88,13 +89,12 @@ class Notch:
     def __post_init__(self) -> None:
         require(self.axis in ("x", "y", "z"), "Notch.axis", repr(self.axis), "'x', 'y' or 'z'")
         sides = [sign + axis for axis in "xyz" if axis != self.axis for sign in "-+"]
-        require(self.side in sides, "Notch.side", repr(self.side), f"one of {', '.join(sides)}")
+        require_one_of("Notch.side", self.side, sides)
         require(np.isfinite(self.position), "Notch.position", self.position, "a coordinate")
         for name in ("width", "depth"):
             value = getattr(self, name)
             require(np.isfinite(value) and value > 0.0, f"Notch.{name}", value, "a length > 0")
-        if not (isinstance(self.cells, int) and self.cells >= 1):
-            raise InputError(f"Notch.cells; got {self.cells}; expected a whole number >= 1")
+        count_of("Notch.cells", self.cells)
 
     def bounds(self, body: Float) -> Float:
         """(2,3) corners of the slot in a body of bounds (2,3); the open side is at infinity."""
@@ -184,12 +184,8 @@ def notched(mesh: Mesh, notches: Sequence[Notch]) -> Mesh:
     gone = np.zeros(mesh.cell_count, dtype=bool)
     for number, notch in enumerate(notches, start=1):
         inside = _cells_inside(mesh, notch.bounds(body), length, f"notch {number}")
-        if not inside.any():
-            raise InputError(
-                f"notch {number}: no cell lies inside; got {notch}; expected a slot in the body, "
-                f"x {body[0, 0]:.6g} … {body[1, 0]:.6g}, y {body[0, 1]:.6g} … {body[1, 1]:.6g}, "
-                f"z {body[0, 2]:.6g} … {body[1, 2]:.6g}"
-            )
+        expected = f"a slot in the body, {extents(body)}"
+        require(inside.any(), f"notch {number}: no cell lies inside", notch, expected)
         gone |= inside
     if gone.all():
         raise InputError("notched: the notches cut everything away; expected some cells left")

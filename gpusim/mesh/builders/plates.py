@@ -13,10 +13,10 @@ import numpy as np
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.mesh.boundary import Faces, boundary_faces
-from gpusim.mesh.builders.grids import count_of, triple_of
+from gpusim.mesh.builders.grids import triple_of
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import Positive, checked, one_of, require
+from gpusim.validation import Positive, checked, count_of, one_of, require
 
 # element type -> steps of the node grid per element
 HEX_OF_ORDER = {"hex8": 1, "hex20": 2, "hex27": 2}

@@ -23,7 +23,7 @@ from gpusim.mesh.formats.element_sizes import CadOptions, SizeBox, check_sizes, 
 from gpusim.mesh.mesh import Mesh
 from gpusim.parallel.machine import memory_limit
 from gpusim.parallel.processes import CHILD_SECONDS, call_in_child
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
@@ -102,9 +102,8 @@ def mesh_cad(
     array([1., 1., 1.])
     """
     name = path.path if isinstance(path, InputFile) else Path(path)
-    fits = name.suffix.lower() in CAD_SUFFIXES
-    expected = f"one of {', '.join(CAD_SUFFIXES)}"
-    require(fits, f"{name}: unknown kind of CAD file", repr(name.suffix or "no ending"), expected)
+    suffix = name.suffix.lower() or "no ending"
+    require_one_of(f"{name}: unknown kind of CAD file", suffix, CAD_SUFFIXES)
     file = read_input(path, "a CAD file")
     if not file.data:
         raise InputError(f"{file.path}: the file is empty; expected a CAD file")

@@ -210,12 +210,9 @@ def _mesh(content: ExodusContent) -> Mesh:
         if kinds[-1]:
             rows = from_upright_first(kinds[-1], nodes.astype(np.int64) - 1)
             parts.setdefault(kinds[-1], []).append(rows)
-    if not parts:
-        written = {content.element_types.get(name, "").upper() or "unnamed" for name in connects}
-        raise InputError(
-            f"{content.path}: no solid elements; got {', '.join(sorted(written)) or 'none'}; "
-            f"expected one of {_KNOWN}"
-        )
+    written = {content.element_types.get(name, "").upper() or "unnamed" for name in connects}
+    got = ", ".join(sorted(written)) or "none"
+    require(bool(parts), f"{content.path}: no solid elements", got, f"one of {_KNOWN}")
     cells = {kind: np.concatenate(rows).astype(np.int32) for kind, rows in parts.items()}
     kind_of = np.repeat(
         np.array(kinds), sizes

@@ -20,7 +20,7 @@ from gpusim.mesh.formats.nastran import read_bdf
 from gpusim.mesh.formats.vtk import read_vtk
 from gpusim.mesh.formats.vtu import VtuFile
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 # VTK's files that name others, with a part of the whole in each
 PARALLEL = {
@@ -82,9 +82,7 @@ def read_mesh(path: str | PathLike[str] | InputFile, *, scale: float = 1.0) -> M
     if suffix in PARALLEL:
         raise InputError(f"{name}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
     file = read_input(path, "a mesh file")
-    fits = suffix in _READERS
-    expected = f"one of {', '.join(MESH_SUFFIXES)}"
-    require(fits, f"{name}: unknown kind of mesh file", repr(suffix or "no ending"), expected)
+    require_one_of(f"{name}: unknown kind of mesh file", suffix or "no ending", MESH_SUFFIXES)
     if not file.data:
         raise InputError(f"{name}: the file is empty; expected a mesh")
     try:

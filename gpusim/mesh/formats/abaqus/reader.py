@@ -22,6 +22,7 @@ from gpusim.mesh.formats.abaqus.content import InpContent
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES, ElementBlock
 from gpusim.mesh.formats.abaqus.keywords import check_mesh_cards
 from gpusim.mesh.mesh import Mesh
+from gpusim.validation import require
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +76,9 @@ def label_mesh(content: InpContent, path: str) -> LabelledMesh:
             parts.setdefault(SOLID_TYPES[block.type], []).append(block)
         elif len(block.labels):
             flat.append(block)
-    if not parts:
-        kinds = ", ".join(sorted({block.type for block in flat})) or "no elements"
-        raise InputError(
-            f"{path}: no solid elements; got {kinds}; expected one of {', '.join(SOLID_TYPES)}"
-        )
+    kinds = ", ".join(sorted({block.type for block in flat})) or "no elements"
+    expected = f"one of {', '.join(SOLID_TYPES)}"
+    require(bool(parts), f"{path}: no solid elements", kinds, expected)
     cells = {
         kind: np.concatenate([_node_rows(block, content) for block in blocks])
         for kind, blocks in parts.items()
