@@ -29,7 +29,7 @@ from gpusim.errors import InputError
 from gpusim.export.layers import LAYERS, ChunkedLayer
 from gpusim.files.atomic_files import PathLike, atomic_path, safe_name
 from gpusim.files.hdf5_file import writing_hdf5
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 _SCHEMA = 1
 
@@ -74,7 +74,7 @@ class FrameWriter:
 
     def _layer(self, name: str) -> ChunkedLayer:
         if name not in self._layers:
-            require(name in LAYERS, "layer", repr(name), f"one of {', '.join(LAYERS)}")
+            require_one_of("layer", name, LAYERS)
             self._layers[name] = ChunkedLayer(self._group, LAYERS[name], self._shape)
         return self._layers[name]
 

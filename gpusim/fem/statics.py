@@ -22,7 +22,7 @@ from gpusim.fem.solve_plan import METHODS, Clock, Options, SolvePlan, plan_solve
 from gpusim.fem.sparse.block_rows import BlockRows
 from gpusim.gpu import Device
 from gpusim.parallel.blas_threads import one_blas_thread
-from gpusim.validation import finite_numbers, require, unmasked
+from gpusim.validation import finite_numbers, require, require_one_of, unmasked
 
 
 @unmasked()
@@ -132,7 +132,7 @@ def _check_arguments(
     require(share, "solve: tolerance", repr(tolerance), "a number in (0, 1)")
     places = ("auto", "gpu", "numpy")
     require(backend in places, "solve: backend", repr(backend), "'auto', 'gpu' or 'numpy'")
-    require(method in METHODS, "solve: method", repr(method), f"one of {', '.join(METHODS)}")
+    require_one_of("solve: method", method, METHODS)
     whole = isinstance(max_iterations, Integral) and not isinstance(max_iterations, bool)
     counted = max_iterations is None or (whole and max_iterations >= 1)
     expected = "a whole number of at least 1"

@@ -12,18 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float, Int
-from gpusim.errors import InputError
+from gpusim.errors import InputError, nearest_name
 from gpusim.mesh.boundary import Faces, boundary_faces, set_faces
 from gpusim.mesh.mesh import Mesh
-from gpusim.validation import (
-    FromZero,
-    by_number,
-    checked,
-    nearest_name,
-    require,
-    require_one_of,
-    within,
-)
+from gpusim.validation import FromZero, by_number, checked, require, require_one_of, within
 
 Bounds = Mapping[str, float]
 Plane = tuple[npt.ArrayLike, npt.ArrayLike]

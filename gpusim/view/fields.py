@@ -11,7 +11,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.surface import Skin
-from gpusim.validation import require
+from gpusim.validation import require_one_of
 from gpusim.view.content.body_state import BodyState
 from gpusim.view.field_colors import SurfaceField
 from gpusim.view.overlay import INK, PAPER, Overlay
@@ -106,7 +106,7 @@ def field_kind(name: str) -> FieldKind:
     >>> field_kind("von_mises").unit
     'MPa'
     """
-    require(name in FIELDS, "field", repr(name), f"one of {', '.join(FIELDS)}")
+    require_one_of("field", name, FIELDS)
     return FIELDS[name]
 
 

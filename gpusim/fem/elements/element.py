@@ -17,7 +17,7 @@ from gpusim.mesh import Faces
 from gpusim.mesh.cell_types import CELL_TYPES
 from gpusim.mesh.quadrature import FULL_POINTS, cell_rule, face_rule
 from gpusim.mesh.shape_functions import FACE_TYPES, shape_functions, shape_gradients
-from gpusim.validation import require
+from gpusim.validation import require_one_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +63,7 @@ class Element:
         """
         if formulation is None:
             return next(iter(self.rules.values()))
-        what = f"formulation: not available for {self.name}"
-        expected = f"one of {', '.join(self.rules)}"
-        require(formulation in self.rules, what, repr(formulation), expected)
+        require_one_of(f"formulation: not available for {self.name}", formulation, self.rules)
         return self.rules[formulation]
 
 

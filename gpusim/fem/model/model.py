@@ -15,7 +15,7 @@ from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.model.material import Material
 from gpusim.field_summary import field_summary
 from gpusim.mesh import Mesh
-from gpusim.validation import as_float64, require, unmasked
+from gpusim.validation import as_float64, require, require_one_of, unmasked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -209,8 +209,7 @@ def resolve_formulation(
     """
     if isinstance(formulation, str):
         known = dict.fromkeys(name for e in ELEMENTS.values() for name in e.formulations)
-        expected = f"one of {', '.join(known)}"
-        require(formulation in known, "formulation: unknown", repr(formulation), expected)
+        require_one_of("formulation: unknown", formulation, known)
         wanted = {k: formulation for k, e in ELEMENTS.items() if formulation in e.formulations}
         usual = any(formulation == e.formulations[0] for e in ELEMENTS.values())
         had = usual or any(kind in wanted for kind in model.mesh.cells)
@@ -226,8 +225,7 @@ def resolve_formulation(
         expected = f"keys among {', '.join(ELEMENTS)}"
         require(kind in ELEMENTS, "formulation: unknown cell type", repr(kind), expected)
         names = ELEMENTS[kind].formulations
-        what = f"formulation: not available for {kind}"
-        require(name in names, what, repr(name), f"one of {', '.join(names)}")
+        require_one_of(f"formulation: not available for {kind}", name, names)
     return {kind: wanted.get(kind, ELEMENTS[kind].formulations[0]) for kind in model.mesh.cells}
 
 

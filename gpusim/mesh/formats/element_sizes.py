@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from gpusim.errors import InputError
+from gpusim.errors import InputError, similar_name
 from gpusim.validation import by_number, require
 
 Named = Mapping[str, Sequence[tuple[int, int]]]
@@ -75,8 +74,8 @@ def set_sizes(gmsh: Any, ask: CadOptions, named: Named) -> None:
     used = []
     for name, value in ask.sizes.items():
         if name not in named:
-            near = get_close_matches(name, named, 1)
-            known = f"did you mean {near[0]!r}?" if near else ", ".join(by_number(named)[:20])
+            near = similar_name(name, named)
+            known = f"did you mean {near!r}?" if near else ", ".join(by_number(named)[:20])
             raise InputError(f"mesh_cad: sizes; got {name!r}; expected a name of the file: {known}")
         for dimension, tag in named[name]:
             if dimension == 3:

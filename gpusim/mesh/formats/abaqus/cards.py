@@ -15,14 +15,13 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from itertools import pairwise
 from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.errors import InputError
+from gpusim.errors import InputError, similar_name
 from gpusim.files.input_file import InputFile, read_input
 from gpusim.mesh.file_content.text import Includes, text_lines
 from gpusim.validation import require
@@ -214,9 +213,8 @@ def read_cards(source: Source) -> list[Card]:
 
 def nearest(name: str, known: Sequence[str]) -> str:
     """`` (did you mean 'X'?)``, or nothing where no known name is close."""
-    by_fold = {one.upper(): one for one in known}
-    close = get_close_matches(name.upper(), list(by_fold), n=1)
-    return f" (did you mean {by_fold[close[0]]!r}?)" if close else ""
+    near = similar_name(name, known)
+    return f" (did you mean {near!r}?)" if near else ""
 
 
 def _cards(text: Lines) -> Iterator[Card]:
