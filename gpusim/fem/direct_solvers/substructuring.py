@@ -94,10 +94,10 @@ def cut_slabs(group: Group, lattice: Lattice, free: Bool) -> Slabs | None:
     sizes = np.array([len(one) for one in unknowns])
     if not (sizes[1:-1] > 0).all():
         return None
-    return Slabs(axis, slab, first, unknowns, _rounds(slab, first, sizes))
+    return Slabs(axis, slab, first, unknowns, _rounds(slab, sizes))
 
 
-def _rounds(slab: Long, first: Long, sizes: Long) -> list[_Round]:
+def _rounds(slab: Long, sizes: Long) -> list[_Round]:
     """The joins, round by round; the planes' sizes follow from the kinds."""
     kind, left, right = slab, np.arange(len(slab)), np.arange(1, len(slab) + 1)
     rounds = []
