@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.round_numbers import round_down
 from gpusim.export.images import read_image
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.html import reduced
@@ -256,9 +257,3 @@ def draw_error_bars(axes: Axes, shown: Sequence[Measurement]) -> None:
     axes.grid(visible=False, axis="y")
     axes.set_xlim(-span, span)
     axes.set_xlabel("Error relative to the truth (%)")
-
-
-def round_down(value: float) -> float:
-    """Return the largest of …, 0.5, 1, 2, 5, 10, 20, … that isn't above ``value`` > 0."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * 1.000001))

@@ -37,7 +37,7 @@ class Turntable:
 
     Examples
     --------
-    >>> from gpusim.view.turntable import Turntable
+    >>> from gpusim.visualization.turntable import Turntable
     >>> view = Turntable(pivot=(0.0, 0.0, 1.0), distance=5.0).side("right")
     >>> view.camera(640, 480).eye.round(6) + 0.0
     array([5., 0., 1.])
@@ -148,7 +148,7 @@ def camera_lines(view: Turntable, width: int, height: int, name: str = "view") -
 
     Examples
     --------
-    >>> from gpusim.view.turntable import Turntable, camera_lines
+    >>> from gpusim.visualization.turntable import Turntable, camera_lines
     >>> print(camera_lines(Turntable(distance=0.8, azimuth=0.0, elevation=0.0), 1200, 800))
     [[camera]]
     name = "view"
