@@ -18,7 +18,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable
+from gpusim.scene.frames import FrameTable, frame_word
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -153,6 +153,12 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         needs = build.of_bodies("mesh") | build.of_bodies("model") | motions
         yield build.stage("stress", "mechanics:stress", ["body.*.mechanics"], needs, table,
                           "stress", keeps=True)  # fmt: skip
+    if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
+        needs = build.of_bodies("mesh") | motions
+        needs |= build.of_bodies("model") if "solve" in moving else {}
+        row = [*table, output.stress, frame_word(scene)]
+        yield build.stage("fields", "fields:fields", ["camera", "body.*.mechanics"], needs, [row],
+                          on_device=True, keeps=True)  # fmt: skip
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from gpusim.arrays.round_numbers import round_down
 from gpusim.export.images import read_image
 from gpusim.files.atomic_files import PathLike
+from gpusim.report.findings import LoadPath
 from gpusim.report.html import reduced
 from gpusim.report.model import Figure, Measurement, Overlay, Series
 from gpusim.report.style import (
@@ -211,6 +212,24 @@ def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
     scale, unit = (abs(overlay.units_per_px), overlay.unit) if overlay.units_per_px else (1.0, "px")
     value = round_down(0.6 * longest * scale)
     return value / scale, f"{value:g} {unit}"
+
+
+def draw_load_path(load_path: LoadPath, path: PathLike) -> Figure:
+    """Draw the reaction, else the load factor, over the displacement of a node."""
+    x, y, z = (f"{value:.4g}" for value in load_path.position_mm)
+    held = load_path.held
+    values = load_path.reaction_N if held else load_path.factors
+    word = "Resultant reaction (N)" if held else load_path.word.capitalize()
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        axes.plot(load_path.displacement_mm, values, "o-", color=TRUTH, linewidth=1.8, markersize=5)
+        axes.set(xlabel="Displacement (mm)", ylabel=word)
+
+    draw_png(path, (_WIDTH, 3.4), draw)
+    place = f"at ({x}, {y}, {z}) mm of {load_path.body}, which moves most"
+    caption = f"{word.partition(' (')[0]} over the displacement of the point {place}."
+    return Figure(Path(path), "Load and displacement", caption)
 
 
 def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:

@@ -6,8 +6,10 @@ import base64
 import math
 import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -34,8 +36,66 @@ _PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
 _CROP = 72  # px of a full-resolution crop per side
 _CROP_ZOOM = 4
 _MAX_CROPS = 4
+_SERIES = 3  # frames: first and last are shown beside each other anyway
+_SLIDES = 25  # of a slider; more frames are thinned out
+_SLIDE_WIDTH = 960  # px, at most
+_SLIDE_BYTES = 1_800_000  # of all sliders of a page
 
 Bytes = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A picture of a slider: what is said of it, the file, and its data URI."""
+
+    label: str
+    path: Path
+    uri: str
+
+
+@dataclass(frozen=True)
+class Slides:
+    """A slider over frames: its ``slides``, and which frames these are of ``count``."""
+
+    title: str
+    caption: str
+    slides: tuple[Slide, ...]
+    count: int
+
+    @property
+    def shown(self) -> str:
+        """Which frames there are."""
+        step = -(-(self.count - 1) // (_SLIDES - 1))
+        return f"1 in {step} of {self.count} frames" if step > 1 else f"{self.count} frames"
+
+
+def slides_of(
+    title: str, caption: str, pictures: Sequence[tuple[str, Path]], share: float, bits: int = 0
+) -> Slides:
+    """A slider of pictures, each with what is said of it, the last among them.
+
+    They are made small enough for a ``share`` of what a page may hold. Raises InputError if one
+    can't be read.
+    """
+    count = len(pictures)
+    step = max(1, -(-(count - 1) // (_SLIDES - 1)))
+    shown = [pictures[k] for k in range((count - 1) % step, count, step)]
+
+    def encoded(path: Path, width: float) -> bytes:
+        image = np.ascontiguousarray(read_picture(path))
+        small = reduced(image, fitting(image.shape, width), bits)
+        return encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, 80])
+
+    room = share * _SLIDE_BYTES / len(shown)
+    largest = max(len(encoded(path, _SLIDE_WIDTH)) for _, path in (shown[0], shown[-1]))
+    width = _SLIDE_WIDTH * min(1.0, math.sqrt(room / largest))
+    with ThreadPoolExecutor() as pool:
+        files = list(pool.map(lambda one: encoded(one[1], width), shown))
+    slides = (
+        Slide(label, path, data_uri("image/jpeg", file))
+        for (label, path), file in zip(shown, files, strict=True)
+    )
+    return Slides(title, caption, tuple(slides), count)
 
 
 @dataclass(frozen=True)
@@ -191,6 +251,7 @@ class FigureSet:
     """The figures by the section of the page they stand in."""
 
     series: tuple[Figure, ...] = ()
+    load_path: tuple[Figure, ...] = ()
     errors: tuple[Figure, ...] = ()
     overlays: tuple[Figure, ...] = ()
     convergence: tuple[Figure, ...] = ()
@@ -198,7 +259,8 @@ class FigureSet:
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        return (*self.series, *self.overlays, *self.errors, *self.convergence, *self.other)
+        parts = self.series, self.overlays, self.errors, self.load_path, self.convergence
+        return (*(figure for part in parts for figure in part), *self.other)
 
 
 def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
@@ -207,15 +269,33 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
     Pictures are embedded; links to full-size files are relative to ``folder``, where the page will
     be written. Raises InputError if a picture can't be read.
     """
+    several = [pair for pair in report.frames if len(pair.frames) >= _SERIES]
+    together = [list(alike) for _, alike in groupby(figures.other, _slider)]
+    share = 1.0 / max(1, len(several) + sum(len(alike) > 1 for alike in together))
+    maps = [
+        slides_of(alike[0].title, alike[-1].caption, [(f.frame, f.path) for f in alike], share)
+        if len(alike) > 1 else alike[0]
+        for alike in together
+    ]  # fmt: skip
+    sliders = [
+        slides_of(f"camera {pair.camera}", "", pair.frames, share, pair.bits) for pair in several
+    ]
     return page_template("report.html.j2").render(
         folder=folder,
         report=report,
         figures=figures,
+        maps=maps,
+        sliders=sliders,
         pairs=[page_pair(pair) for pair in report.frames],
         headline=report.measurements[0] if report.measurements else None,
         total=sum(stage.seconds for stage in report.stages if math.isfinite(stage.seconds)),
         bars=_bars(report.stages),
     )
+
+
+def _slider(figure: Figure) -> object:
+    """What figures of one slider have in common."""
+    return figure.title if figure.frame else figure
 
 
 def _bars(stages: Sequence[Stage]) -> list[tuple[Stage, float]]:

@@ -15,4 +15,5 @@ In the order in which modules need each other:
   or ends.
 - `symbols`: Symbols in space, drawn over a picture through its camera: supports, loads, axes,
   cameras, a grid.
+- `body_picture`: Deformed bodies in the colours of a field, with legend, scale and largest value.
 """

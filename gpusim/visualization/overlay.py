@@ -202,6 +202,10 @@ class Overlay:
         quads["color"] = display_color(color)
         self._quads.append(quads)
 
+    def add(self, quads: npt.NDArray[np.void]) -> None:
+        """Collect what another overlay had collected, letters aside: (n,) `QUAD`."""
+        self._quads.append(quads)
+
     def quads(self) -> npt.NDArray[np.void]:
         """What has been collected, (n,) `QUAD`."""
         return np.concatenate([np.zeros(0, QUAD), *self._quads])

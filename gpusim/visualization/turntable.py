@@ -143,6 +143,10 @@ class Turntable:
         return 2.0 * self.distance * float(np.tan(0.5 * self.field_of_view)) / height
 
 
+ISOMETRIC = Turntable(azimuth=0.25 * np.pi, elevation=float(np.arctan(np.sqrt(0.5))))
+"""Looks along (-1, 1, -1): x, y and z are seen equally long."""
+
+
 def camera_lines(view: Turntable, width: int, height: int, name: str = "view") -> str:
     """The same camera as a table of a scene file, to be copied there.
 

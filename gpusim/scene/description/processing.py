@@ -124,6 +124,10 @@ class OutputTable(Table):
     """Stress, von Mises stress and an error indicator, in the .vtu files and the report."""
     stl: bool = False
     """The deformed surface, one file per paint and frame."""
+    fields: bool = True
+    """Pictures of the bodies in the colours of their displacement, stress and strain, in the folder
+    ``fields`` and the report. Stress and strain where ``stress`` is true, or the meshes have at
+    most 20,000 elements together."""
 
 
 class VariantTable(Table):
