@@ -157,8 +157,9 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         needs = build.of_bodies("mesh") | motions
         needs |= build.of_bodies("model") if "solve" in moving else {}
         row = [*table, output.stress, frame_word(scene)]
-        yield build.stage("fields", "fields:fields", ["camera", "body.*.mechanics"], needs, [row],
-                          on_device=True, keeps=True)  # fmt: skip
+        sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]
+        yield build.stage("fields", "fields:fields", sections, needs, [row], on_device=True,
+                          keeps=True)  # fmt: skip
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]

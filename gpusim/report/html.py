@@ -87,8 +87,9 @@ def slides_of(
         return encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, 80])
 
     room = share * _SLIDE_BYTES / len(shown)
-    largest = max(len(encoded(path, _SLIDE_WIDTH)) for _, path in (shown[0], shown[-1]))
-    width = _SLIDE_WIDTH * min(1.0, math.sqrt(room / largest))
+    width = min(_SLIDE_WIDTH, read_picture(shown[0][1]).shape[1])
+    largest = max(len(encoded(path, width)) for _, path in (shown[0], shown[-1]))
+    width *= min(1.0, math.sqrt(room / largest))
     with ThreadPoolExecutor() as pool:
         files = list(pool.map(lambda one: encoded(one[1], width), shown))
     slides = (

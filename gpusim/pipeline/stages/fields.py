@@ -109,9 +109,10 @@ def _chosen(states: Sequence[BodyState], stressed: bool) -> Iterator[str]:
 
 
 def _side(scene: Scene, bodies: Sequence[DisplacedBody]) -> Turntable:
-    """From where the first camera looks if it sees the bodies' middle, else from above a corner."""
+    """From where the camera looks, if there is one and it sees the bodies' middle, else from above
+    a corner."""
     middle = np.concatenate([body.rest.points for body in bodies]).mean(axis=0)
-    for spec in scene.cameras:
+    for spec in getattr(scene, "cameras", ()):
         camera = build_camera(spec, scene.input)
         x, y = camera.project(middle[None])[0]
         if -0.5 <= x < camera.width - 0.5 and -0.5 <= y < camera.height - 0.5:
