@@ -215,20 +215,21 @@ def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
 
 
 def draw_load_path(load_path: LoadPath, path: PathLike) -> Figure:
-    """Draw the reaction, else the load factor, over the displacement of a node."""
-    x, y, z = (f"{value:.4g}" for value in load_path.position_mm)
-    held = load_path.held
-    values = load_path.reaction_N if held else load_path.factors
-    word = "Resultant reaction (N)" if held else load_path.word.capitalize()
+    """Draw the reaction over the displacement of a node; without one the displacement over the load
+    factor."""
+    moved = load_path.displacement_mm, "Displacement (mm)"
+    load = load_path.reaction_N, "Resultant reaction (N)"
+    if not load_path.held:
+        moved, load = (load_path.factors, load_path.word.capitalize()), moved
 
     def draw(canvas: Canvas) -> None:
         axes = canvas.subplots()
-        axes.plot(load_path.displacement_mm, values, "o-", color=TRUTH, linewidth=1.8, markersize=5)
-        axes.set(xlabel="Displacement (mm)", ylabel=word)
+        axes.plot(moved[0], load[0], "o-", color=TRUTH, linewidth=1.8, markersize=5)
+        axes.set(xlabel=moved[1], ylabel=load[1])
 
     draw_png(path, (_WIDTH, 3.4), draw)
-    place = f"at ({x}, {y}, {z}) mm of {load_path.body}, which moves most"
-    caption = f"{word.partition(' (')[0]} over the displacement of the point {place}."
+    place = ", ".join(f"{value:.4g}" for value in load_path.position_mm)
+    caption = f"Of the point at ({place}) mm of {load_path.body}, which moves most."
     return Figure(Path(path), "Load and displacement", caption)
 
 

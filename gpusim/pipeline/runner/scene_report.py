@@ -46,6 +46,7 @@ from gpusim.report.text import number
 from gpusim.scene import Scene
 from gpusim.scene.cost import effects
 from gpusim.scene.frames import frame_word
+from gpusim.visualization.color_scale import format_value
 
 _FIRST = ("solve", "geometry", "linear theory")
 """Stages whose notes a report has before the others'."""
@@ -266,7 +267,7 @@ def _highlights(fields: Sequence[FieldPicture]) -> dict[str, tuple[str, str]]:
     cards = {}
     for one in fields:
         if one.field in ("displacement", "von_mises"):
-            x, y, z = (f"{value:.4g}" for value in one.position_mm)
+            x, y, z = map(format_value, one.position_mm)
             place = f"frame {one.frame}, {one.body} at ({x}, {y}, {z}) mm"
             cards[f"Largest {one.title}"] = f"{number(one.largest, 4)} {one.unit}", place
     return cards
