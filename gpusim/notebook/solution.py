@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.arrays.round_numbers import round_down
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.export.body_state import BodyState
@@ -22,6 +21,7 @@ from gpusim.notebook.shading import Colouring, fitted_camera, shaded
 from gpusim.optics.truth import Truth
 from gpusim.surface import Skin, Surface
 from gpusim.validation import is_number, require
+from gpusim.visualization.body_picture import exaggeration
 from gpusim.visualization.color_scale import color_map
 
 if TYPE_CHECKING:
@@ -33,8 +33,6 @@ FIELDS |= {axis: BODY[f"displacement_{axis}"] for axis in "xyz"}
 
 _STRESS_CELLS = 30_000
 """Of a mesh whose stress is found without being asked for: about half a second."""
-_SHOWN = 0.08
-"""Of the body's size: how far its largest displacement is drawn, at least."""
 _STRESS_UNITS = {"m": "Pa", "mm": "MPa"}
 """By the unit of lengths, with forces in N."""
 _COLOURS = "viridis"
@@ -138,9 +136,7 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
     skin = skin_of(model.mesh)
     rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
     if scale is None:
-        size = float(np.linalg.norm(np.ptp(rest, axis=0)))
-        most = float(np.linalg.norm(moved, axis=1).max())
-        scale = max(1.0, round_down(_SHOWN * size / most)) if most > 0.0 else 1.0
+        scale = exaggeration(rest, np.linalg.norm(moved, axis=1))
     values = skin.at_vertices(_field(model, u[case], field))
     return _Shown(skin, rest + scale * moved, values, scale)
 

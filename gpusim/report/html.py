@@ -39,7 +39,7 @@ _MAX_CROPS = 4
 _SERIES = 3  # frames: first and last are shown beside each other anyway
 _SLIDES = 25  # of a slider; more frames are thinned out
 _SLIDE_WIDTH = 960  # px, at most
-_SLIDE_BYTES = 1_800_000  # of all sliders of a page
+SLIDE_BYTES, PAIR_BYTES = 1_200_000, 1_200_000  # of all sliders and pairs of a page
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -81,22 +81,16 @@ def slides_of(
     step = max(1, -(-(count - 1) // (_SLIDES - 1)))
     shown = [pictures[k] for k in range((count - 1) % step, count, step)]
 
-    def encoded(path: Path, width: float) -> bytes:
-        image = np.ascontiguousarray(read_picture(path))
-        small = reduced(image, fitting(image.shape, width), bits)
-        return encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, 80])
+    room = share * SLIDE_BYTES / len(shown)
 
-    room = share * _SLIDE_BYTES / len(shown)
-    width = min(_SLIDE_WIDTH, read_picture(shown[0][1]).shape[1])
-    largest = max(len(encoded(path, width)) for _, path in (shown[0], shown[-1]))
-    width *= min(1.0, math.sqrt(room / largest))
+    def slide(picture: tuple[str, Path]) -> Slide:
+        label, path = picture
+        image = np.ascontiguousarray(read_picture(path))
+        return Slide(label, path, _jpeg_uri(image, _SLIDE_WIDTH, 80, bits, room))
+
     with ThreadPoolExecutor() as pool:
-        files = list(pool.map(lambda one: encoded(one[1], width), shown))
-    slides = (
-        Slide(label, path, data_uri("image/jpeg", file))
-        for (label, path), file in zip(shown, files, strict=True)
-    )
-    return Slides(title, caption, tuple(slides), count)
+        slides = tuple(pool.map(slide, shown))
+    return Slides(title, caption, slides, count)
 
 
 @dataclass(frozen=True)
@@ -112,8 +106,8 @@ class PagePair:
     crops: tuple[tuple[str, str, str], ...]
 
 
-def page_pair(pair: FramePair) -> PagePair:
-    """Read both images and return what the page embeds.
+def page_pair(pair: FramePair, room: float = math.inf) -> PagePair:
+    """Read both images and return what the page embeds, each in ``room`` bytes.
 
     Raises InputError if an image can't be read or the two differ in size.
     """
@@ -132,8 +126,8 @@ def page_pair(pair: FramePair) -> PagePair:
         width,
         height,
         bits,
-        _jpeg_uri(reference, _PAGE_WIDTH, 86, bits),
-        _jpeg_uri(deformed, _PAGE_WIDTH, 86, bits),
+        _jpeg_uri(reference, _PAGE_WIDTH, 86, bits, room),
+        _jpeg_uri(deformed, _PAGE_WIDTH, 86, bits, room),
         crops,
     )
 
@@ -151,11 +145,21 @@ def photo_uri(path: Path) -> str:
     return _jpeg_uri(np.ascontiguousarray(read_picture(path)), _PHOTO_WIDTH, 88)
 
 
-def _jpeg_uri(image: Picture, widest: int, quality: int, bits: int = 0) -> str:
-    """Down-scale by area average and encode as JPEG; levels of ``bits`` become 8."""
-    small = reduced(image, fitting(image.shape, widest), bits)
-    data = encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
+def _jpeg_uri(
+    image: Picture, widest: int, quality: int, bits: int = 0, room: float = math.inf
+) -> str:
+    """Down-scale by area average and encode as JPEG, in about ``room`` bytes; levels of ``bits``
+    become 8."""
+    width = float(min(widest, image.shape[1]))
+    data = _jpeg(image, width, quality, bits)
+    if len(data) > room:
+        data = _jpeg(image, width * math.sqrt(room / len(data)), quality, bits)
     return data_uri("image/jpeg", data)
+
+
+def _jpeg(image: Picture, width: float, quality: int, bits: int) -> bytes:
+    small = reduced(image, fitting(image.shape, width), bits)
+    return encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def fitting(shape: tuple[int, ...], width: float, height: float = math.inf) -> tuple[int, int]:
@@ -270,6 +274,7 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
     Pictures are embedded; links to full-size files are relative to ``folder``, where the page will
     be written. Raises InputError if a picture can't be read.
     """
+    room = PAIR_BYTES / max(1, 2 * len(report.frames))
     several = [pair for pair in report.frames if len(pair.frames) >= _SERIES]
     together = [list(alike) for _, alike in groupby(figures.other, _slider)]
     share = 1.0 / max(1, len(several) + sum(len(alike) > 1 for alike in together))
@@ -287,7 +292,7 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
         figures=figures,
         maps=maps,
         sliders=sliders,
-        pairs=[page_pair(pair) for pair in report.frames],
+        pairs=[page_pair(pair, room) for pair in report.frames],
         headline=report.measurements[0] if report.measurements else None,
         total=sum(stage.seconds for stage in report.stages if math.isfinite(stage.seconds)),
         bars=_bars(report.stages),

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.round_numbers import round_down
+from gpusim.export.field_catalogue import Field
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
@@ -51,7 +53,6 @@ SAMPLES = 2
 """Along a side of a pixel."""
 PLACE = Placement(0.0, TOP)
 """Of the camera's picture in the whole."""
-_LARGEST = (("largest", 1.0),)
 _MUTED, _GHOST, _CREASE = "#5b6876", "#5b6876b0", "#16202bc0"
 
 
@@ -88,50 +89,26 @@ class DisplacedBody:
         return self.skin.moved(self.rest, factor * self.u)
 
 
-@dataclass(frozen=True)
-class Extreme:
-    """The largest or smallest value of a field: the number of the body, of its node or element,
-    and where that is (3,), m, undeformed."""
+class Extreme(NamedTuple):
+    """The largest or smallest value of a field, and the numbers of its body and node."""
 
     value: float
     body: int
-    index: int
-    position: tuple[float, float, float]
+    node: int
 
 
-@dataclass(frozen=True, eq=False)
-class NamedValues:
-    """A field of several bodies: a ``title`` and ``unit`` for people, and of each body its values
-    at nodes (N,), or at elements where they are ``by_cell``; ``signed``: zero is special."""
-
-    title: str
-    unit: str
-    values: Sequence[Float]
-    by_cell: bool = False
-    signed: bool = False
-
-    def extremes(self, bodies: Sequence[DisplacedBody]) -> dict[str, Extreme]:
-        """The "largest" value, and the "smallest" of a signed field; without one that isn't of
-        its sign, or is small beside the other."""
-        found: dict[str, Extreme] = {}
-        for word, sign in (("largest", 1.0), ("smallest", -1.0)) if self.signed else _LARGEST:
-            index = [int(np.argmax(sign * one)) for one in self.values]
-            best = [sign * one[k] for one, k in zip(self.values, index, strict=True)]
-            body = int(np.argmax(best))
-            if best[body] > 0.0:
-                x, y, z = self.places(bodies[body])[index[body]].tolist()
-                found[word] = Extreme(sign * float(best[body]), body, index[body], (x, y, z))
-        most = max((abs(one.value) for one in found.values()), default=0.0)
-        return {word: one for word, one in found.items() if abs(one.value) >= SMALL * most}
-
-    def places(self, body: DisplacedBody, factor: float = 0.0) -> Float:
-        """(N, 3) or (M, 3): where a body has its values, displaced ``factor`` times."""
-        mesh = body.skin.mesh
-        points = mesh.points + factor * body.u
-        if not self.by_cell:
-            return points
-        blocks = [points[block].mean(axis=1) for block in mesh.cells.values()]
-        return np.concatenate(blocks)
+def extremes(field: Field, values: Sequence[Float]) -> dict[str, Extreme]:
+    """The "largest" of a field's ``values`` (N,) at the nodes of bodies, and the "smallest" of a
+    signed one; neither where it isn't of its sign, or is small beside the other."""
+    found: dict[str, Extreme] = {}
+    for word, sign in (("largest", 1.0), ("smallest", -1.0))[: 1 + field.signed]:
+        nodes = [int(np.argmax(sign * one)) for one in values]
+        most = [Extreme(float(values[k][node]), k, node) for k, node in enumerate(nodes)]
+        best = max(most, key=lambda one: sign * one.value)
+        if sign * best.value > 0.0:
+            found[word] = best
+    far = max((abs(one.value) for one in found.values()), default=0.0)
+    return {word: one for word, one in found.items() if abs(one.value) >= SMALL * far}
 
 
 class BodyPictures:
@@ -141,13 +118,14 @@ class BodyPictures:
 
     Examples
     --------
-    >>> from gpusim.visualization.body_picture import BodyPictures, DisplacedBody, NamedValues
+    >>> from gpusim.export.field_catalogue import named_field
+    >>> from gpusim.visualization.body_picture import BodyPictures, DisplacedBody
     >>> from gpusim.visualization.turntable import Turntable
     >>> bar = gs.mesh.box(size=(0.3, 0.02, 0.02), divisions=(6, 1, 1))
     >>> u = np.stack([0 * bar.points[:, 0], 0 * bar.points[:, 0], bar.points[:, 0] ** 2], axis=1)
     >>> body = DisplacedBody("bar", gs.Skin(bar, gs.mesh.boundary_faces(bar)), u)
     >>> pictures = BodyPictures(gs.Device(), [body], Turntable())
-    >>> pictures.draw(NamedValues("displacement along z", "mm", [1e3 * u[:, 2]])).shape
+    >>> pictures.draw(named_field("displacement_z"), [1e3 * u[:, 2]]).shape
     (860, 1280, 3)
     """
 
@@ -163,26 +141,25 @@ class BodyPictures:
         dark = np.zeros((self.camera.height, self.camera.width), np.float32)
         self.frame = Frame(seen, device, radiance=dark)
 
-    def draw(self, field: NamedValues) -> npt.NDArray[np.uint8]:
-        """(H, W, 3): the bodies in the colours of a field."""
-        scale = scale_of(field.values, field.signed)
+    def draw(self, field: Field, values: Sequence[Float]) -> npt.NDArray[np.uint8]:
+        """(H, W, 3): the bodies in the colours of a field, its ``values`` (N,) at their nodes."""
+        scale = scale_of(values, field.signed)
         fields = [
-            surface_field(one.skin, values, field.by_cell)
-            for one, values in zip(self.bodies, field.values, strict=True)
+            surface_field(body.skin, one) for body, one in zip(self.bodies, values, strict=True)
         ]
-        values = corner_values(self.frame.view, self.surfaces, fields)
+        corners = corner_values(self.frame.view, self.surfaces, fields)
         overlay, (width, height) = self.overlay, self.size
         target = self.device.texture(width, height, "rgba8unorm", "view.field_picture")
         with self.device.recording("view.field_picture") as recording:
             overlay.rectangle(0, 0, width, height, "white")
             overlay.draw(target, recording)
             draw_field_colors(
-                self.device, target, self.frame, values, scale.limits, scale.colors, white=1.0,
+                self.device, target, self.frame, corners, scale.limits, scale.colors, white=1.0,
                 recording=recording, place=PLACE, samples=SAMPLES, shade=1.0,
             )  # fmt: skip
             overlay.add(self._lines)
             self._draw_frame(overlay, field, scale)
-            self._mark(overlay, field)
+            self._mark(overlay, field, values)
             overlay.draw(target, recording)
         return pixels_of(self.device, target)[..., :3].copy()
 
@@ -205,10 +182,10 @@ class BodyPictures:
     def _symbols(self, overlay: Overlay) -> Symbols:
         return Symbols(overlay, self.camera, PLACE, self.frame)
 
-    def _draw_frame(self, overlay: Overlay, field: NamedValues, scale: ColorScale) -> None:
+    def _draw_frame(self, overlay: Overlay, field: Field, scale: ColorScale) -> None:
         """Title, legend, scale, axes, and how often displacements are drawn."""
         width, height = self.size
-        overlay.text(EDGE, EDGE, f"{field.title} ({field.unit})", SIZE + 2, INK)
+        overlay.text(EDGE, EDGE, field.label(), SIZE + 2, INK)
         tall = min(height - TOP - BELOW, 420.0)
         draw_legend(overlay, scale, field.unit, width - EDGE, TOP, tall, SIZE)
         Symbols(overlay, self.camera).tripod(EDGE + 46.0, height - 52.0, 36.0)
@@ -225,11 +202,12 @@ class BodyPictures:
         )  # fmt: skip
         overlay.text(left + bar + 34.0, low + 4, text, SIZE - 2, _MUTED, "ls")
 
-    def _mark(self, overlay: Overlay, field: NamedValues) -> None:
+    def _mark(self, overlay: Overlay, field: Field, values: Sequence[Float]) -> None:
         """A ring round the largest value, and round the smallest where there are both signs."""
         symbols = self._symbols(overlay)
-        for word, one in field.extremes(self.bodies).items():
-            point = field.places(self.bodies[one.body], self.factor)[[one.index]]
+        for word, one in extremes(field, values).items():
+            body = self.bodies[one.body]
+            point = (body.skin.mesh.points + self.factor * body.u)[[one.node]]
             middle = symbols.window(point)[0]
             turn = np.linspace(0.0, 2.0 * np.pi, 25)
             ring = middle + 9.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)

@@ -43,7 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     "motion": set(),
     "export": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene"},
     "report": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene", "export"},
-    "visualization": {"gpu", "mesh", "fem", "surface", "optics"},
+    "visualization": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene", "export"},
 }
 NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.

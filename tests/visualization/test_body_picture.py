@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import gpusim as gs
+from gpusim.export.field_catalogue import Field
 from gpusim.gpu import Device
 from gpusim.visualization.body_picture import (
     PLACE,
     SHOWN,
     BodyPictures,
     DisplacedBody,
-    NamedValues,
     exaggeration,
+    extremes,
 )
 from gpusim.visualization.color_scale import scale_of
 from gpusim.visualization.legend import legend_width
 from gpusim.visualization.turntable import ISOMETRIC
 
+HEIGHT = Field("height", "m", lambda state: state, "nodes", signed=True)
 SLOPE = np.array([1.7, -0.4, 0.9])
 
 
@@ -38,7 +42,7 @@ def test_a_pixel_has_the_legends_colour_of_its_value(device: Device) -> None:
     pictures = BodyPictures(device, [body], ISOMETRIC)
     mesh = body.skin.mesh
     values = mesh.points @ SLOPE
-    picture = pictures.draw(NamedValues("height", "m", [values], signed=True))
+    picture = pictures.draw(HEIGHT, [values])
     scale = scale_of([values], True)
     # on the top, away from the borders of elements; a linear field is interpolated exactly
     x, y = (one.reshape(-1) for one in np.meshgrid([0.06, 0.12, 0.2], [0.04, 0.08]))
@@ -73,7 +77,7 @@ def test_everything_is_in_view_beside_legend_and_scale(device: Device) -> None:
 
 def test_the_scale_bar_is_as_long_as_it_says(device: Device) -> None:
     pictures = BodyPictures(device, [plate()], ISOMETRIC)
-    picture = pictures.draw(NamedValues("x", "m", [pictures.bodies[0].skin.mesh.points[:, 0]]))
+    picture = pictures.draw(HEIGHT, [pictures.bodies[0].skin.mesh.points[:, 0]])
     dark = np.flatnonzero(picture[pictures.size[1] - 37, 120:600].max(axis=1) < 90)
     length = dark[-1] - dark[0] + 1
     right = pictures.camera.camera_from_world[0, :3]
@@ -91,16 +95,11 @@ def test_displacements_are_drawn_a_round_number_of_times() -> None:
 
 
 def test_the_largest_and_smallest_values_and_where_they_are() -> None:
-    bodies = [plate(), plate()]
-    points = bodies[0].skin.mesh.points
-    values = [points[:, 0] - 0.1, 3.0 * points[:, 0] - 0.2]
-    found = NamedValues("f", "1", values, signed=True).extremes(bodies)
+    x = plate().skin.mesh.points[:, 0]
+    found = extremes(HEIGHT, [x - 0.1, 3.0 * x - 0.2])
     assert found["largest"].value == pytest.approx(0.7) and found["largest"].body == 1
-    assert found["largest"].position[0] == pytest.approx(0.3)
+    assert x[found["largest"].node] == pytest.approx(0.3)
     assert found["smallest"].value == pytest.approx(-0.2) and found["smallest"].body == 1
-    assert list(NamedValues("f", "1", values).extremes(bodies)) == ["largest"]
-    small = [points[:, 0] - 1e-3, points[:, 0]]
-    assert list(NamedValues("f", "1", small, signed=True).extremes(bodies)) == ["largest"]
-    cells = np.arange(bodies[0].skin.mesh.cell_count) + 1.0
-    by_cell = NamedValues("f", "1", [cells, cells - 9.0], by_cell=True)
-    assert by_cell.extremes(bodies)["largest"].position == pytest.approx((0.225, 0.15, 0.025))
+    assert list(extremes(replace(HEIGHT, signed=False), [x - 0.1])) == ["largest"]
+    assert list(extremes(HEIGHT, [x - 1e-3, x])) == ["largest"]  # the other is small beside it
+    assert list(extremes(HEIGHT, [-x])) == ["smallest"] and extremes(HEIGHT, [0.0 * x]) == {}

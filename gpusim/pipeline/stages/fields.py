@@ -22,7 +22,7 @@ from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bod
 from gpusim.report import FieldPicture, LoadPath
 from gpusim.scene import Scene
 from gpusim.scene.frames import FrameTable
-from gpusim.visualization.body_picture import BodyPictures, DisplacedBody, NamedValues
+from gpusim.visualization.body_picture import BodyPictures, DisplacedBody, extremes
 from gpusim.visualization.turntable import ISOMETRIC, Turntable
 
 CHEAP_CELLS = 20_000
@@ -67,16 +67,16 @@ def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     for name in _chosen(states, stressed):
         field = BODY[name]
         values = [field.values(state) for state in states]
-        shown = NamedValues(field.title, field.unit, values, signed=field.signed)
-        extremes = shown.extremes(bodies).values()
-        one = max(extremes, key=lambda found: abs(found.value), default=None)
+        found = extremes(field, values).values()
+        one = max(found, key=lambda extreme: abs(extreme.value), default=None)
         if one is None:
             continue
-        x, y, z = (1e3 * v for v in one.position)
+        body = bodies[one.body]
+        x, y, z = (1e3 * body.skin.mesh.points[one.node]).tolist()
         file = f"fields/{name}.png"
-        files[file] = encoded_picture(pictures.draw(shown), ".png", PNG)
+        files[file] = encoded_picture(pictures.draw(field, values), ".png", PNG)
         notes["pictures"].append(asdict(FieldPicture(
-            name, field.title, field.unit, one.value, bodies[one.body].name, (x, y, z), last,
+            name, field.title, field.unit, one.value, body.name, (x, y, z), last,
             pictures.factor, file,
         )))  # fmt: skip
     return StageResult(files, notes, f"{len(files)} pictures")
