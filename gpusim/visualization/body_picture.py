@@ -217,10 +217,23 @@ class BodyPictures:
             gap = "·" if field.unit.startswith("10") else " "
             text = f"{word} {format_value(one.value)}{gap}{field.unit}{hidden}"
             wide = overlay.text_width(text, SIZE) + 12.0
-            side = 16.0 if middle[0] < 0.5 * self.camera.width else -16.0 - wide
-            left, top = middle + np.array([side, -42.0 if middle[1] > TOP + 60.0 else 14.0])
+            left, top = self._beside(middle, wide, SIZE + 10.0)
             overlay.rectangle(round(left), round(top), round(wide), SIZE + 10, PAPER)
             overlay.text(left + 6.0, top + 0.5 * SIZE + 5.0, text, SIZE, INK, "lm")
+
+    def _beside(self, at: Float, wide: float, tall: float) -> tuple[float, float]:
+        """The upper left corner of a label beside a place, where it hides the least of the bodies;
+        within the picture, left of the legend."""
+        bodies, (x, y) = self.frame.ids() > 0, at
+        corners = [(x + dx, y + dy) for dy in (-tall - 12.0, 12.0) for dx in (16.0, -16.0 - wide)]
+
+        def hidden(corner: tuple[float, float]) -> float:
+            left, top = (round(float(v)) for v in corner)
+            out = left < 0 or left + wide > self.camera.width - RIGHT + EDGE or top < TOP
+            rows = slice(max(top - TOP, 0), max(top - TOP + round(tall), 0))
+            return out * bodies.size + int(bodies[rows, max(left, 0) : left + round(wide)].sum())
+
+        return min(corners, key=hidden)
 
 
 def _framed(view: Turntable, points: Float) -> tuple[Turntable, Camera]:

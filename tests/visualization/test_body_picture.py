@@ -13,6 +13,7 @@ from gpusim.gpu import Device
 from gpusim.visualization.body_picture import (
     PLACE,
     SHOWN,
+    TOP,
     BodyPictures,
     DisplacedBody,
     exaggeration,
@@ -73,6 +74,19 @@ def test_everything_is_in_view_beside_legend_and_scale(device: Device) -> None:
         assert 440 <= height <= 860
         ids = pictures.frame.ids()
         assert ids.any() and not ids[[0, -1]].any() and not ids[:, [0, -1]].any()
+
+
+def test_labels_hide_as_little_as_possible(device: Device) -> None:
+    pictures = BodyPictures(device, [plate()], ISOMETRIC.side("front"))
+    bodies = pictures.frame.ids() > 0
+    rows, columns = (np.flatnonzero(bodies.any(axis=k)) for k in (1, 0))
+    upper_right = np.array([columns[-1] + 0.5, TOP + rows[0] + 0.5])
+    left, top = pictures._beside(upper_right, 100.0, 30.0)
+    assert top + 30.0 <= TOP + rows[0]  # above the body, not on it
+    assert left + 100.0 <= pictures.size[0] - 140.0  # beside the legend
+    lower_left = np.array([columns[0] + 0.5, TOP + rows[-1] + 0.5])
+    left, top = pictures._beside(lower_left, 100.0, 30.0)
+    assert left >= 0.0 and top >= TOP + rows[-1]
 
 
 def test_the_scale_bar_is_as_long_as_it_says(device: Device) -> None:

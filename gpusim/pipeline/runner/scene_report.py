@@ -159,7 +159,7 @@ class SceneReport:
         """Pictures of the bodies, and how they go with the load."""
         said = self._said("fields")
         pictures = tuple(FieldPicture(**_tuples(row)) for row in said.get("pictures", ()))
-        return pictures, LoadPath(**_tuples(said["path"])) if said else None
+        return pictures, LoadPath(**_tuples(said["path"])) if said.get("path") else None
 
     def _noted(self, first: bool) -> list[Notes]:
         """In the order of the stages; the ``first`` ones, or the others."""

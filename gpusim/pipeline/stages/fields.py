@@ -58,8 +58,10 @@ def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     facts = {} if stressed or not solved else {
         "fields": f"no stress or strain of {cells} elements: [output] stress = true asks for them"
     }  # fmt: skip
-    path = _load_path(objects, frames, bodies, word)
-    notes = notes_of(facts=facts, adapter=session.adapter) | {"path": asdict(path), "pictures": []}
+    notes = notes_of(facts=facts, adapter=session.adapter) | {"path": None, "pictures": []}
+    if not any(body.u.any() for body in bodies):
+        return StageResult({}, notes, "nothing has moved")
+    notes["path"] = asdict(_load_path(objects, frames, bodies, word))
     if session.device is None:
         return StageResult({}, notes, "no pictures without a device")
     pictures = BodyPictures(session.device, bodies, _side(scene, bodies))

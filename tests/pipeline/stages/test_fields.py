@@ -101,6 +101,15 @@ def test_large_meshes_show_stress_only_when_asked(
     assert len(report.fields) == 3 and "fields" not in report.facts
 
 
+def test_what_has_not_moved_is_not_drawn(device: Device, tmp_path: Path) -> None:
+    """Two loads cancel each other."""
+    body = copy.deepcopy(DOCUMENT["body"])
+    push = body[0]["load"][0]
+    body[0]["load"].append({**push, "name": "pull", "force_N": [0.0, 0.0, 50.0]})
+    report = gs.run(plain(body=body, camera=[]), tmp_path, backend="gpu")
+    assert report.fields == () and report.load_path is None and not report.highlights
+
+
 def test_without_a_device_there_are_numbers_but_no_pictures(tmp_path: Path) -> None:
     report = gs.run(plain(camera=[]), tmp_path, backend="numpy")
     assert report.fields == () and report.load_path is not None
