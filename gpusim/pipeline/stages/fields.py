@@ -31,8 +31,8 @@ MATTERS = 0.1
 """Of the largest displacement: a component of this length is shown, if there are others."""
 MOST_STATES = 101
 """Of a load path."""
-ALIKE = 0.95
-"""Of the largest compression: tension by as much is shown in its place."""
+ALIKE = 0.5
+"""Of the largest compression: tension by as much is shown rather."""
 PNG = (cv2.IMWRITE_PNG_COMPRESSION, 6)
 ROUNDED = 1e-6
 """Of the forces in supports: a resultant below that is what they are rounded by."""
