@@ -27,10 +27,20 @@ SeveralPositive = Length | Annotated[tuple[Length, Length, Length], Listed()]
 
 
 class MaterialTable(Table):
-    """A linear elastic material: isotropic with one number per key, orthotropic with three."""
+    """A linear elastic material: isotropic with one number per key, orthotropic with three.
+
+    Example::
+
+        name = "steel"
+        youngs_modulus_GPa = 210.0
+        poissons_ratio = 0.3
+        density_kg_m3 = 7850.0
+    """
 
     name: Name
+    """What [[body]] and [[body.part]] call it."""
     type: Literal["isotropic", "orthotropic"] = "isotropic"
+    """"isotropic": alike in all directions; "orthotropic": three axes, as wood or laminates."""
     youngs_modulus_GPa: SeveralPositive
     """Orthotropic: [E1, E2, E3] along the material axes."""
     poissons_ratio: Several

@@ -12,6 +12,7 @@ import inspect
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
@@ -191,11 +192,19 @@ def _field_texts(module: str) -> dict[str, dict[str, str]]:
 
 
 def add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
-    """Enter the texts of the fields in a table's JSON schema."""
+    """Enter the texts of the fields in a table's JSON schema, and the example of its docstring:
+    as TOML, and as what that says."""
     texts = descriptions(table)
     for name, info in table.model_fields.items():
+        entry = schema["properties"][info.alias or name]
         if name in texts:
-            schema["properties"][info.alias or name]["description"] = texts[name]
+            entry["description"] = texts[name]
+        elif "const" in entry:
+            entry["description"] = "Says which kind of table it is."
+    about, *example = schema.get("description", "").split("\n\nExample::\n\n")
+    if example:
+        text = inspect.cleandoc(example[0])
+        schema |= {"description": about, "examples": [tomllib.loads(text)], "x-toml": text}
 
 
 class Table(BaseModel):
