@@ -8,6 +8,8 @@ The other commands are below. Its modules:
 
 - `console`: Options, messages, progress, and errors as one message with an exit code.
 - `tables`: Tables that commands print of what applications have found.
+- `init`: ``gpusim init``: a first scene, of a part of the user's own or from a template.
+- `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
@@ -31,11 +33,14 @@ from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
     BackendOption,
+    EffectCommand,
+    FlagCommand,
     Json,
     Output,
     PrintableGroup,
     ProgressDisplay,
     Quiet,
+    effect_names,
     exit_codes,
     folder_name,
     importing,
@@ -45,6 +50,8 @@ from gpusim.cli.console import (
     time_text,
     waiting,
 )
+from gpusim.cli.init import init
+from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.tables import print_deck
 from gpusim.cli.view import view
@@ -63,7 +70,6 @@ app = typer.Typer(
     cls=PrintableGroup,
     help="From a loaded structure to camera images, measured and compared with the truth.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.add_typer(bench_app, name="bench")
@@ -80,11 +86,21 @@ Sets = Annotated[
 ]
 Only = Annotated[
     list[str] | None,
-    typer.Option("--only", metavar="EFFECT", help="Leave other effects out: noise (repeatable)."),
+    typer.Option(
+        "--only",
+        metavar="EFFECT",
+        autocompletion=effect_names,
+        help="Leave other effects out: noise (repeatable).",
+    ),
 ]
 No = Annotated[
     list[str] | None,
-    typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
+    typer.Option(
+        "--no",
+        metavar="EFFECT",
+        autocompletion=effect_names,
+        help="Leave an effect out: distortion (repeatable).",
+    ),
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
 StoreOption = Annotated[
@@ -136,7 +152,7 @@ def _app(
     """See the help of each command."""
 
 
-@app.command()
+@app.command(cls=EffectCommand)
 def run(
     scene: ScenePath,
     output: Output,
@@ -175,7 +191,7 @@ def run(
             _print_report(report, output)
 
 
-@app.command()
+@app.command(cls=FlagCommand)
 def budget(
     scene: ScenePath,
     output: Output,
@@ -199,7 +215,7 @@ def budget(
             _print_budget(report.budget, output)
 
 
-@app.command()
+@app.command(cls=FlagCommand)
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
     output: Output,
@@ -227,12 +243,13 @@ def solve(
             raise NotConverged(done.failure)
 
 
-app.command()(dic)
-app.command()(calibrate)
-app.command()(view)
+app.command(cls=FlagCommand)(dic)
+app.command(cls=FlagCommand)(calibrate)
+app.command(cls=FlagCommand)(view)
+app.command(cls=FlagCommand)(init)
 
 
-@app.command()
+@app.command(cls=FlagCommand)
 def plan(
     scene: ScenePath,
     output: Annotated[
@@ -280,22 +297,37 @@ def plan(
             _print_plan(made)
 
 
-@app.command()
-def schema() -> None:
-    """Print the JSON schema of a scene file: every key with its type, range and meaning."""
+@app.command(cls=FlagCommand)
+def schema(
+    table: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="TABLE",
+            autocompletion=table_names,
+            help="A table or key, in words: camera, body.load.force, focal_mm.",
+        ),
+    ] = None,
+) -> None:
+    """Print what a table or a key of a scene file means; without one the JSON schema, for editors.
+
+    docs/scene.md has all of it on one page.
+    """
     with exit_codes():
         from gpusim.scene import json_schema
 
-        out(json.dumps(json_schema(), indent=2))
+        if table is None:
+            out(json.dumps(json_schema(), indent=2))
+        else:
+            print_tables(table)
 
 
-@app.command()
+@app.command(cls=FlagCommand)
 def doctor(as_json: Json = False) -> None:
     """Look at the adapter and compare every kernel with its NumPy twin."""
     _diagnose(None, as_json)
 
 
-@app.command()
+@app.command(cls=FlagCommand)
 def check(
     stage: Annotated[
         str, typer.Argument(help="A stage as `gpusim doctor` names it: fem/krylov/cg.")

@@ -44,7 +44,9 @@ UNITS: dict[str, Callable[[Any], float] | None] = {
     "rpm": lambda value: value * math.tau / 60.0,
     "percent": lambda value: value / 100.0,
     "deg": math.radians,
-    **dict.fromkeys(("px", "N", "Hz", "K", "s", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")),
+    **dict.fromkeys(
+        ("px", "N", "Hz", "K", "s", "W", "lm", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")
+    ),
     **dict.fromkeys(("e", "e_per_s", "DN", "DN_per_e")),
 }
 """By the end of a key: what makes its value one in SI, if it isn't."""
