@@ -26,9 +26,16 @@ if TYPE_CHECKING:
     from gpusim.arrays.array_types import Float
 
 _OWN = Path(__file__).parent / "templates"
-_PIXELS, _PITCH, _FOCAL = (2448, 2048), 3.45e-3, 35.0  # of the cameras in part.toml; px, mm
-_MARGIN, _HALF_ANGLE = 1.15, 10.0  # around the part; degrees to each side
+_PIXELS, _FOCAL = (2448, 2048), 35.0 / 3.45e-3  # of the templates' cameras: px, focal length in px
+_MARGIN, _HALF_ANGLE, _CELL = 1.15, 10.0, 90  # around the part; degrees; field of the board, px
 _STRESS, _LISTED = 60.0, 40  # MPa in the mean section; faces that are listed
+_PLATE = ((-0.05, -0.02, 0.0), (0.05, 0.02, 0.003))  # corners of plate_with_hole.toml's body, m
+_TILTS = (
+    [-14.0, 20.0, 12.0], [16.0, -12.0, -10.0], [-20.0, -5.0, 8.0], [12.0, 18.0, -14.0],
+    [0.0, 0.0, 0.0], [-16.0, -20.0, 10.0], [22.0, 6.0, 15.0], [-6.0, 24.0, -9.0],
+    [18.0, -18.0, 5.0], [-24.0, 10.0, -12.0], [8.0, -24.0, 14.0], [-10.0, -14.0, -15.0],
+)  # fmt: skip
+"""Of the board, degrees about x, y and z."""
 
 
 def templates() -> dict[str, Path]:
@@ -97,21 +104,22 @@ def _about(path: Path) -> str:
     return re.split(r"(?<=[.?]) ", head.replace("\n# ", " ").removeprefix("# "))[0]
 
 
-def _filled(text: str, **values: str) -> str:
-    """A template with its values, and with the measurement that is asked for in all of them."""
+def _filled(template: str, **values: str) -> str:
+    """The text of a template; with a measurement, where there is a kind for that."""
     from gpusim.scene.description.measure_table import TABLES
 
     dic = (_OWN / "dic.toml").read_text(encoding="utf-8") if "dic" in TABLES else ""
-    filled = Template(text).substitute(values, dic=dic)
+    text = (_OWN / template).read_text(encoding="utf-8").replace("$dic", dic)
     comment = re.compile(r"^([^#\n]*?) +# (.*)$", re.MULTILINE)
-    return comment.sub(lambda line: f"{line[1]:<35} # {line[2]}", filled)
+    return comment.sub(lambda line: f"{line[1]:<35} # {line[2]}", Template(text).substitute(values))
 
 
 def _of_template(path: Path, output: Path) -> str:
     """The text of a template; the files that an example needs are copied beside the scene."""
     text = path.read_text(encoding="utf-8")
     if path.parent == _OWN:
-        return _filled(text, scene=str(output))
+        low, high, normal = np.array(_PLATE[0]), np.array(_PLATE[1]), np.eye(3)[2]
+        return _filled(path.name, scene=str(output), **_rig(low, high, normal))
     from gpusim.scene import load_scene
 
     for name, _ in load_scene(path).files:
@@ -136,13 +144,18 @@ def _of_part(path: Path, output: Path) -> str:
     section = part.volume / (part.high - part.low)[part.axis]
     force[part.axis] = float(f"{_STRESS * 1e6 * section:.1g}")
     relative = Path(os.path.relpath(path.resolve(), output.parent.resolve())).as_posix()
+    face = part.broadside()
+    assert face.normal is not None  # broadsides have one
+    name = json.dumps(face.name, ensure_ascii=False)
+    curved = f'{{ normal = {name} }}\nmapping = "unfold" # round curved faces'
     return _filled(
-        (_OWN / "part.toml").read_text(encoding="utf-8"), scene=str(output),
+        "part.toml", scene=str(output),
         file=path.name, name=path.stem, path=json.dumps(relative, ensure_ascii=False),
-        meshing=meshing,
-        low=_mm(part.low), high=_mm(part.high), axis="xyz"[part.axis],
+        meshing=meshing, low=_mm(part.low), high=_mm(part.high), axis="xyz"[part.axis],
         faces="\n".join(_face_lines(part)) or "#   (the file names none)",
-        held=_end(part, -1), pulled=_end(part, 1), force=str(force), **_view(part),
+        held=_end(part, -1), pulled=_end(part, 1), force=str(force),
+        painted=curved if face in part.sides else f"{{ set = {name} }}",
+        **_rig(part.low, part.high, face.normal),
     )  # fmt: skip
 
 
@@ -168,28 +181,30 @@ def _end(part: PartOutline, sign: int) -> str:
     return f"{{ {axis}_min_mm = {high - 0.1 * (high - low):.6g} }}"
 
 
-def _view(part: PartOutline) -> dict[str, str]:
-    """What is painted, and two cameras that see the whole part, its longer side level."""
-    face = part.broadside()
-    assert face.normal is not None  # broadsides have one
-    sides = part.high - part.low
-    steep = np.abs(face.normal) > 0.7  # along the view
-    up = np.eye(3)[int(np.argmin(np.where(steep, np.inf, sides)))]
-    right = np.cross(up, face.normal)
-    right /= np.linalg.norm(right)
-    top = np.cross(face.normal, right)
-    wide, high, deep = (float(np.abs(way) @ sides) for way in (right, top, face.normal))
-    pixel = _MARGIN * max(wide / _PIXELS[0], high / _PIXELS[1])  # m
-    away = pixel / (1e-3 * _PITCH) * 1e-3 * _FOCAL + 0.5 * deep
-    angle, centre = np.deg2rad(_HALF_ANGLE), 0.5 * (part.low + part.high)
-    left, other = (centre + away * (np.cos(angle) * face.normal + side * np.sin(angle) * right)
+def _rig(low: Float, high: Float, normal: Float) -> dict[str, str]:
+    """Two cameras that see all of a box, its longer side level, from where ``normal`` points; the
+    speckle for them, and a board with its poses to calibrate them."""
+    sides, centre = high - low, 0.5 * (low + high)
+    up = np.eye(3)[int(np.argmin(np.where(np.abs(normal) > 0.7, np.inf, sides)))]
+    right = np.cross(up, normal) / np.linalg.norm(np.cross(up, normal))
+    top = np.cross(normal, right)
+    wide, tall, deep = (float(np.abs(way) @ sides) for way in (right, top, normal))
+    pixel = _MARGIN * max(wide / _PIXELS[0], tall / _PIXELS[1])  # m
+    away, angle = pixel * _FOCAL + 0.5 * deep, np.deg2rad(_HALF_ANGLE)
+    left, other = (centre + away * (np.cos(angle) * normal + side * np.sin(angle) * right)
                    for side in (-1.0, 1.0))  # fmt: skip
-    name = json.dumps(face.name, ensure_ascii=False)
-    curved = f'{{ normal = {name} }}\nmapping = "unfold" # round curved faces'
+    cell = float(_short(1e3 * _CELL * pixel)) * 1e-3
+    poses = []
+    for k, tilt in enumerate(_TILTS):
+        shift = (
+            300 * (k % 3 - 1) * right + 150 * (k // 3 % 3 - 1) * top + 250 * (k % 4 - 1) * normal
+        )
+        poses.append(f"  {{ position_mm = {_mm(centre + pixel * shift)}, rotation_deg = {tilt} }},")
     return {
-        "painted": curved if face in part.sides else f"{{ set = {name} }}",
         "left": _mm(left), "right": _mm(other), "target": _mm(centre), "up": _vector(up, 1),
         "pixel": f"{1e3 * pixel:.2g}", "speckle": _short(4e3 * pixel), "soft": _short(500 * pixel),
+        "normal": _vector(normal, 6), "cell": _short(1e3 * cell), "poses": "\n".join(poses),
+        "board": _mm(np.array([13.0, 10.0]) * cell), "corner": _mm(centre - cell * (6 * right + 4.5 * top)),
     }  # fmt: skip
 
 
