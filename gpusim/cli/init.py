@@ -204,7 +204,8 @@ def _rig(low: Float, high: Float, normal: Float) -> dict[str, str]:
         "left": _mm(left), "right": _mm(other), "target": _mm(centre), "up": _vector(up, 1),
         "pixel": f"{1e3 * pixel:.2g}", "speckle": _short(4e3 * pixel), "soft": _short(500 * pixel),
         "normal": _vector(normal, 6), "cell": _short(1e3 * cell), "poses": "\n".join(poses),
-        "board": _mm(np.array([13.0, 10.0]) * cell), "corner": _mm(centre - cell * (6 * right + 4.5 * top)),
+        "board": _mm(np.array([13.0, 10.0]) * cell),
+        "corner": _mm(centre - cell * (6.0 * right + 4.5 * top)),
     }  # fmt: skip
 
 
