@@ -23,7 +23,7 @@ _ELEMENTS, _TETRAHEDRON = 40_000, 0.12  # so many of about this volume, if their
 _FLAT, _CIRCULAR = 1e-6, 1e-3  # of normals; of a radius
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PartFace:
     """Faces with a ``name``: that of a set, or what looks along an axis ("-y").
 
@@ -38,7 +38,7 @@ class PartFace:
     area: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PartOutline:
     """Corners of the bounding box, ``low`` and ``high`` (m); ``volume`` (m3); area of the ``skin``
     (m2); its ``faces`` by the sets of the file, and what looks along each axis, ``sides``."""

@@ -9,6 +9,7 @@ The other commands are below. Its modules:
 - `console`: Options, messages, progress, and errors as one message with an exit code.
 - `tables`: Tables that commands print of what applications have found.
 - `init`: ``gpusim init``: a first scene, of a part of the user's own or from a template.
+- `scene_templates`: Commented scenes made from templates.
 - `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
 - `view`: ``gpusim view``.

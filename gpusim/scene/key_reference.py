@@ -123,8 +123,8 @@ def find_tables(text: str) -> dict[str, TableEntry]:
     Examples
     --------
     >>> from gpusim.scene.key_reference import find_tables
-    >>> list(find_tables("focal_mm")), list(find_tables("load.force_N"))
-    (['camera.focal_mm', 'camera.lens.focal_mm'], ['body.load.force.force_N'])
+    >>> list(find_tables("focal_mm")), list(find_tables("load.pressure_MPa"))
+    (['camera.focal_mm', 'camera.lens.focal_mm'], ['body.load.pressure.pressure_MPa'])
     """
     tables = scene_tables()
     places = dict(tables)

@@ -26,6 +26,10 @@ TruthLayer = Literal[
 
 Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
 _FACTORS = (0.0, 1.0)
+OTHER_SOLVER = (
+    "what another program has solved goes into [body.field] file, or `gpusim render --field FILE`"
+)
+"""The way out where gpusim doesn't solve."""
 _PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
@@ -48,9 +52,10 @@ ANALYSIS_TYPES = {
 def _existing(value: Any) -> Any:
     if value in tuple(ANALYSIS_TYPES):
         return value
-    problem = "no such analysis yet" if value in _PLANNED else "unknown value"
     kinds = ", or ".join(f'"{name}" ({kind.about})' for name, kind in ANALYSIS_TYPES.items())
-    raise fault("", problem, value, kinds)
+    if value in _PLANNED:
+        raise fault("", "no such analysis yet", value, f"{kinds}; {OTHER_SOLVER}")
+    raise fault("", "unknown value", value, kinds)
 
 
 def _list_kinds(schema: dict[str, Any]) -> None:
