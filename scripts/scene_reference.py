@@ -16,26 +16,28 @@ HEAD = """# The scene file: every table and key
 
 <!-- Made by `python -m scripts.scene_reference` from gpusim/scene/description: edit there. -->
 
-A scene is a [TOML](https://toml.io) file. `[table]` is there once, `[[table]]` as often as you like. Units are
-in the names of the keys: `size_mm`, `force_N`, `youngs_modulus_GPa`. Numbers stand without quotes. Unknown keys,
-wrong types and numbers out of range are told all at once, with the nearest key, before anything is computed.
-
-On the command line:
+A scene is a [TOML](https://toml.io) file. `[table]` is there once, `[[table]]` as often as you
+like. Units are in the names of the keys: `size_mm`, `force_N`, `youngs_modulus_GPa`. Numbers stand
+without quotes. Unknown keys, wrong types and numbers out of range are told all at once, with the
+nearest key, before anything is computed. On the command line:
 
 ```sh
 gpusim init --list                        # scenes to start from
 gpusim init part.step                     # a commented scene of a CAD part of your own
-gpusim schema camera                      # this page's table of a camera
+gpusim schema camera                      # what this page says of a camera
 gpusim schema focal_mm                    # where there is such a key
-gpusim schema > scene.schema.json         # for editors: JSON Schema
+gpusim schema > scene.schema.json         # JSON Schema, for editors
 gpusim plan scene.toml                    # is the file right, and what would a run do?
 gpusim run scene.toml -o out --set camera.front.focal_mm=35
 ```
 
-A path, as in `--set` and in messages, is the keys joined by dots; items of a list go by their name or number.
-[Axes, signs and units](conventions.md) · [paint](paint.md) · [light](light.md) · [lenses and sensors](lenses.md) ·
-[meshes](meshes.md) · [mechanics](mechanics.md) · [measuring](measuring.md) · [variants and error budgets](variants.md) ·
-[what a run writes](output.md)
+`gpusim --install-completion` lets the shell complete commands, options, tables and templates.
+
+A path, as in `--set` and in messages, is keys joined by dots; items of a list go by their name or
+number. Behind the keys: [axes, signs and units](conventions.md), [meshes](meshes.md),
+[mechanics](mechanics.md), [paint](paint.md), [light](light.md), [lenses and sensors](lenses.md),
+[measurement](measuring.md), [variants and error budgets](variants.md),
+[what a run writes](output.md).
 """
 TOPICS = {
     "": "The file", "material": "Structure", "analysis": "Computation", "camera": "Pictures",
