@@ -1,20 +1,24 @@
 """Writes docs/scene.md: every table and key of a scene file, made from the JSON schema.
 
-python -m scripts.scene_reference
+python scripts/scene_reference.py
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from gpusim.scene.key_reference import KeyEntry, TableEntry, scene_tables
+CHECKOUT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(CHECKOUT))  # its tables, not those of a wheel that is installed
 
-OUT = Path(__file__).resolve().parent.parent / "docs" / "scene.md"
+from gpusim.scene.key_reference import KeyEntry, TableEntry, scene_tables  # noqa: E402
+
+OUT = CHECKOUT / "docs" / "scene.md"
 HEAD = """# The scene file: every table and key
 
-<!-- Made by `python -m scripts.scene_reference` from gpusim/scene/description: edit there. -->
+<!-- Made by `python scripts/scene_reference.py` from gpusim/scene/description: edit there. -->
 
 A scene is a [TOML](https://toml.io) file. `[table]` is there once, `[[table]]` as often as you
 like. Units are in the names of the keys: `size_mm`, `force_N`, `youngs_modulus_GPa`. Numbers stand

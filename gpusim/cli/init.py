@@ -13,7 +13,6 @@ import typer
 
 from gpusim.cli.console import definition_list, exit_codes, importing, out
 from gpusim.errors import InputError, nearest_name
-from gpusim.validation import require
 
 _OWN = Path(__file__).parent / "templates"
 
@@ -63,10 +62,12 @@ def init(
             out("\n  gpusim init NAME, or of your own part: gpusim init part.step")
             return
         path = Path(source)
-        if source not in known:
+        if source not in known and not path.is_file():
             expected = f"a CAD or mesh file, or one of {', '.join(known)}"
             hint = nearest_name(source, known)
-            require(path.is_file(), "init: no such file or template", source, expected + hint)
+            raise InputError(
+                f"init: no such file or template; got {source}; expected {expected}{hint}"
+            )
         if output.exists() and not force:
             raise InputError(f"{output}: is there already; expected another -o, or --force")
         with importing():

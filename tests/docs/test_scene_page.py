@@ -16,7 +16,7 @@ def stale(path: Path, text: str) -> str:
     """What is to be done about a page that isn't what its script makes; "": nothing."""
     if path.read_text(encoding="utf-8") == text:
         return ""
-    return f"{path.name} isn't what the tables say: run `python -m scripts.scene_reference`"
+    return f"{path.name} isn't what the tables say: run `python scripts/scene_reference.py`"
 
 
 def test_the_page_is_made_from_the_schema(checkout: Path) -> None:
@@ -29,7 +29,7 @@ def test_a_changed_table_makes_the_page_stale(checkout: Path) -> None:
     changed = replace(tables["solver"], keys=(replace(key, about="Another text."), *rest))
     text = "".join(sections({**tables, "solver": changed}))
     assert "Another text." in text
-    assert "python -m scripts.scene_reference" in stale(checkout / "docs" / "scene.md", text)
+    assert "python scripts/scene_reference.py" in stale(checkout / "docs" / "scene.md", text)
 
 
 def test_every_key_and_every_table_is_on_the_page() -> None:

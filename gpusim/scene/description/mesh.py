@@ -57,7 +57,6 @@ class NotchRecipeTable(Table):
         position_mm = 60.0
         width_mm = 2.0
         depth_mm = 4.0
-        side = "-y"
     """
 
     position_mm: float
@@ -126,7 +125,6 @@ class BeamMeshTable(_Notchable):
         length_mm = 300.0
         width_mm = 30.0
         height_mm = 6.0
-        end_width_mm = 15.0
         divisions = [60, 6, 2]
     """
 
@@ -221,7 +219,6 @@ class PlateMeshTable(_Holed):
         width_mm = 40.0
         thickness_mm = 3.0
         hole_diameter_mm = 12.0
-        cells = "hex20"
     """
 
     builder: Literal["plate_with_hole"]
@@ -250,9 +247,7 @@ class BracketMeshTable(_Holed):
     Example::
 
         builder = "bracket"
-        base_length_mm = 60.0
         wall_height_mm = 80.0
-        fillet_radius_mm = 6.0
     """
 
     builder: Literal["bracket"]
@@ -307,7 +302,6 @@ class FileMeshTable(InFileUnitsTable):
         file = "bracket.step"
         size_mm = 2.5
         order = 2
-        curvature = 16
     """
 
     builder: Literal["file"] = "file"
@@ -372,8 +366,6 @@ class FieldMeshTable(InFileUnitsTable):
     Example::
 
         file = "strip.frd"
-        unit = "mm"
-        scale = 1.0
     """
 
     path: Annotated[str, Field(min_length=1, alias="file")]
