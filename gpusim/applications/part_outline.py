@@ -118,7 +118,13 @@ def _face(name: str, faces: mesh.Faces, normal: Float | None = None) -> PartFace
     if normal is None and float(np.linalg.norm(mean)) > 1.0 - _FLAT:
         normal = mean
     hollow = float(((faces.centroids - centre) * faces.area_vectors).sum()) < 0.0
-    kind = "plane" if normal is not None else _round(faces.points[faces.node_numbers()], hollow)
+    if normal is None:
+        kind = _round(faces.points[faces.node_numbers()], hollow)
+    else:
+        axis = int(np.argmax(np.abs(normal)))
+        level = abs(normal[axis]) > 1.0 - _FLAT
+        way = f"{'+' if normal[axis] > 0.0 else '-'}{'xyz'[axis]}" if level else normal.round(3)
+        kind = f"plane that looks {way}"
     return PartFace(name, kind, normal, centre, area)
 
 

@@ -34,8 +34,8 @@ from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
     BackendOption,
+    CommandLine,
     EffectCommand,
-    FlagCommand,
     Json,
     Output,
     PrintableGroup,
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
+app = CommandLine(
     name="gpusim",
     cls=PrintableGroup,
     help="From a loaded structure to camera images, measured and compared with the truth.",
@@ -188,7 +188,7 @@ def run(
             print_report(report, output)
 
 
-@app.command(cls=FlagCommand)
+@app.command()
 def budget(
     scene: ScenePath,
     output: Output,
@@ -212,7 +212,7 @@ def budget(
             print_budget(report.budget, output)
 
 
-@app.command(cls=FlagCommand)
+@app.command()
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
     output: Output,
@@ -240,13 +240,13 @@ def solve(
             raise NotConverged(done.failure)
 
 
-app.command(cls=FlagCommand)(dic)
-app.command(cls=FlagCommand)(calibrate)
-app.command(cls=FlagCommand)(view)
-app.command(cls=FlagCommand)(init)
+app.command()(dic)
+app.command()(calibrate)
+app.command()(view)
+app.command()(init)
 
 
-@app.command(cls=FlagCommand)
+@app.command()
 def plan(
     scene: ScenePath,
     output: Annotated[
@@ -294,7 +294,7 @@ def plan(
             print_plan(made)
 
 
-@app.command(cls=FlagCommand)
+@app.command()
 def schema(
     table: Annotated[
         str | None,
@@ -318,13 +318,13 @@ def schema(
             print_tables(table)
 
 
-@app.command(cls=FlagCommand)
+@app.command()
 def doctor(as_json: Json = False) -> None:
     """Look at the adapter and compare every kernel with its NumPy twin."""
     _diagnose(None, as_json)
 
 
-@app.command(cls=FlagCommand)
+@app.command()
 def check(
     stage: Annotated[
         str, typer.Argument(help="A stage as `gpusim doctor` names it: fem/krylov/cg.")

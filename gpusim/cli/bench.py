@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from gpusim.cli.console import FlagCommand, PrintableGroup, exit_codes, out
+from gpusim.cli.console import CommandLine, PrintableGroup, exit_codes, out
 
-bench_app = typer.Typer(
+bench_app = CommandLine(
     cls=PrintableGroup, help="Measure speed and accuracy on this machine.", no_args_is_help=True
 )
 
@@ -21,7 +21,7 @@ Size = Literal["small", "standard", "full"]
 """How large the models get."""
 
 
-@bench_app.command(cls=FlagCommand)
+@bench_app.command()
 def solver(
     sizes: Annotated[
         Size, typer.Option(help="small: to 30k unknowns; standard: 350k; full: 3M.")
@@ -44,7 +44,7 @@ def solver(
         out(str(write_solver(results, output)))
 
 
-@bench_app.command(cls=FlagCommand)
+@bench_app.command()
 def render(
     size: Annotated[
         Size, typer.Option(help="small: up to 1.3 megapixels; standard: 5; full: 21.")

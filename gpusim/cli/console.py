@@ -11,10 +11,10 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import typer
 from rich.console import Console
@@ -30,8 +30,8 @@ __all__ = [
     "INTERRUPTED",
     "Backend",
     "BackendOption",
+    "CommandLine",
     "EffectCommand",
-    "FlagCommand",
     "Json",
     "Output",
     "PrintableGroup",
@@ -192,7 +192,18 @@ class _Flags:
 
 
 class FlagCommand(_Flags, TyperCommand):
-    """A command whose help is as said."""
+    """A command whose help shows no type behind options that are on or off."""
+
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+class CommandLine(typer.Typer):
+    """Commands of which each is a `FlagCommand`, unless it is another one."""
+
+    def command(self, *names: Any, **options: Any) -> Callable[[_Command], _Command]:
+        """As typer's."""
+        return super().command(*names, **{"cls": FlagCommand, **options})
 
 
 class EffectCommand(FlagCommand):

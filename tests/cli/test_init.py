@@ -184,7 +184,9 @@ def test_faces_go_by_the_names_of_the_file(cli: Run, tmp_path: Path) -> None:
     part.write_text(text, encoding="utf-8")
     assert cli("init", part).exit_code == 0
     text = (tmp_path / "scene.toml").read_text(encoding="utf-8")
-    assert re.search(r"#   clamping face +plane that looks -x, at \[0.0, 10.0, 5.0], 200 mm2", text)
+    assert re.search(
+        r"#   clamping face +plane that looks -x, near \[0.0, 10.0, 5.0], 200 mm2", text
+    )
     assert tomllib.loads(text)["body"][0]["support"][0]["where"] == {"set": "clamping face"}
     assert planned(cli, "scene.toml") == []
 
@@ -228,7 +230,7 @@ def test_a_mesh_file_with_and_without_sets(cli: Run, tmp_path: Path, checkout: P
     shutil.copy(checkout / "examples" / "lug.msh", tmp_path)
     assert cli("init", "lug.msh").exit_code == 0
     text = (tmp_path / "scene.toml").read_text(encoding="utf-8")
-    assert "#   clamp  plane that looks -x" in text and "#   eye" in text
+    assert "#   clamp     plane that looks -x" in text and "#   eye" in text
     assert 'unit = "mm"' in text
     assert planned(cli, "scene.toml") == []
     block = gs.mesh.box(size=(60, 20, 10), divisions=(12, 4, 2))
