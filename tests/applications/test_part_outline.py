@@ -106,7 +106,8 @@ def test_meshes_and_stl_files(tmp_path: Path, checkout: Path) -> None:
     assert plain.broadside().area == pytest.approx(1.2e-3)
     with Gmsh():
         pass  # skipped where Gmsh is missing
-    write_stl(tmp_path / "block.stl", block.points, mesh.boundary_faces(block).nodes)
+    # in mm, of metres
+    write_stl(tmp_path / "block.stl", block.points / 1e3, mesh.boundary_faces(block).nodes)
     stl = part_outline(tmp_path / "block.stl")
     assert {face.kind for face in stl.faces} == {
         f"plane that looks {sign}{axis}" for sign in "+-" for axis in "xyz"
