@@ -6,6 +6,7 @@ them, so that help and plan are quick.
 
 The other commands are below. Its modules:
 
+- `help`: What the help of commands says of options and of effects, and how words are listed.
 - `console`: Options, messages, progress, and errors as one message with an exit code.
 - `tables`: Tables that commands print of what applications have found.
 - `init`: ``gpusim init``: a first scene, of a part of the user's own or from a template.
@@ -34,14 +35,11 @@ from gpusim.cli.bench import bench_app
 from gpusim.cli.console import (
     INTERRUPTED,
     BackendOption,
-    CommandLine,
-    EffectCommand,
     Json,
     Output,
     PrintableGroup,
     ProgressDisplay,
     Quiet,
-    effect_names,
     exit_codes,
     folder_name,
     importing,
@@ -49,6 +47,7 @@ from gpusim.cli.console import (
     starting,
     waiting,
 )
+from gpusim.cli.help import CommandLine, EffectCommand, effect_names
 from gpusim.cli.init import init
 from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic

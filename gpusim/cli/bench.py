@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from gpusim.cli.console import CommandLine, PrintableGroup, exit_codes, out
+from gpusim.cli.console import PrintableGroup, exit_codes, out
+from gpusim.cli.help import CommandLine
 
 bench_app = CommandLine(
     cls=PrintableGroup, help="Measure speed and accuracy on this machine.", no_args_is_help=True

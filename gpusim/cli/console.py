@@ -11,17 +11,17 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
-from rich.table import Column, Table
 from rich.text import Text
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
+from gpusim.cli.help import FlagsWithoutType
 from gpusim.errors import GpusimError
 from gpusim.interrupts import INTERRUPTED, end_at_once, raise_again
 from gpusim.printable import printable
@@ -30,15 +30,11 @@ __all__ = [
     "INTERRUPTED",
     "Backend",
     "BackendOption",
-    "CommandLine",
-    "EffectCommand",
     "Json",
     "Output",
     "PrintableGroup",
     "ProgressDisplay",
     "Quiet",
-    "definition_list",
-    "effect_names",
     "exit_codes",
     "folder_name",
     "importing",
@@ -179,61 +175,7 @@ def _complain(message: str) -> None:
     console.print(Text("error: ", style="bold red") + Text(message, style="not bold"))
 
 
-class _Flags:
-    """Shows no type behind options that are on or off."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """Arguments and options, for parsing and help."""
-        found: list[Any] = super().get_params(ctx)  # type: ignore[misc]
-        for option in found:
-            if getattr(option, "is_bool_flag", False):
-                option.metavar = ""
-        return found
-
-
-class FlagCommand(_Flags, TyperCommand):
-    """A command whose help shows no type behind options that are on or off."""
-
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
-
-
-class CommandLine(typer.Typer):
-    """Commands of which each is a `FlagCommand`, unless it is another one."""
-
-    def command(self, *names: Any, **options: Any) -> Callable[[_Command], _Command]:
-        """As typer's."""
-        return super().command(*names, **{"cls": FlagCommand, **options})
-
-
-class EffectCommand(FlagCommand):
-    """A command whose help says what the effects are that --only and --no name."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Print it; what the effects are is read when somebody asks."""
-        from gpusim.scene.sources import SOURCES
-
-        super().format_help(ctx, formatter)
-        effects = definition_list((name, one.about) for name, one in SOURCES.items())
-        Console(highlight=False).print(" Effects, for --only and --no:", effects, "")
-
-
-def effect_names(incomplete: str) -> list[str]:
-    """Effects that begin so, for the shell."""
-    from gpusim.scene.sources import SOURCES
-
-    return [name for name in SOURCES if name.startswith(incomplete)]
-
-
-def definition_list(rows: Iterable[tuple[str, str]]) -> Table:
-    """Words and what they mean, in two columns."""
-    table = Table.grid(Column(style="bold", no_wrap=True), padding=(0, 0, 0, 2), pad_edge=True)
-    for word, meaning in rows:
-        table.add_row(Text(word), Text(meaning))
-    return table
-
-
-class PrintableGroup(_Flags, TyperGroup):
+class PrintableGroup(FlagsWithoutType, TyperGroup):
     """Commands whose usage errors repeat what was typed, made printable."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:
@@ -284,6 +226,7 @@ class ProgressDisplay:
         self._bars: Any = None
         if console.is_terminal and not self._quiet:
             from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+            from rich.table import Column
 
             class Seconds(ProgressColumn):
                 """Seconds so far, or those the stage took."""

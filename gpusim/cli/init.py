@@ -11,7 +11,8 @@ from typing import Annotated
 
 import typer
 
-from gpusim.cli.console import definition_list, exit_codes, importing, out
+from gpusim.cli.console import exit_codes, importing, out
+from gpusim.cli.help import definition_list
 from gpusim.errors import InputError, nearest_name
 
 _OWN = Path(__file__).parent / "templates"

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from gpusim.cli.console import definition_list
+from gpusim.cli.help import definition_list
 
 
 def table_names(incomplete: str) -> list[str]:

@@ -22,51 +22,37 @@ from gpusim.scene.description.mesh import CAD_SUFFIXES
 
 OWN = Path(__file__).parent / "templates"
 _PIXELS, _FOCAL = (2448, 2048), 35.0 / 3.45e-3  # of the templates' cameras: px, focal length in px
-_MARGIN, _HALF_ANGLE, _CELL = 1.15, 10.0, 90  # around the part; degrees; field of the board, px
+_MARGIN, _HALF_ANGLE = 1.15, 10.0  # around the part; degrees from the middle to a camera
 _STRESS = 60e6  # Pa in the mean section
 _PLATE = np.array([[-0.05, -0.02, 0.0], [0.05, 0.02, 0.003]])  # corners of plate_with_hole, m
-_TILTS = (
-    [-14.0, 20.0, 12.0], [16.0, -12.0, -10.0], [-20.0, -5.0, 8.0], [12.0, 18.0, -14.0],
-    [0.0, 0.0, 0.0], [-16.0, -20.0, 10.0], [22.0, 6.0, 15.0], [-6.0, 24.0, -9.0],
-    [18.0, -18.0, 5.0], [-24.0, 10.0, -12.0], [8.0, -24.0, 14.0], [-10.0, -14.0, -15.0],
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
-    """Two cameras at ``left`` and ``right`` that look at ``target`` (m); ``pixel``: side of a pixel
-    there (m). For calibration a board of fields of ``cell`` (m) whose lower left one begins at
-    ``corner``, with its ``normal``, and its ``poses``: places (m) and turns (degrees)."""
+class StereoRig:
+    """Two cameras at ``left`` and ``right`` that look at ``target`` (m) behind a surface with this
+    ``normal``, which ``across`` (to the right) and ``up`` lie in; ``pixel``: its side there (m)."""
 
     left: Float
     right: Float
     target: Float
+    normal: Float
+    across: Float
     up: Float
     pixel: float
-    normal: Float
-    cell: float
-    corner: Float
-    poses: list[tuple[Float, list[float]]]
 
 
-def stereo_rig(low: Float, high: Float, normal: Float) -> Rig:
+def stereo_rig(low: Float, high: Float, normal: Float) -> StereoRig:
     """Cameras that see all of a box (m), its longer side level, from where ``normal`` points."""
     sides, centre = high - low, 0.5 * (low + high)
-    up = np.eye(3)[int(np.argmin(np.where(np.abs(normal) > 0.7, np.inf, sides)))]
-    right = np.cross(up, normal) / np.linalg.norm(np.cross(up, normal))
-    top = np.cross(normal, right)
-    wide, tall, deep = (float(np.abs(way) @ sides) for way in (right, top, normal))
+    # the shorter one of the axes that aren't along the view
+    upward = np.eye(3)[int(np.argmin(np.where(np.abs(normal) > 0.7, np.inf, sides)))]
+    across = np.cross(upward, normal) / np.linalg.norm(np.cross(upward, normal))
+    up = np.cross(normal, across)
+    wide, tall, deep = (float(np.abs(way) @ sides) for way in (across, up, normal))
     pixel = _MARGIN * max(wide / _PIXELS[0], tall / _PIXELS[1])
     away, angle = pixel * _FOCAL + 0.5 * deep, np.deg2rad(_HALF_ANGLE)
-    forward, aside = away * np.cos(angle) * normal, away * np.sin(angle) * right
-    cell = float(_short(1e3 * _CELL * pixel)) / 1e3
-    corner = centre - cell * (6.0 * right + 4.5 * top)
-    poses = []
-    for k, tilt in enumerate(_TILTS):
-        across, along = 300 * (k % 3 - 1) * right, 150 * (k // 3 % 3 - 1) * top
-        poses.append((centre + pixel * (across + along + 250 * (k % 4 - 1) * normal), tilt))
-    ends = centre + forward - aside, centre + forward + aside
-    return Rig(*ends, centre, up, pixel, normal, cell, corner, poses)
+    middle, aside = centre + away * np.cos(angle) * normal, away * np.sin(angle) * across
+    return StereoRig(middle - aside, middle + aside, centre, normal, across, up, pixel)
 
 
 def scene_of_template(path: Path, output: Path) -> str:

@@ -13,14 +13,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import gpusim as gs
-from gpusim.cli import app
+from gpusim.cli import app, scene_templates
 from gpusim.cli.init import templates
 from gpusim.mesh.formats import cad
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene, load_scene
+from gpusim.scene.description.measure_table import TABLES
 from tests.support.gmsh_meshes import Gmsh
 
 Run = Callable[..., Any]
@@ -168,6 +170,38 @@ def test_a_step_part(cli: Run, tmp_path: Path) -> None:
         assert wide > 0.75 * size[0]  # it fills the picture, its longer side level
         scale.append(100.0 / wide)
     assert 3.0 <= 1e3 * body.paints[1].diameter / np.mean(scale) <= 5.0
+
+
+def test_the_board_is_seen_whole_in_every_pose(
+    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is written where full-field measurement is there, whether or not it is."""
+    monkeypatch.setattr(scene_templates, "TABLES", {**scene_templates.TABLES, "dic": None})
+    write_plate(tmp_path / "part.step")
+    for source in ("part.step", "plate_with_hole"):
+        assert cli("init", source, "--force").exit_code == 0
+        document = tomllib.loads((tmp_path / "scene.toml").read_text(encoding="utf-8"))
+        (measure,) = document["measure"]
+        assert measure["type"] == "dic" and measure["cameras"] == ["left", "right"]
+        if "dic" not in TABLES:
+            del document["measure"]
+        scene = Scene.from_document(document, folder=tmp_path)
+        (board,) = scene.props
+        fields = board.paint
+        assert (fields.columns, fields.rows) == (12, 9)
+        right = np.cross(board.up, board.normal)
+        ends = [np.array(fields.origin) + fields.cell * (i * right + j * np.array(board.up))
+                for i in (0, 12) for j in (0, 9)]  # fmt: skip
+        arms = np.array(ends) - board.center
+        np.testing.assert_allclose(arms @ board.normal, 0.0, atol=1e-9)
+        np.testing.assert_allclose(arms.mean(axis=0), 0.0, atol=1e-9)  # in the board's middle
+        assert np.abs(arms).max() < max(board.size) / 2
+        assert scene.calibration is not None and len(scene.calibration.poses) == 12
+        for pose in scene.calibration.poses:
+            turned = Rotation.from_euler("xyz", pose.rotation_deg, degrees=True).apply(arms)
+            for pixels, size in seen(scene, turned + pose.position):
+                assert (pixels > 10.0).all() and (pixels < size - 10.0).all()
+                assert np.ptp(pixels, axis=0).max() > 0.35 * size[0]
 
 
 def test_faces_go_by_the_names_of_the_file(cli: Run, tmp_path: Path) -> None:
