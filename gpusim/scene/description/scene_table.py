@@ -214,7 +214,7 @@ class SceneTable(Table):
     camera: Annotated[tuple[CameraTable, ...], Listed()] = ()
     """From where the scene is seen; each takes a picture of every frame."""
     light: Annotated[tuple[LightTable, ...], Listed()] = ()
-    """Without any, images show the albedo."""
+    """Lamps, sun and surroundings; without any, images show the albedo."""
     calibration: CalibrationTable | None = None
     """Images of a calibration target, beside the frames."""
     render: RenderTable = RenderTable()
