@@ -42,7 +42,7 @@ class MaterialTable(Table):
     type: Literal["isotropic", "orthotropic"] = "isotropic"
     """"isotropic": alike in all directions; "orthotropic": three axes, as wood or laminates."""
     youngs_modulus_GPa: SeveralPositive
-    """Stress over strain in tension; orthotropic: [E1, E2, E3] along the material axes."""
+    """Orthotropic: [E1, E2, E3] along the material axes; isotropic: one for all directions."""
     poissons_ratio: Several
     """Orthotropic: [nu12, nu23, nu31]; nu12: contraction along 2 when pulled along 1."""
     shear_modulus_GPa: Annotated[tuple[Length, Length, Length], Listed()] | None = None
