@@ -29,7 +29,7 @@ CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
 
 # What Open CASCADE calls a shape that has no name.
-_NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
+_NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND", "NONE")
 _STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
 _TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
 _MAX_ELEMENTS = 1e8
@@ -162,7 +162,7 @@ def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
         with file.on_disk() as copy:
             _load(gmsh, file, copy)
         _refuse_errors(gmsh, file.path)
-        volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
+        volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2, _face_names(file))
         require(bool(volumes), f"{file.path}: no solid", f"{len(surfaces)} faces", "a closed body")
         _refuse_too_many(gmsh, file, options.size, options.scale)
         named: dict[str, list[tuple[int, int]]] = {}
@@ -249,11 +249,24 @@ def _load(gmsh: Any, file: InputFile, copy: Path) -> None:
     gmsh.model.occ.synchronize()
 
 
-def _parts(gmsh: Any, dimension: int) -> Parts:
+def _face_names(file: InputFile) -> list[str]:
+    """Names of the faces of a STEP file with one shell, in its order, which is that of Open
+    CASCADE; Gmsh leaves them out. Empty for other files."""
+    text = file.data.decode("latin-1") if file.suffix in (".step", ".stp") else ""
+    shells = re.findall(r"_SHELL\s*\(\s*'[^']*'\s*,\s*\(([^)]*)\)", text)
+    names = dict(re.findall(r"(#\d+)\s*=\s*ADVANCED_FACE\s*\(\s*'([^']*)'", text))
+    return [names.get(one.strip(), "") for one in shells[0].split(",")] if len(shells) == 1 else []
+
+
+def _parts(gmsh: Any, dimension: int, names: Sequence[str] = ()) -> Parts:
+    """``names``: of the parts in their order, where they are as many."""
     word = "solid" if dimension == 3 else "face"
     parts: Parts = {}
-    for number, (_, tag) in enumerate(gmsh.model.getEntities(dimension), start=1):
+    entities = gmsh.model.getEntities(dimension)
+    for number, (_, tag) in enumerate(entities, start=1):
         label = str(gmsh.model.getEntityName(dimension, tag)).rsplit("/", maxsplit=1)[-1].strip()
+        if not label and len(names) == len(entities):
+            label = names[number - 1].strip()
         parts[tag] = [f"{word}_{number}"]
         if label and not label.startswith(_NAMELESS):
             parts[tag].append(label)

@@ -12,6 +12,7 @@ import inspect
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
@@ -43,7 +44,9 @@ UNITS: dict[str, Callable[[Any], float] | None] = {
     "rpm": lambda value: value * math.tau / 60.0,
     "percent": lambda value: value / 100.0,
     "deg": math.radians,
-    **dict.fromkeys(("px", "N", "Hz", "K", "s", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")),
+    **dict.fromkeys(
+        ("px", "N", "Hz", "K", "s", "W", "lm", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")
+    ),
     **dict.fromkeys(("e", "e_per_s", "DN", "DN_per_e")),
 }
 """By the end of a key: what makes its value one in SI, if it isn't."""
@@ -191,11 +194,19 @@ def _field_texts(module: str) -> dict[str, dict[str, str]]:
 
 
 def add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
-    """Enter the texts of the fields in a table's JSON schema."""
+    """Enter the texts of the fields in a table's JSON schema, and the example of its docstring:
+    as TOML, and as what that says."""
     texts = descriptions(table)
     for name, info in table.model_fields.items():
+        entry = schema["properties"][info.alias or name]
         if name in texts:
-            schema["properties"][info.alias or name]["description"] = texts[name]
+            entry["description"] = texts[name]
+        elif "const" in entry:
+            entry["description"] = "Says which kind of table it is."
+    about, *example = schema.get("description", "").split("\n\nExample::\n\n")
+    if example:
+        text = inspect.cleandoc(example[0])
+        schema |= {"description": about, "examples": [tomllib.loads(text)], "x-toml": text}
 
 
 class Table(BaseModel):
