@@ -104,6 +104,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
     from gpusim.optics.calibration.lens_fit import fit_lens as fit_lens
     from gpusim.pipeline import run as run
+    from gpusim.pipeline.field_scene import field_scene as field_scene
     from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
@@ -135,6 +136,7 @@ _HOMES = {
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
     "gpusim.optics.calibration.lens_fit": "fit_lens",
     "gpusim.pipeline": "run",
+    "gpusim.pipeline.field_scene": "field_scene",
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",

@@ -9,6 +9,7 @@ The other commands are below. Its modules:
 - `console`: Options, messages, progress, and errors as one message with an exit code.
 - `tables`: Tables that commands print of what applications have found.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
+- `rendering`: ``gpusim render``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -46,6 +47,7 @@ from gpusim.cli.console import (
     waiting,
 )
 from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.rendering import render
 from gpusim.cli.tables import print_deck
 from gpusim.cli.view import view
 from gpusim.errors import Fault, NotConverged, SceneError
@@ -229,6 +231,7 @@ def solve(
 
 app.command()(dic)
 app.command()(calibrate)
+app.command()(render)
 app.command()(view)
 
 

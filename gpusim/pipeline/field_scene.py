@@ -1,0 +1,208 @@
+"""The scene of a displacement file alone: a camera before its largest side, a speckle on it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.field import read_field
+from gpusim.mesh import boundary_faces
+from gpusim.optics.calibration.formats import read_calibration
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.scene import Scene
+from gpusim.scene.description.table import FileUnit, metres
+from gpusim.surface import Skin
+from gpusim.surface.frames import face_normals
+from gpusim.validation import checked, positive
+
+PIXELS, PIXEL_UM, FOCAL_MM = (2448, 2048), 3.45, 35.0
+"""A camera and a lens of which laboratories have many."""
+_FILLED = 0.92
+"""Share of the image that the body takes, in the direction in which it takes more."""
+_SPECKLE_PX = 4.0
+_FLAT = 0.1
+"""Share of the skin that faces one way, for a side to be one."""
+_AXIAL = 0.87
+"""Cosine of the angle to an axis up to which a side faces along it: of 30 degrees."""
+_PREFERRED = np.array([1.0, -2.0, 3.0])
+"""Of equal sides the upper one is looked at, else the front, else the right one."""
+_TRUTH = ["reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"]
+
+
+@checked
+def field_scene(
+    path: str | PathLike[str],
+    *,
+    unit: FileUnit = "mm",
+    displacement: str | None = None,
+    camera: str | PathLike[str] | None = None,
+    resolution: tuple[int, int] | None = None,
+    speckle_mm: Annotated[float, positive("a diameter > 0")] | None = None,
+    step: Literal["last", "all"] = "last",
+) -> Scene:
+    """A scene that shows what a displacement file holds; nothing is solved.
+
+    Parameters
+    ----------
+    path : what ``gs.read_field`` takes: CalculiX's .frd, .vtu, .pvd, Exodus, .npz.
+    unit : "m", "cm", "mm", "um" or "in", of the file's lengths.
+    displacement : name of its nodal variable, where it has no usual one.
+    camera : a calibration file (``gs.read_calibration``), of which all cameras are taken. Where the
+        first one has no pose there, as in MatchID's and Kalibr's, the rig is placed before the
+        body, as its cameras stand to each other. None: a camera that the body fills.
+    resolution : (columns, rows) px, of a calibration file that doesn't say so, or of the camera.
+    speckle_mm : mean diameter; None: four pixels.
+    step : "last": undeformed and the last state; "all": every state of the file.
+
+    Raises
+    ------
+    InputError
+        A file that can't be read, or has no solids or no displacements.
+
+    Examples
+    --------
+    >>> bar = gs.mesh.box(size=(8, 2, 1), divisions=(4, 1, 1))
+    >>> saved = gs.export.write_vtu("bent.vtu", bar.points, bar.cells, point_data={"u": bar.points})
+    >>> scene = gs.field_scene("bent.vtu")
+    >>> scene.analysis.times, scene.cameras()["camera"].camera_from_world[2, :3].round(6) + 0.0
+    ((0.0, 1.0), array([ 0.,  0., -1.]))
+    """
+    field = read_field(path, name=displacement, scale=metres(unit))
+    times = sorted({field.start, *(field.times[-1:] if step == "last" else field.times).tolist()})
+    skin = Skin(field.mesh, boundary_faces(field.mesh))
+    rest = skin.at_vertices(field.mesh.points)
+    normal = _largest_side(rest, face_normals(rest, skin.pieces))
+    axes = _axes(normal)
+    shown = [(rest + skin.at_vertices(field.at(time))) @ axes.T for time in times]
+    box = np.array([np.min([one.min(axis=0) for one in shown], axis=0),
+                    np.max([one.max(axis=0) for one in shown], axis=0)])  # fmt: skip
+    if camera is None:
+        tables, first = _default_camera(axes, box, resolution)
+    else:
+        tables, first = _calibrated(Path(camera), axes, box, resolution)
+    away = float(first.to_camera(box.mean(axis=0) @ axes)[2])
+    speckle = speckle_mm or 1e3 * _SPECKLE_PX * away / first.K[0, 0]
+    named = {} if displacement is None else {"displacement": displacement}
+    name = _name(Path(path).stem, "body")
+    body = {"name": name, "field": {"file": str(Path(path).absolute()), "unit": unit, **named},
+            "paint": [{"name": "speckle", "type": "speckle", "albedo": 0.9,
+                       "diameter_mm": speckle, "softness_mm": speckle / 8, **_where(normal)}],
+            }  # fmt: skip
+    return Scene.from_document({
+        "schema": 1, "name": name, "description": f"Displacements of {Path(path).name}",
+        "body": [body], "camera": tables, "analysis": {"type": "field", "times": times},
+        "output": {"truth": _TRUTH},
+    })  # fmt: skip
+
+
+def _largest_side(points: Float, normals: Float) -> Float:
+    """The direction (3,) that most of the skin faces; where it is curved, the middle of its box's
+    largest side does. ``normals`` (F, 3) are as long as the faces are large."""
+    areas = np.linalg.norm(normals, axis=1)
+    ways, group = np.unique(
+        np.round(normals / np.maximum(areas, 1e-300)[:, None], 2) + 0.0, axis=0, return_inverse=True
+    )
+    sums = np.bincount(group.ravel(), areas)
+    if sums.max() < _FLAT * areas.sum():
+        ways, sums = np.eye(3), -np.ptp(points, axis=0)
+    alike = ways[sums >= sums.max() - 1e-3 * abs(sums.max())]
+    best: Float = alike[np.argmax(alike @ _PREFERRED)]
+    return best / np.linalg.norm(best)
+
+
+def _axes(normal: Float) -> Float:
+    """(3, 3): right, down and forward of an upright camera that looks against a ``normal``."""
+    up = np.eye(3)[1 if abs(normal[2]) > 0.9 else 2]
+    right = np.cross(up, normal)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, normal), -normal])
+
+
+def _where(normal: Float) -> dict[str, Any]:
+    """Of a paint on the side that faces this way; on all faces where it is none of a box's."""
+    axis = int(np.argmax(np.abs(normal)))
+    if abs(normal[axis]) < _AXIAL:
+        return {"mapping": "unfold"}
+    return {"where": {"normal": "+-"[int(normal[axis] < 0)] + "xyz"[axis]}}
+
+
+def _default_camera(
+    axes: Float, box: Float, resolution: tuple[int, int] | None
+) -> tuple[list[dict[str, Any]], Camera]:
+    """The table of a camera that a ``box`` (2, 3) in its ``axes`` fills, and the camera."""
+    wide, high, _ = np.ptp(box, axis=0)
+    size = resolution or (PIXELS if wide >= high else PIXELS[::-1])
+    sensor = 1e-3 * PIXEL_UM * size[0], 1e-3 * PIXEL_UM * size[1]
+    eye, target = (_distant(axes, box, FOCAL_MM, sensor), box.mean(axis=0) @ axes)
+    table = {"name": "camera", "resolution_px": list(size), "pixel_um": PIXEL_UM,
+             "focal_mm": FOCAL_MM, "position_mm": _millimetres(eye),
+             "target_mm": _millimetres(target), "up": (-axes[1]).tolist()}  # fmt: skip
+    return [table], Camera.from_lens(sensor, FOCAL_MM, size, eye, target, up=-axes[1])
+
+
+def _distant(axes: Float, box: Float, focal: float, sensor: Sequence[float]) -> Float:
+    """Where a camera is that the box fills, (3,)."""
+    wide, high, _ = np.ptp(box, axis=0)
+    away = focal * max(wide / sensor[0], high / sensor[1]) / _FILLED
+    x, y, _ = box.mean(axis=0)
+    place: Float = np.array([x, y, box[0, 2] - away]) @ axes
+    return place
+
+
+def _calibrated(
+    path: Path, axes: Float, box: Float, resolution: tuple[int, int] | None
+) -> tuple[list[dict[str, Any]], Camera]:
+    """The tables of a file's cameras, and the first of them."""
+    cameras = read_calibration(path, resolution)
+    tables = [
+        {"name": _name(one.name, f"camera-{number}"), "resolution_px": [one.width, one.height],
+         "calibration": str(path.absolute()), "calibration_camera": number}
+        for number, one in enumerate(cameras)
+    ]  # fmt: skip
+    if not np.array_equal(cameras[0].camera_from_world, np.eye(4)):
+        return tables, cameras[0]
+    rig_from_world = _placed(cameras, axes, box)
+    for table, one in zip(tables, cameras, strict=True):
+        pose = one.camera_from_world @ rig_from_world
+        table |= {"rotation_matrix": pose[:3, :3].tolist(),
+                  "translation_mm": (1e3 * pose[:3, 3]).tolist()}  # fmt: skip
+    first = cameras[0]
+    return tables, Camera(first.width, first.height, first.K, None, rig_from_world)
+
+
+def _placed(cameras: Sequence[Camera], axes: Float, box: Float) -> Float:
+    """(4, 4) rig_from_world: cameras that look where most of the box is. Where their axes come
+    nearest to each other is its middle; a single one is as far away as it needs to be."""
+    first, forward = cameras[0], np.array([one.camera_from_world[2, :3] for one in cameras])
+    eyes = np.array([one.eye for one in cameras])
+    if len(cameras) == 1:
+        middle = box.mean(axis=0) @ axes
+        eye = _distant(axes, box, first.K[0, 0], (first.width, first.height))
+        point = eyes[0] + np.linalg.norm(middle - eye) * forward[0]
+    else:
+        across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
+        point = np.linalg.solve(across.sum(axis=0), (across @ eyes[:, :, None]).sum(axis=0))[:, 0]
+    z = forward.mean(axis=0)
+    x = np.cross(np.mean([one.camera_from_world[1, :3] for one in cameras], axis=0), z)
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([x, np.cross(z, x), z]).T @ axes
+    pose[:3, 3] = point - pose[:3, :3] @ (box.mean(axis=0) @ axes)
+    return pose
+
+
+def _millimetres(point: Float) -> list[float]:
+    """As somebody would write them."""
+    return (np.round(1e3 * point, 4) + 0.0).tolist()
+
+
+def _name(text: str, otherwise: str) -> str:
+    """A name that a scene takes."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-")
+    return name if re.match(r"[A-Za-z].{0,63}$", name) else otherwise
