@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from gpusim.scene import Scene
 from gpusim.scene.description.table import FileUnit, metres
 from gpusim.surface import Skin
 from gpusim.surface.frames import face_normals
-from gpusim.validation import checked, positive
+from gpusim.validation import checked, positive, require_one_of
 
 PIXELS, PIXEL_UM, FOCAL_MM = (2448, 2048), 3.45, 35.0
 """A camera and a lens of which laboratories have many."""
@@ -28,8 +28,8 @@ _FILLED = 0.92
 _SPECKLE_PX = 4.0
 _FLAT = 0.1
 """Share of the skin that faces one way, for a side to be one."""
-_AXIAL = 0.87
-"""Cosine of the angle to an axis up to which a side faces along it: of 30 degrees."""
+_AXIAL, _PLANE = np.cos(np.radians([30.0, 0.5]))
+"""Up to which angles a face is of the side along an axis, and such a side is a plane."""
 _PREFERRED = np.array([1.0, -2.0, 3.0])
 """Of equal sides the upper one is looked at, else the front, else the right one."""
 _TRUTH = ["reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"]
@@ -73,11 +73,14 @@ def field_scene(
     >>> scene.analysis.times, scene.cameras()["camera"].camera_from_world[2, :3].round(6) + 0.0
     ((0.0, 1.0), array([ 0.,  0., -1.]))
     """
+    require_one_of("field_scene: unit", unit, get_args(FileUnit))
+    require_one_of("field_scene: step", step, ("last", "all"))
     field = read_field(path, name=displacement, scale=metres(unit))
     times = sorted({field.start, *(field.times[-1:] if step == "last" else field.times).tolist()})
     skin = Skin(field.mesh, boundary_faces(field.mesh))
     rest = skin.at_vertices(field.mesh.points)
-    normal = _largest_side(rest, face_normals(rest, skin.pieces))
+    normals = face_normals(rest, skin.pieces)
+    normal = _largest_side(rest, normals)
     axes = _axes(normal)
     shown = [(rest + skin.at_vertices(field.at(time))) @ axes.T for time in times]
     box = np.array([np.min([one.min(axis=0) for one in shown], axis=0),
@@ -90,14 +93,13 @@ def field_scene(
     speckle = speckle_mm or 1e3 * _SPECKLE_PX * away / first.K[0, 0]
     named = {} if displacement is None else {"displacement": displacement}
     name = _name(Path(path).stem, "body")
-    body = {"name": name, "field": {"file": str(Path(path).absolute()), "unit": unit, **named},
-            "paint": [{"name": "speckle", "type": "speckle", "albedo": 0.9,
-                       "diameter_mm": speckle, "softness_mm": speckle / 8, **_where(normal)}],
-            }  # fmt: skip
+    paint = {"name": "speckle", "type": "speckle", "albedo": 0.9, "diameter_mm": speckle,
+             "softness_mm": speckle / 8, **_where(normal, normals)}  # fmt: skip
+    given = {"file": str(Path(path).absolute()), "unit": unit, **named}
     return Scene.from_document({
         "schema": 1, "name": name, "description": f"Displacements of {Path(path).name}",
-        "body": [body], "camera": tables, "analysis": {"type": "field", "times": times},
-        "output": {"truth": _TRUTH},
+        "body": [{"name": name, "field": given, "paint": [paint]}], "camera": tables,
+        "analysis": {"type": "field", "times": times}, "output": {"truth": _TRUTH},
     })  # fmt: skip
 
 
@@ -124,12 +126,15 @@ def _axes(normal: Float) -> Float:
     return np.stack([right, np.cross(right, normal), -normal])
 
 
-def _where(normal: Float) -> dict[str, Any]:
-    """Of a paint on the side that faces this way; on all faces where it is none of a box's."""
+def _where(normal: Float, normals: Float) -> dict[str, Any]:
+    """Of a paint on the side that faces this way, if it is a plane along an axis, else on all
+    faces. ``normals`` as in `_largest_side`."""
     axis = int(np.argmax(np.abs(normal)))
-    if abs(normal[axis]) < _AXIAL:
-        return {"mapping": "unfold"}
-    return {"where": {"normal": "+-"[int(normal[axis] < 0)] + "xyz"[axis]}}
+    areas, sign = np.linalg.norm(normals, axis=1), np.sign(normal[axis])
+    facing = sign * normals[:, axis] >= _AXIAL * areas
+    if facing.any() and (normals[facing] @ normal >= _PLANE * areas[facing]).all():
+        return {"where": {"normal": ("+" if sign > 0 else "-") + "xyz"[axis]}}
+    return {"mapping": "unfold"}
 
 
 def _default_camera(
@@ -199,7 +204,7 @@ def _placed(cameras: Sequence[Camera], axes: Float, box: Float) -> Float:
 
 def _millimetres(point: Float) -> list[float]:
     """As somebody would write them."""
-    return (np.round(1e3 * point, 4) + 0.0).tolist()
+    return [round(1e3 * float(value), 4) + 0.0 for value in point]
 
 
 def _name(text: str, otherwise: str) -> str:
