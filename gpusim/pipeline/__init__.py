@@ -12,8 +12,6 @@ In the order in which data passes:
 - `stages`: Stages of a run: functions of a part of the scene and of the stages that they need.
 - `runner`: Runs: a graph decided, worked off, and told in reports.
 - `field_scene`: The scene of a displacement file alone.
-- `scene_contents`: What a scene describes, as objects, without a folder: its surfaces by frame, its
-  solution.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from gpusim.files.input_file import Reader
 from gpusim.scene.description.model import CameraTable
-
-if TYPE_CHECKING:
-    from gpusim.scene.scene import Scene
 
 
 class CameraTables(tuple[CameraTable, ...]):
@@ -21,12 +19,12 @@ class CameraTables(tuple[CameraTable, ...]):
     (50.0, 450)
     """
 
-    scene: Scene
-    """Whose they are."""
+    read: Reader
+    """How calibration files that they name are read."""
 
     def __call__(self) -> dict[str, Any]:
         """The cameras (`gs.Camera`) by name, m. Raises InputError for a calibration file that
         doesn't fit, or a lens that folds in the image."""
         # what reads scenes knows no numerics
         build = import_module("gpusim.pipeline.scene_objects.cameras").build_camera
-        return {table.name: build(table, self.scene.input) for table in self}
+        return {table.name: build(table, self.read) for table in self}

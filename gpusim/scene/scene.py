@@ -89,7 +89,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         tables = CameraTables(self.cameras)
-        tables.scene = self
+        tables.read = self.input
         object.__setattr__(self, "cameras", tables)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -194,7 +194,7 @@ class Scene:
 
     def solution(self) -> dict[str, Any]:
         """By body: ``mesh``, and ``displacement`` and ``reactions`` in a frame
-        (`gpusim.pipeline.scene_contents.BodySolution`); solved, or read from its field.
+        (`gpusim.pipeline.runner.scene_contents.BodySolution`); solved, or read from its field.
 
         Examples
         --------
@@ -207,7 +207,7 @@ class Scene:
     @cached_property
     def _contents(self) -> Any:
         # what reads scenes knows no numerics
-        return import_module("gpusim.pipeline.scene_contents").scene_contents(self)
+        return import_module("gpusim.pipeline.runner.scene_contents").scene_contents(self)
 
     @property
     def measures_space(self) -> bool:
