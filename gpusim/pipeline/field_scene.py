@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -85,17 +86,22 @@ def field_scene(
     shown = [(rest + skin.at_vertices(field.at(time))) @ axes.T for time in times]
     box = np.array([np.min([one.min(axis=0) for one in shown], axis=0),
                     np.max([one.max(axis=0) for one in shown], axis=0)])  # fmt: skip
-    if camera is None:
-        tables, first = _default_camera(axes, box, resolution)
-    else:
-        tables, first = _calibrated(Path(camera), axes, box, resolution)
-    away = float(first.to_camera(box.mean(axis=0) @ axes)[2])
-    speckle = speckle_mm or 1e3 * _SPECKLE_PX * away / first.K[0, 0]
-    named = {} if displacement is None else {"displacement": displacement}
-    name = _name(Path(path).stem, "body")
+    cameras, tables = _lenses(camera, resolution, np.ptp(box, axis=0))
+    if np.array_equal(cameras[0].camera_from_world, np.eye(4)):  # its frame isn't the body's
+        cameras = _placed(cameras, axes, box)
+        for table, one in zip(tables, cameras, strict=True):
+            _, down, forward = one.camera_from_world[:3, :3]
+            target = one.eye + _depth(one, axes, box) * forward
+            table |= {"position_mm": _millimetres(one.eye), "target_mm": _millimetres(target),
+                      "up": (-down).tolist()}  # fmt: skip
+    first = cameras[0]
+    speckle = speckle_mm or 1e3 * _SPECKLE_PX * _depth(first, axes, box) / float(first.K[0, 0])
     paint = {"name": "speckle", "type": "speckle", "albedo": 0.9, "diameter_mm": speckle,
              "softness_mm": speckle / 8, **_where(normal, normals)}  # fmt: skip
-    given = {"file": str(Path(path).absolute()), "unit": unit, **named}
+    given = {"file": str(Path(path).absolute()), "unit": unit}
+    if displacement is not None:
+        given["displacement"] = displacement
+    name = _name(Path(path).stem, "body")
     return Scene.from_document({
         "schema": 1, "name": name, "description": f"Displacements of {Path(path).name}",
         "body": [{"name": name, "field": given, "paint": [paint]}], "camera": tables,
@@ -137,74 +143,57 @@ def _where(normal: Float, normals: Float) -> dict[str, Any]:
     return {"mapping": "unfold"}
 
 
-def _default_camera(
-    axes: Float, box: Float, resolution: tuple[int, int] | None
-) -> tuple[list[dict[str, Any]], Camera]:
-    """The table of a camera that a ``box`` (2, 3) in its ``axes`` fills, and the camera."""
-    wide, high, _ = np.ptp(box, axis=0)
-    size = resolution or (PIXELS if wide >= high else PIXELS[::-1])
-    sensor = 1e-3 * PIXEL_UM * size[0], 1e-3 * PIXEL_UM * size[1]
-    eye, target = (_distant(axes, box, FOCAL_MM, sensor), box.mean(axis=0) @ axes)
-    table = {"name": "camera", "resolution_px": list(size), "pixel_um": PIXEL_UM,
-             "focal_mm": FOCAL_MM, "position_mm": _millimetres(eye),
-             "target_mm": _millimetres(target), "up": (-axes[1]).tolist()}  # fmt: skip
-    return [table], Camera.from_lens(sensor, FOCAL_MM, size, eye, target, up=-axes[1])
-
-
-def _distant(axes: Float, box: Float, focal: float, sensor: Sequence[float]) -> Float:
-    """Where a camera is that the box fills, (3,)."""
-    wide, high, _ = np.ptp(box, axis=0)
-    away = focal * max(wide / sensor[0], high / sensor[1]) / _FILLED
-    x, y, _ = box.mean(axis=0)
-    place: Float = np.array([x, y, box[0, 2] - away]) @ axes
-    return place
-
-
-def _calibrated(
-    path: Path, axes: Float, box: Float, resolution: tuple[int, int] | None
-) -> tuple[list[dict[str, Any]], Camera]:
-    """The tables of a file's cameras, and the first of them."""
-    cameras = read_calibration(path, resolution)
-    tables = [
+def _lenses(
+    path: str | PathLike[str] | None, resolution: tuple[int, int] | None, sides: Float
+) -> tuple[list[Camera], list[dict[str, Any]]]:
+    """Cameras, and their tables without poses: of a calibration file, else one that stands upright
+    if what it is to see does, whose ``sides`` (3,) are known."""
+    if path is None:
+        columns, rows = resolution or (PIXELS if sides[0] >= sides[1] else PIXELS[::-1])
+        focal = 1e3 * FOCAL_MM / PIXEL_UM
+        K = [[focal, 0, 0.5 * (columns - 1)], [0, focal, 0.5 * (rows - 1)], [0, 0, 1]]
+        cameras = [Camera(columns, rows, np.array(K))]
+        lenses: list[dict[str, Any]] = [{"pixel_um": PIXEL_UM, "focal_mm": FOCAL_MM}]
+    else:
+        cameras, file = read_calibration(path, resolution), str(Path(path).absolute())
+        lenses = [{"calibration": file, "calibration_camera": k} for k in range(len(cameras))]
+    return cameras, [
         {"name": _name(one.name, f"camera-{number}"), "resolution_px": [one.width, one.height],
-         "calibration": str(path.absolute()), "calibration_camera": number}
-        for number, one in enumerate(cameras)
+         **lenses[number]} for number, one in enumerate(cameras)
     ]  # fmt: skip
-    if not np.array_equal(cameras[0].camera_from_world, np.eye(4)):
-        return tables, cameras[0]
-    rig_from_world = _placed(cameras, axes, box)
-    for table, one in zip(tables, cameras, strict=True):
-        pose = one.camera_from_world @ rig_from_world
-        table |= {"rotation_matrix": pose[:3, :3].tolist(),
-                  "translation_mm": (1e3 * pose[:3, 3]).tolist()}  # fmt: skip
-    first = cameras[0]
-    return tables, Camera(first.width, first.height, first.K, None, rig_from_world)
 
 
-def _placed(cameras: Sequence[Camera], axes: Float, box: Float) -> Float:
-    """(4, 4) rig_from_world: cameras that look where most of the box is. Where their axes come
-    nearest to each other is its middle; a single one is as far away as it needs to be."""
+def _placed(cameras: Sequence[Camera], axes: Float, box: Float) -> list[Camera]:
+    """A rig before the side whose ``axes`` these are; ``box`` (2, 3) in them is what is shown. The
+    place to which its cameras look is the middle of the box, which a single one just has in its
+    picture."""
     first, forward = cameras[0], np.array([one.camera_from_world[2, :3] for one in cameras])
     eyes = np.array([one.eye for one in cameras])
     if len(cameras) == 1:
-        middle = box.mean(axis=0) @ axes
-        eye = _distant(axes, box, first.K[0, 0], (first.width, first.height))
-        point = eyes[0] + np.linalg.norm(middle - eye) * forward[0]
-    else:
+        share = np.ptp(box[:, :2], axis=0) / (first.width, first.height) / _FILLED
+        nearest = first.K[0, 0] * share.max()
+        point = eyes[0] + (nearest + 0.5 * np.ptp(box[:, 2])) * forward[0]
+    else:  # where their axes come nearest to each other
         across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
         point = np.linalg.solve(across.sum(axis=0), (across @ eyes[:, :, None]).sum(axis=0))[:, 0]
-    z = forward.mean(axis=0)
-    x = np.cross(np.mean([one.camera_from_world[1, :3] for one in cameras], axis=0), z)
+    z = forward.sum(axis=0)
+    x = np.cross(np.sum([one.camera_from_world[1, :3] for one in cameras], axis=0), z)
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([x, np.cross(z, x), z]).T @ axes
-    pose[:3, 3] = point - pose[:3, :3] @ (box.mean(axis=0) @ axes)
-    return pose
+    rig_from_world = np.eye(4)
+    rig_from_world[:3, :3] = turn = np.stack([x, np.cross(z, x), z]).T @ axes
+    rig_from_world[:3, 3] = point - turn @ (box.mean(axis=0) @ axes)
+    return [replace(one, camera_from_world=one.camera_from_world @ rig_from_world)
+            for one in cameras]  # fmt: skip
+
+
+def _depth(camera: Camera, axes: Float, box: Float) -> float:
+    """How far before a camera the middle of the box is."""
+    return float(camera.to_camera(box.mean(axis=0) @ axes)[2])
 
 
 def _millimetres(point: Float) -> list[float]:
     """As somebody would write them."""
-    return [round(1e3 * float(value), 4) + 0.0 for value in point]
+    return [round(1e3 * float(value), 6) + 0.0 for value in point]
 
 
 def _name(text: str, otherwise: str) -> str:

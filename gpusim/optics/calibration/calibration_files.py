@@ -63,8 +63,8 @@ def calibration_files(cameras: Sequence[Camera], formats: Sequence[str]) -> list
             name, used = stem + FORMATS[format].ending, [fits[camera.name] for camera in own]
             comments = [f"camera {k}: {fit.camera.name}" + f"; {fit.words}" * bool(fit.words)
                         for k, fit in enumerate(used)]  # fmt: skip
-            text = calibration_text([fit.camera for fit in used], format,
-                                    FORMATS[format].unit, name, comments=comments)  # fmt: skip
+            own_unit = FORMATS[format].unit
+            text = calibration_text([fit.camera for fit in used], format, own_unit, name, comments)
             files.append(CalibrationFile(format, name, text, used))
     return files
 

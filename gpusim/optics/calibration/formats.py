@@ -45,7 +45,7 @@ from gpusim.optics.calibration.rig_formats import (
     write_vic,
 )
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 Size = tuple[int, int] | None
 Source = str | PathLike[str] | InputFile
@@ -205,28 +205,26 @@ def write_calibration(
     >>> gs.read_calibration("rig.yml")[0].eye.round(6) + 0.0
     array([0., 0., 2.])
     """
-    path = Path(path)
-    text = calibration_text(cameras, format, unit, f"write_calibration {path}", path.suffix.lower())
-    path.write_text(text, encoding="utf-8")
+    Path(path).write_text(calibration_text(cameras, format, unit, str(path)), encoding="utf-8")
 
 
 def calibration_text(
-    cameras: Sequence[Camera],
-    format: str,
-    unit: str | None,
-    where: str,
-    suffix: str = "",
+    cameras: Sequence[Camera], format: str, unit: str | None, name: str,
     comments: Sequence[str] = (),
-) -> str:
-    """What `write_calibration` writes, with ``comments`` where the format has a place for them;
-    ``where`` begins the errors."""
-    require(format in FORMATS, f"{where}: format", repr(format), f"one of {sorted(FORMATS)}")
+) -> str:  # fmt: skip
+    """What `write_calibration` writes into a file of that ``name``, with ``comments`` where the
+    format has a place for them."""
+    where = f"write_calibration {name}"
+    require_one_of(f"{where}: format", format, FORMATS)
     own = FORMATS[format]
     fits = 1 <= len(cameras) <= own.most
     require(fits, f"{where}: cameras", len(cameras) or "none", f"1 to {own.most} for {format}")
     for camera in cameras:
         require(isinstance(camera, Camera), f"{where}: cameras", repr(camera), "a Camera")
-        _check_lens(camera, format, where)
+        lacks = [one for one in lacking(camera, format) if (format, one) != ("opencv", "skew")]
+        held = " ".join(COEFFICIENTS[k] for k in own.lens)
+        expected = f"{held}, all that this format holds; gs.fit_lens(camera, {format!r}) comes near"
+        require(not lacks, f"{where}: camera {camera.name!r}", " ".join(lacks), expected)
     names = [camera.name for camera in cameras]
     distinct = len(set(names)) == len(names) or format != "opencv"
     require(distinct, f"{where}: cameras", f"names {names}", "different ones")
@@ -235,24 +233,20 @@ def calibration_text(
     require(unit in able, f"{where}: unit", repr(unit), " or ".join(able))
     scaled = [_scaled(camera, 1.0 / UNITS[unit]) for camera in cameras]
     if format == "opencv":
-        return write_opencv(scaled, unit, comments, suffix)
+        return write_opencv(scaled, unit, comments, Path(name).suffix.lower())
     return own.write(scaled, unit, comments)
 
 
-def _check_lens(camera: Camera, format: str, where: str) -> None:
-    """Refuse what a format has no place for. OpenCV's files keep a skew, which its own functions
-    pass over."""
-    own, what = FORMATS[format], f"{where}: camera {camera.name!r}"
-    straight = np.array_equal(camera.distorting_K, camera.K)
-    expected = "None: no format holds a lens with an axis of its own"
-    require(straight, f"{what} lens_K", "one", expected)
-    values = coefficients(camera)
-    fits = not np.delete(values, list(own.lens)).any()
-    held = " ".join(COEFFICIENTS[k] for k in own.lens)
-    way = f"which is all that this format holds; gs.fit_lens(camera, {format!r}) comes near"
-    require(fits, f"{what} distortion", values.tolist(), f"only {held}, {way}")
-    fits = own.skew or format == "opencv" or camera.K[0, 1] == 0.0
-    require(fits, f"{what} skew", f"{camera.K[0, 1]:g} px", f"0: {way}")
+def lacking(camera: Camera, format: str) -> list[str]:
+    """What a camera has that the program knows nothing of. OpenCV's files can keep a skew, which
+    its own functions pass over."""
+    own, lens = FORMATS[format], coefficients(camera)
+    lacks = [name for k, name in enumerate(COEFFICIENTS) if lens[k] and k not in own.lens]
+    if camera.K[0, 1] and not own.skew:
+        lacks.append("skew")
+    if not np.array_equal(camera.distorting_K, camera.K):
+        lacks.append("lens_K")
+    return lacks
 
 
 def _scaled(camera: Camera, factor: float) -> Camera:

@@ -16,9 +16,9 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.optics.calibration.document import coefficients
-from gpusim.optics.calibration.formats import COEFFICIENTS, FORMATS
+from gpusim.optics.calibration.formats import FORMATS, lacking
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 _ACROSS, _DOWN = 33, 25
 """Places in the image, borders included, that are compared."""
@@ -76,14 +76,8 @@ def fit_lens(camera: Camera, format: str) -> LensFit:
     >>> gs.fit_lens(camera, "kalibr").camera is camera
     True
     """
-    require(format in FORMATS, "fit_lens: format", repr(format), f"one of {sorted(FORMATS)}")
-    own, lens = FORMATS[format], coefficients(camera)
-    held = [k for k in range(14) if k in own.lens]
-    lacks = [name for k, name in enumerate(COEFFICIENTS) if lens[k] and k not in held]
-    if camera.K[0, 1] and not own.skew:
-        lacks.append("skew")
-    if not np.array_equal(camera.distorting_K, camera.K):
-        lacks.append("lens_K")
+    require_one_of("fit_lens: format", format, FORMATS)
+    lacks = lacking(camera, format)
     if not lacks:
         return LensFit(camera)
     pixels = np.stack(np.meshgrid(np.linspace(-0.5, camera.width - 0.5, _ACROSS),
@@ -91,11 +85,14 @@ def fit_lens(camera: Camera, format: str) -> LensFit:
                       axis=-1).reshape(-1, 2)  # fmt: skip
     ideal = np.concatenate([camera.undistort(pixels), np.ones((len(pixels), 1))], axis=1)
     rays = ideal @ camera.ray_matrix().T
-    fitted = _fitted(camera, rays, pixels, held, own.skew)
+    try:
+        fitted = _fitted(camera, rays, pixels, format)
+    except InputError as error:
+        raise InputError(f"no lens of {format} comes near: {error}") from None
     off = np.linalg.norm(fitted.project(rays @ camera.camera_from_world[:3, :3] + camera.eye)
                          - pixels, axis=1)  # fmt: skip
-    require(np.isfinite(off).all(), f"camera {camera.name!r}: lens", "one that bends too far",
-            f"one that {format} comes near to")  # fmt: skip
+    what, expected = f"camera {camera.name!r}: lens", f"one that {format} comes near to"
+    require(np.isfinite(off).all(), what, "one that bends too far", expected)
     rms, largest = float(np.sqrt(np.mean(off**2))), float(off.max())
     turn = cv2.Rodrigues(fitted.camera_from_world[:3, :3] @ camera.camera_from_world[:3, :3].T)[0]
     words = f"{format} has no {' '.join(lacks)}: lens refitted, camera turned by "
@@ -104,12 +101,12 @@ def fit_lens(camera: Camera, format: str) -> LensFit:
     return LensFit(fitted, rms, largest, words)
 
 
-def _fitted(camera: Camera, rays: Float, pixels: Float, held: list[int], skew: bool) -> Camera:
-    """The camera with the ``held`` coefficients that has ``rays`` (n, 3) of its own frame nearest
-    to their ``pixels`` (n, 2), in the sense of least squares."""
+def _fitted(camera: Camera, rays: Float, pixels: Float, format: str) -> Camera:
+    """The camera of a ``format`` that has ``rays`` (n, 3) of its own frame nearest to their
+    ``pixels`` (n, 2), in the sense of least squares."""
     from scipy.optimize import least_squares  # seldom: most lenses have a place in the file
 
-    K = camera.K
+    K, held, skew = camera.K, list(FORMATS[format].lens), FORMATS[format].skew
 
     def parts(values: Float) -> tuple[Float, Float, Float]:
         """The turn (3,), the matrix (3, 3), the 14 coefficients."""
@@ -131,7 +128,4 @@ def _fitted(camera: Camera, rays: Float, pixels: Float, held: list[int], skew: b
     moved[:3, :3] = cv2.Rodrigues(turn)[0]
     pose = moved @ camera.camera_from_world
     short = lens[:5] if not lens[5:].any() else lens
-    try:
-        return replace(camera, K=matrix, distortion=short, camera_from_world=pose, lens_K=None)
-    except InputError as error:
-        raise InputError(f"no lens of the format comes near: {error}") from None
+    return replace(camera, K=matrix, distortion=short, camera_from_world=pose, lens_K=None)

@@ -21,28 +21,32 @@ from gpusim.validation import require
 
 
 class SceneContents(SceneObjects):
-    """Bodies and props with their motions. Raises InputError for frames that aren't there."""
+    """Bodies and props with their motions."""
 
     def surfaces(self, frame: int | None) -> list[Surface]:
-        """As `SceneObjects` has them."""
-        if frame is not None:
-            self.check_frame(frame)
-        return super().surfaces(frame)
-
-    def check_frame(self, frame: int) -> None:
-        last = len(self.frames) - 1
-        what, expected = f"scene {self.scene.name!r}: frame", f"0 to {last}"
-        require(frame in range(last + 1), what, frame, expected)
+        """As `SceneObjects` has them. Raises InputError for a frame that isn't there."""
+        return super().surfaces(None if frame is None else self.checked(frame))
 
     def body_solutions(self) -> dict[str, BodySolution]:
         """Of each body, by name."""
-        return {body.name: BodySolution(self, k) for k, body in enumerate(self.scene.bodies)}
+        return {
+            body.name: BodySolution(parts.mesh, len(self.frames), self, number)
+            for number, (body, parts) in enumerate(zip(self.scene.bodies, self.bodies, strict=True))
+        }
+
+    def checked(self, frame: int) -> int:
+        """The frame, if it is there. Raises InputError."""
+        last = len(self.frames) - 1
+        require(0 <= frame <= last, f"scene {self.scene.name!r}: frame", frame, f"0 to {last}")
+        return frame
 
 
 @dataclass(frozen=True, eq=False)
 class BodySolution:
     """The motion of one body of a scene, frame by frame.
 
+    Attributes
+    ----------
     mesh : undeformed, m.
     frames : how many there are.
 
@@ -53,33 +57,25 @@ class BodySolution:
     (2, True, (1, 3))
     """
 
-    contents: SceneContents
-    number: int
-
-    @property
-    def mesh(self) -> Mesh:
-        return self.contents.bodies[self.number].mesh
-
-    @property
-    def frames(self) -> int:
-        return len(self.contents.frames)
-
-    def displacement(self, frame: int) -> Float:
-        """(N, 3) m of the nodes."""
-        self.contents.check_frame(frame)
-        return self.contents.displacement(self.number, frame)
-
-    def reactions(self, frame: int) -> Float:
-        """(S, 3) N of the supports, as the scene lists them; a field has none."""
-        self.contents.check_frame(frame)
-        state = self.contents.frames[frame].states[self.number]
-        motion = self.contents.motions[self.number]
-        if motion is None or state is None:
-            return np.zeros((len(self.contents.scene.bodies[self.number].supports), 3))
-        return motion.reactions(state)
+    mesh: Mesh
+    frames: int
+    _contents: SceneContents
+    _number: int
 
     def __repr__(self) -> str:
         return f"BodySolution({self.mesh}, {self.frames} frames)"
+
+    def displacement(self, frame: int) -> Float:
+        """(N, 3) m of the nodes. Raises InputError for a frame that isn't there."""
+        return self._contents.displacement(self._number, self._contents.checked(frame))
+
+    def reactions(self, frame: int) -> Float:
+        """(S, 3) N of the supports, as the scene lists them; a field has none."""
+        state = self._contents.frames[self._contents.checked(frame)].states[self._number]
+        motion = self._contents.motions[self._number]
+        if motion is None or state is None:
+            return np.zeros((len(self._contents.scene.bodies[self._number].supports), 3))
+        return motion.reactions(state)
 
 
 _PARTS = ("surface", "props", "motion")
