@@ -71,7 +71,7 @@ def field_scene(
     >>> bar = gs.mesh.box(size=(8, 2, 1), divisions=(4, 1, 1))
     >>> saved = gs.export.write_vtu("bent.vtu", bar.points, bar.cells, point_data={"u": bar.points})
     >>> scene = gs.field_scene("bent.vtu")
-    >>> scene.analysis.times, scene.cameras()["camera"].camera_from_world[2, :3].round(6) + 0.0
+    >>> scene.analysis.times, scene.cameras()["front"].camera_from_world[2, :3].round(6) + 0.0
     ((0.0, 1.0), array([ 0.,  0., -1.]))
     """
     require_one_of("field_scene: unit", unit, get_args(FileUnit))
@@ -152,7 +152,7 @@ def _lenses(
         columns, rows = resolution or (PIXELS if sides[0] >= sides[1] else PIXELS[::-1])
         focal = 1e3 * FOCAL_MM / PIXEL_UM
         K = [[focal, 0, 0.5 * (columns - 1)], [0, focal, 0.5 * (rows - 1)], [0, 0, 1]]
-        cameras = [Camera(columns, rows, np.array(K))]
+        cameras = [Camera(columns, rows, np.array(K), name="front")]
         lenses: list[dict[str, Any]] = [{"pixel_um": PIXEL_UM, "focal_mm": FOCAL_MM}]
     else:
         cameras, file = read_calibration(path, resolution), str(Path(path).absolute())

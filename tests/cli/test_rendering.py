@@ -23,16 +23,16 @@ def test_a_file_becomes_pictures_truth_and_a_scene_to_go_on_with(
     done = render("--field", field, "-o", out, *options)
     assert done.exit_code == 0, done.stderr
     assert f"gpusim run {out / 'scene.toml'} -o {out}" in done.stdout
-    assert len(list((out / "images" / "camera").glob("*.png"))) == 5
+    assert len(list((out / "images" / "front").glob("*.png"))) == 5
     assert (out / "truth.h5").is_file() and (out / "report.html").is_file()
-    scene = gs.load_scene(out / "scene.toml", {"camera.camera.focal_mm": 40.0})
+    scene = gs.load_scene(out / "scene.toml", {"camera.front.focal_mm": 40.0})
     assert scene.bodies[0].paints[0].diameter == 0.004
     again = CliRunner().invoke(
         app, ["run", str(out / "scene.toml"), "-o", str(out), "--set", "light=[]", "--json"]
     )
     report = json.loads(again.stdout)
     states = {stage["name"]: stage["state"] for stage in report["stages"]}
-    assert states["render/camera/0004"] == states["truth"] == "reused"
+    assert states["render/front/0004"] == states["truth"] == "reused"
 
 
 def test_faults_end_with_2_and_leave_nothing(checkout: Path, tmp_path: Path) -> None:

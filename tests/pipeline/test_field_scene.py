@@ -73,7 +73,7 @@ def test_a_camera_looks_at_the_largest_side_upright(
     portrait: bool,
 ) -> None:  # fmt: skip
     scene = field_scene(plate(tmp_path / "p.npz", size))
-    camera = scene.cameras()["camera"]
+    camera = scene.cameras()["front"]
     np.testing.assert_allclose(camera.camera_from_world[2, :3], forward, atol=1e-9)
     np.testing.assert_allclose(camera.camera_from_world[1, :3], down, atol=1e-9)
     assert (camera.width, camera.height) == ((2048, 2448) if portrait else (2448, 2048))
@@ -92,8 +92,8 @@ def test_all_states_stay_in_the_picture(checkout: Path) -> None:
     assert last.analysis.times == (0.0, 1.0)
     assert whole.analysis.times == (0.0, 0.25, 0.5, 0.75, 1.0)
     for scene in (last, whole):
-        assert filled(scene, scene.cameras()["camera"]).max() > 0.8
-    assert field_scene(path, unit="m").cameras()["camera"].eye[2] > 500.0
+        assert filled(scene, scene.cameras()["front"]).max() > 0.8
+    assert field_scene(path, unit="m").cameras()["front"].eye[2] > 500.0
 
 
 def test_a_curved_body_is_seen_from_its_widest_side(tmp_path: Path) -> None:
@@ -214,22 +214,22 @@ def test_pictures_and_truth_are_those_of_the_file(checkout: Path, tmp_path: Path
     scene = field_scene(path, resolution=(306, 256), speckle_mm=2.0)
     gs.run(scene, out)
     field = gs.read_field(path, scale=1e-3)
-    camera = scene.cameras()["camera"]
+    camera = scene.cameras()["front"]
     with h5py.File(out / "truth.h5") as file:
         for frame, time in enumerate((0.0, 1.0)):
             np.testing.assert_allclose(
                 file[f"mesh/displacement/{frame:04d}"][:], field.at(time), atol=1e-12
             )
-        group = file["camera/camera/frame/0001"]
+        group = file["camera/front/frame/0001"]
         X, u = group["reference"][:].astype(float), group["displacement"][:].astype(float)
     row, column = np.nonzero(np.isfinite(X[..., 0]))
     turn, T = cv2.Rodrigues(camera.camera_from_world[:3, :3])[0], camera.camera_from_world[:3, 3]
     seen = cv2.projectPoints((X + u)[row, column], turn, T, camera.K, None)[0].reshape(-1, 2)
     assert len(row) > 3000
     assert np.abs(seen - np.stack([column, row], axis=1)).max() <= 2e-3
-    first, last = (read_image(out / f"images/camera/{k:04d}.png") for k in (0, 1))
+    first, last = (read_image(out / f"images/front/{k:04d}.png") for k in (0, 1))
     top = np.isfinite(X[..., 0]) & (X[..., 2] > 0.499e-3)
     assert 0.3 < (last[top] < 100).mean() < 0.7 and np.mean(first != last) > 0.02
     # the way on: the scene of the folder is the run's own
     plan = make_plan(gs.load_scene(out / "scene.toml"), out)
-    assert plan["render/camera/0001"].state == plan["truth"].state == "reused"
+    assert plan["render/front/0001"].state == plan["truth"].state == "reused"
