@@ -31,6 +31,8 @@ _FLAT = 0.1
 """Share of the skin that faces one way, for a side to be one."""
 _AXIAL, _PLANE = np.cos(np.radians([30.0, 0.5]))
 """Up to which angles a face is of the side along an axis, and such a side is a plane."""
+_WEAK = 1e-6
+"""What the fallback counts beside axes that meet: those at 1 degree count 150 times as much."""
 _PREFERRED = np.array([1.0, -2.0, 3.0])
 """Of equal sides the upper one is looked at, else the front, else the right one."""
 _TRUTH = ["reference", "displacement", "depth", "flow", "region", "element", "visibility", "normal"]
@@ -83,9 +85,9 @@ def field_scene(
     normals = face_normals(rest, skin.pieces)
     normal = _largest_side(rest, normals)
     axes = _axes(normal)
-    shown = [(rest + skin.at_vertices(field.at(time))) @ axes.T for time in times]
-    box = np.array([np.min([one.min(axis=0) for one in shown], axis=0),
-                    np.max([one.max(axis=0) for one in shown], axis=0)])  # fmt: skip
+    shown = ((rest + skin.at_vertices(field.at(time))) @ axes.T for time in times)
+    spans = np.array([(points.min(axis=0), points.max(axis=0)) for points in shown])
+    box = np.stack([spans[:, 0].min(axis=0), spans[:, 1].max(axis=0)])
     cameras, tables = _lenses(camera, resolution, np.ptp(box, axis=0))
     if np.array_equal(cameras[0].camera_from_world, np.eye(4)):  # its frame isn't the body's
         cameras = _placed(cameras, axes, box)
@@ -96,6 +98,7 @@ def field_scene(
                       "up": (-down).tolist()}  # fmt: skip
     first = cameras[0]
     speckle = speckle_mm or 1e3 * _SPECKLE_PX * _depth(first, axes, box) / float(first.K[0, 0])
+    speckle = float(f"{speckle:.4g}")
     paint = {"name": "speckle", "type": "speckle", "albedo": 0.9, "diameter_mm": speckle,
              "softness_mm": speckle / 8, **_where(normal, normals)}  # fmt: skip
     given = {"file": str(Path(path).absolute()), "unit": unit}
@@ -113,15 +116,15 @@ def _largest_side(points: Float, normals: Float) -> Float:
     """The direction (3,) that most of the skin faces; where it is curved, the middle of its box's
     largest side does. ``normals`` (F, 3) are as long as the faces are large."""
     areas = np.linalg.norm(normals, axis=1)
-    ways, group = np.unique(
-        np.round(normals / np.maximum(areas, 1e-300)[:, None], 2) + 0.0, axis=0, return_inverse=True
-    )
-    sums = np.bincount(group.ravel(), areas)
-    if sums.max() < _FLAT * areas.sum():
-        ways, sums = np.eye(3), -np.ptp(points, axis=0)
-    alike = ways[sums >= sums.max() - 1e-3 * abs(sums.max())]
+    ways = np.round(normals / np.maximum(areas, 1e-300)[:, None], 2) + 0.0
+    group = np.unique(ways, axis=0, return_inverse=True)[1].ravel()
+    sides = np.stack([np.bincount(group, column) for column in normals.T], axis=1)
+    if np.linalg.norm(sides, axis=1).max() < _FLAT * areas.sum():
+        sides = np.diag(1.0 / np.ptp(points, axis=0))
+    large = np.linalg.norm(sides, axis=1)
+    alike = sides[large >= 0.999 * large.max()] / large[large >= 0.999 * large.max(), None]
     best: Float = alike[np.argmax(alike @ _PREFERRED)]
-    return best / np.linalg.norm(best)
+    return best
 
 
 def _axes(normal: Float) -> Float:
@@ -164,19 +167,16 @@ def _lenses(
 
 
 def _placed(cameras: Sequence[Camera], axes: Float, box: Float) -> list[Camera]:
-    """A rig before the side whose ``axes`` these are; ``box`` (2, 3) in them is what is shown. The
-    place to which its cameras look is the middle of the box, which a single one just has in its
-    picture."""
+    """A rig before the side whose ``axes`` these are; ``box`` (2, 3) in them is what is shown. Its
+    middle comes where the cameras' axes come nearest to each other; if they are parallel, or one
+    alone, where the first one just has it in its picture."""
     first, forward = cameras[0], np.array([one.camera_from_world[2, :3] for one in cameras])
-    eyes = np.array([one.eye for one in cameras])
-    if len(cameras) == 1:
-        share = np.ptp(box[:, :2], axis=0) / (first.width, first.height) / _FILLED
-        nearest = first.K[0, 0] * share.max()
-        point = eyes[0] + (nearest + 0.5 * np.ptp(box[:, 2])) * forward[0]
-    else:  # where their axes come nearest to each other
-        across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
-        point = np.linalg.solve(across.sum(axis=0), (across @ eyes[:, :, None]).sum(axis=0))[:, 0]
-    z = forward.sum(axis=0)
+    eyes, z = np.array([one.eye for one in cameras]), forward.mean(axis=0)
+    share = np.ptp(box[:, :2], axis=0) / (first.width, first.height) / _FILLED
+    away = first.K[0, 0] * share.max() + 0.5 * np.ptp(box[:, 2])
+    across = np.eye(3) - forward[:, :, None] * forward[:, None, :]
+    right = (across @ eyes[:, :, None]).sum(axis=0)[:, 0] + _WEAK * (eyes.mean(axis=0) + away * z)
+    point = np.linalg.solve(across.sum(axis=0) + _WEAK * np.eye(3), right)
     x = np.cross(np.sum([one.camera_from_world[1, :3] for one in cameras], axis=0), z)
     x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
     rig_from_world = np.eye(4)

@@ -169,6 +169,32 @@ def test_a_single_lens_is_put_where_the_body_fills_its_picture(tmp_path: Path) -
     assert 0.87 < filled(scene, camera).max() < 0.93
 
 
+def test_parallel_cameras_stand_as_far_away_as_they_need(tmp_path: Path) -> None:
+    K = [[1500, 0, 260.0], [0, 1500, 190.0], [0, 0, 1]]
+    pose = np.eye(4)
+    pose[0, 3] = -0.004
+    pair = [gs.Camera(521, 381, K), gs.Camera(521, 381, K, None, pose, "other")]
+    gs.write_calibration(tmp_path / "pair.yaml", pair, "kalibr")
+    scene = field_scene(plate(tmp_path / "p.npz", (60, 40, 3)), camera=tmp_path / "pair.yaml")
+    left, right = scene.cameras().values()
+    np.testing.assert_allclose(left.to_camera(right.eye), [0.004, 0, 0], atol=1e-9)
+    for camera in (left, right):
+        assert shown(scene, camera)[0][:, 0].mean() == pytest.approx(260.0, abs=60.0)
+    pixels, _ = shown(scene, left)
+    assert 0.87 < (np.ptp(pixels, axis=0) / [521, 381]).max() < 0.93
+
+
+def test_an_oblique_side_is_looked_at_squarely(tmp_path: Path) -> None:
+    turn = cv2.Rodrigues(np.array([0.0, np.radians(47.3), 0.0]))[0]
+    block = gs.mesh.box((60.0, 40.0, 3.0), (6, 5, 2))
+    mesh = gs.Mesh(block.points @ turn.T, block.cells)
+    scene = field_scene(saved(tmp_path / "p.npz", mesh, 0.01 * mesh.points))
+    (camera,) = scene.cameras().values()
+    np.testing.assert_allclose(camera.camera_from_world[2, :3], -turn[:, 2], atol=1e-7)
+    assert scene.bodies[0].paints[0].mapping == "unfold"
+    assert filled(scene, camera).max() > 0.85
+
+
 def test_names_of_files_become_names_of_scenes(tmp_path: Path) -> None:
     assert field_scene(plate(tmp_path / "my part (2).npz", (60, 40, 3))).name == "my-part-2"
     assert field_scene(plate(tmp_path / "3.npz", (60, 40, 3))).name == "body"

@@ -244,7 +244,7 @@ def lacking(camera: Camera, format: str) -> list[str]:
     lacks = [name for k, name in enumerate(COEFFICIENTS) if lens[k] and k not in own.lens]
     if camera.K[0, 1] and not own.skew:
         lacks.append("skew")
-    if not np.array_equal(camera.distorting_K, camera.K):
+    if camera.lens is not None and not np.array_equal(camera.distorting_K, camera.K):
         lacks.append("lens_K")
     return lacks
 
