@@ -63,7 +63,7 @@ def render(
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet:
-            made = output / "scene.toml"
+            made = f"{output / 'scene.toml'}"
             words = [f"warning: {text}" for text in report.warnings]
             words += ["", f"Report: {output / 'report.html'}"]
             words += [f"To change camera, paint or light, or to measure: edit {made}, then"]
