@@ -13,6 +13,7 @@ The other commands are below. Its modules:
 - `scene_templates`: Commented scenes made from templates.
 - `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
+- `rendering`: ``gpusim render``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -51,6 +52,7 @@ from gpusim.cli.help import CommandLine, EffectCommand, effect_names
 from gpusim.cli.init import init
 from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.rendering import render
 from gpusim.cli.tables import print_budget, print_deck, print_plan, print_report
 from gpusim.cli.view import view
 from gpusim.errors import Fault, NotConverged, SceneError
@@ -241,6 +243,7 @@ def solve(
 
 app.command()(dic)
 app.command()(calibrate)
+app.command()(render)
 app.command()(view)
 app.command()(init)
 

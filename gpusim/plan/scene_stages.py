@@ -153,6 +153,10 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         needs = build.of_bodies("mesh") | build.of_bodies("model") | motions
         yield build.stage("stress", "mechanics:stress", ["body.*.mechanics"], needs, table,
                           "stress", keeps=True)  # fmt: skip
+    if output.calibration:
+        yield build.stage("calibration files", "camera_files:calibrations",
+                          ["camera", "output.calibration"], public="export", keeps=True,
+                          early=True)  # fmt: skip
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]
@@ -194,7 +198,7 @@ def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
         "truth": "no [[camera]]" if output.truth else f"{_NONE}: [output] truth is empty",
         "measure": f"{_NONE}: no [[measure]]",
         "stress": still if output.stress else f"{_NONE}: [output] stress is false",
-        "export": f"{_NONE}: neither vtu nor stl in [output]",
+        "export": f"{_NONE}: neither vtu, stl nor calibration in [output]",
     }
     there = {stage.public(0).split("/")[0] for stage in stages if len(stage.rows)}
     return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

@@ -10,6 +10,7 @@ In the order in which data passes:
 - `files`: Files that a scene names, meshes and results: found beside it, and known by their
   content.
 - `measure_kinds`: Kinds of measurement that are added to gpusim's own.
+- `camera_tables`: The ``[[camera]]`` tables of a scene, and the cameras that they describe.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
   from; and how its file is read.
 - `colored`: Whether a scene's pictures are in colour, before anything of it is built.

@@ -63,7 +63,7 @@ def describe(scene: Scene) -> dict[str, str]:
         lit += ", fine relief"
     if in_color(scene):
         lit += ", light and paint in colour"
-    wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
+    wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
     return {
         "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
         "solve": f"{size}{_SOLVER[scene.solver.method]}",

@@ -94,6 +94,8 @@ class SceneParts:
             return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
         if section == "output.truth":
             return OutputTable.model_construct(truth=whole.truth)
+        if section == "output.calibration":
+            return OutputTable.model_construct(calibration=whole.calibration)
         if section == "output.meshes":
             return OutputTable.model_construct(vtu=whole.vtu, stl=whole.stl, stress=whole.stress)
         if head == "camera":

@@ -104,7 +104,9 @@ def check_field(field: Field, times: tuple[float, ...]) -> None:
 
 
 _FILES = ("report.html", "report.json", "scene.toml", "truth.h5")
-_FOLDERS = (INNER, "budget", "figures", "images", "measure", "solution", "stl", "variants")
+_FOLDERS = (
+    INNER, "budget", "calibration", "figures", "images", "measure", "solution", "stl", "variants",
+)  # fmt: skip
 
 
 def check_folders(scene: Scene, out: Path) -> None:

@@ -10,5 +10,6 @@ passes:
 - `images`: Pictures of frames and of calibration targets: radiance, exposure, the picture.
 - `truth`: truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.
 - `measuring`: Measurements of a run, one after the other.
+- `camera_files`: Calibration files of the cameras, for other programs.
 - `mesh_files`: Meshes for other programs: VTU, PVD and STL, by body and frame.
 """

@@ -23,6 +23,7 @@ TruthLayer = Literal[
     "cameras",
     "normal",
 ]
+CalibrationFormat = Literal["opencv", "matchid", "vic", "dice", "kalibr"]
 
 Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
 _FACTORS = (0.0, 1.0)
@@ -154,6 +155,8 @@ class OutputTable(Table):
     """Stress, von Mises stress and an error indicator, in the .vtu files and the report."""
     stl: bool = False
     """The deformed surface, one file per paint and frame."""
+    calibration: Annotated[tuple[CalibrationFormat, ...], Listed(different=True)] = ()
+    """The cameras as calibration files of these programs."""
 
 
 class VariantTable(Table):

@@ -29,6 +29,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from gpusim.files.input_file import results_hint
+
 _SMALLEST, _LARGEST = 1e-30, 1e30
 _LARGEST_COUNT = 2**63 - 1
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}  # per unit of a file
@@ -273,7 +275,8 @@ def known_suffix(kind: str, file: str, known: Collection[str]) -> str:
     """The ending of a file; raises a fault for the key ``file`` if it isn't a ``known`` one."""
     suffix = PurePath(file).suffix.lower()
     if suffix not in known:
-        raise fault("file", f"unknown kind of {kind}", file, "one of " + ", ".join(known))
+        expected = "one of " + ", ".join(known) + results_hint(file)
+        raise fault("file", f"unknown kind of {kind}", file, expected)
     return suffix
 
 
