@@ -108,13 +108,14 @@ class _ScenePlan:
     def _stage(self, public: PublicStage) -> PlannedStage:
         """With its cost, which counts only if it is run."""
         kind, *picture = public.name.split("/")
+        kind = "truth file" if public.name == "truth" else kind
         memory, seconds = self.cost[kind] if public.runs else (0, 0.0)
         detail = self.details.get(kind, "") if public.runs else ""
         key = digest([public.name, [task.key for task in public.tasks]])
         stage = PlannedStage(
             public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds
         )
-        return self._picture(stage, *picture) if picture else stage
+        return self._picture(stage, *picture) if kind == "render" else stage
 
     def _picture(self, stage: PlannedStage, name: str, number: str) -> PlannedStage:
         """Of a frame, or of a calibration target, by the camera of that ``name``."""

@@ -69,6 +69,7 @@ def describe(scene: Scene) -> dict[str, str]:
         "solve": f"{size}{_SOLVER[scene.solver.method]}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
+        "truth file": "mesh, nodes, and what cameras see",
         "measure": f"{_markers(scene)} markers",
         "export": ", ".join(wanted),
     }
@@ -143,6 +144,7 @@ def estimate(scene: Scene) -> Cost:
     bands, slower = (3, 1.25) if in_color(scene) else (1, 1.0)  # `python -m benchmarks.color`
     markers = _markers(scene)
     layers = len(scene.output.truth)
+    together = len(scene.cameras) if "cameras" in scene.output.truth else 1
     steps = len(scene.analysis.load_factors)
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     return {
@@ -151,7 +153,8 @@ def estimate(scene: Scene) -> Cost:
         "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
-        "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
+        "truth": (40 * pixels, together * steps * (0.2 + 1e-8 * layers * pixels)),
+        "truth file": (40 * nodes, 0.1 + frames * (0.01 + 1e-9 * layers * pixels)),
         "measure": (12 * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
