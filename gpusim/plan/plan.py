@@ -115,7 +115,7 @@ class _ScenePlan:
         stage = PlannedStage(
             public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds
         )
-        return self._picture(stage, *picture) if kind == "render" else stage
+        return self._picture(stage, *picture) if public.name.startswith("render/") else stage
 
     def _picture(self, stage: PlannedStage, name: str, number: str) -> PlannedStage:
         """Of a frame, or of a calibration target, by the camera of that ``name``."""
