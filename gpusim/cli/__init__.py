@@ -260,6 +260,7 @@ def plan(
             from gpusim.pipeline.checks.warnings import scene_warnings
             from gpusim.plan.machine_speed import Speed
             from gpusim.plan.plan import make_plan
+            from gpusim.scene.cost import Counts
 
         strange = check_files(loaded) if loaded.reads_files else []
         speed = Speed.read(backend).measured()
@@ -269,7 +270,7 @@ def plan(
         )  # fmt: skip
         made, waits = planned(), waits_for_cad(loaded)
         beforehand: list[str] = []
-        counts: dict[Any, tuple[int, int]] = {}
+        counts: Counts = {}
         # a part that needs no mesh any more is left alone
         if not waits or any(s.runs and s.name.endswith("mesh") for s in made.stages):
             with waiting("meshing CAD with Gmsh" if waits else ""):

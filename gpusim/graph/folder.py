@@ -64,9 +64,8 @@ class Folder:
         """
         for name, facts in record.files.items():
             path = inside(self.path, name)
-            if name.startswith(".") or (
-                self._names.get(name) == facts and is_unchanged(path, facts)
-            ):
+            known = self._names.get(name) == facts and is_unchanged(path, facts)
+            if known or name.startswith("."):
                 continue
             with self._lock:
                 # two names of one file here would change together in an editor that writes in place

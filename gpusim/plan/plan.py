@@ -14,6 +14,7 @@ from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
 from gpusim.scene.analyses import kind_of
+from gpusim.scene.cost import Counts
 from gpusim.scene.description.model import CameraTable
 from gpusim.scene.frames import Shown
 
@@ -30,7 +31,7 @@ def make_plan(
     store: str | PathLike[str] | None = None,
     verify: bool = False,
     speed: Speed | None = None,
-    made: cost_of.Counts | None = None,
+    made: Counts | None = None,
 ) -> Plan:
     """Decide every stage of a run of ``scene`` into ``out`` (None: nothing can be reused).
 
@@ -50,10 +51,7 @@ def make_plan(
 
 
 def plan_of(
-    scene: Scene,
-    decision: Decision,
-    speed: Speed | None = None,
-    made: cost_of.Counts | None = None,
+    scene: Scene, decision: Decision, speed: Speed | None = None, made: Counts | None = None
 ) -> Plan:
     """A decision in words and figures; with variants stages are named ``<variant>/<stage>``, and
     their comparison comes last. ``made``: as `make_plan` has it."""
@@ -85,15 +83,9 @@ class _ScenePlan:
     """The plan of one scene of a decision."""
 
     def __init__(
-        self,
-        scene: Scene,
-        place: str,
-        decision: Decision,
-        speed: Speed | None,
-        compiled: set[str],
-        *,
-        made: cost_of.Counts | None,
-    ) -> None:
+        self, scene: Scene, place: str, decision: Decision, speed: Speed | None, compiled: set[str],
+        *, made: Counts | None,
+    ) -> None:  # fmt: skip
         self.scene, self.place, self.decision = scene, place, decision
         self.speed, self.compiled = speed, compiled
         self.frames = decision.stages[place].frames

@@ -10,7 +10,6 @@ driver keeps them for later runs, at a quarter of the time.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, log
@@ -48,7 +47,7 @@ _SOLVER = {
 _COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 2.5, "gloss": 5.0, "bump": 0.5, "lens": 0.5,
             "occlusion": 0.5}  # fmt: skip
 Cost = dict[str, tuple[int, float]]
-Counts = Mapping[MeshRecipe, tuple[int, int]]
+Counts = dict[MeshRecipe, tuple[int, int]]
 """Nodes and elements of meshes that were made of files."""
 
 

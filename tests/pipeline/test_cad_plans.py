@@ -232,7 +232,10 @@ def test_plan_run_and_view_mesh_once(cli: Run, part: Path, meshed: list[float]) 
     assert cli("plan", part, "-o", out).exit_code == 0
     assert cli("run", part, "-o", out, "--backend", "numpy").exit_code == 0
     assert load_content(part).title == "part"
-    assert load_scene(part).has_cad and meshed == [0.01]
+    assert meshed == [0.01]
+    assert "<img" in load_scene(part)._repr_html_()  # a notebook draws what is meshed already
+    other = load_scene(part, {"body.part.mesh.size_mm": 9.0})
+    assert "Not drawn: meshing takes long." in other._repr_html_() and meshed == [0.01]
 
 
 def test_a_part_whose_results_are_there_is_not_meshed_for_a_plan(

@@ -28,6 +28,7 @@ from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.cost import Counts
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import frame_table
 from gpusim.surface import Surface
@@ -65,9 +66,7 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
         )
 
 
-def scene_warnings(
-    scene: Scene, made: dict[m.MeshRecipe, tuple[int, int]] | None = None
-) -> list[str]:
+def scene_warnings(scene: Scene, made: Counts | None = None) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
     ``made`` gets the sizes of the meshes that are of files.
 

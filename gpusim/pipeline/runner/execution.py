@@ -23,7 +23,7 @@ from gpusim.pipeline.checks.resources import check_memory, check_views
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.runner.scene_report import SceneReport
 from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
-from gpusim.pipeline.scene_objects.surfaces import counts_of
+from gpusim.pipeline.scene_objects.surfaces import MeshedBody, counts_of
 from gpusim.plan.decision import decide
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import plan_of
@@ -108,11 +108,8 @@ class Execution:
     def _count_meshes(self) -> None:
         """Plan again with the meshes of files that were made: only now is it known how large they
         are. Raises InputError where the memory doesn't hold what they need."""
-        values, records = self.session.values, self.decision.graph.records
-        keys = (key for place in records.values() for name, own in place.items()
-                if name.startswith("mesh/") for key in own)  # fmt: skip
-        made = counts_of(values[key] for key in keys if key in values)
-        if made:
+        values = self.session.values.values()  # painted bodies are those of another stage
+        if made := counts_of(one for one in values if type(one) is MeshedBody):
             self.plan = plan_of(self.scene, self.decision, self.speed, made)
             self.log.describe(self.plan)
             check_memory(self.plan)
