@@ -26,6 +26,7 @@ import json
 import logging
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -271,22 +272,26 @@ def plan(
             check_folder(output)
         with importing():
             loaded = _load(scene, sets)
-            from gpusim.pipeline.checks.resources import check_files, memory_fault
+            from gpusim.pipeline.checks.resources import check_files, memory_fault, waits_for_cad
             from gpusim.pipeline.checks.warnings import scene_warnings
             from gpusim.plan.machine_speed import Speed
             from gpusim.plan.plan import make_plan
+            from gpusim.scene.cost import Counts
 
         strange = check_files(loaded) if loaded.reads_files else []
         speed = Speed.read(backend).measured()
-        made = make_plan(
-            loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
+        planned = partial(
+            make_plan, loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
+        made, waits = planned(), waits_for_cad(loaded)
         beforehand: list[str] = []
+        counts: Counts = {}
         # a part that needs no mesh any more is left alone
-        if not loaded.has_cad or any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            with waiting("meshing CAD with Gmsh" if loaded.has_cad else ""):
-                beforehand = scene_warnings(loaded)
+        if not waits or any(s.runs and s.name.endswith("mesh") for s in made.stages):
+            with waiting("meshing CAD with Gmsh" if waits else ""):
+                beforehand = scene_warnings(loaded, counts)
+        made = planned(made=counts) if counts else made
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))

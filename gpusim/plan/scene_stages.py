@@ -142,10 +142,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     scene, output, table = build.scene, build.scene.output, [list(build.frames)]
     whole = build.surfaces() | motions
     if output.truth and scene.cameras:
-        sections = ["name", "camera", "analysis", "output.truth", "body.*.name", "prop.still",
-                    "calibration"]  # fmt: skip
-        yield build.stage("truth", "truth:truth", sections, whole, table, "truth",
-                          on_device=True, keeps=True)  # fmt: skip
+        yield from _truth(build, motions)
     for spec in scene.measures:
         yield from _measured(build, spec, whole, table)
     stresses = output.stress and "solve" in moving
@@ -162,6 +159,24 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         sections = ["output.meshes", "body.*.name", "analysis"]
         yield build.stage("export", "mesh_files:meshes", sections, needs, table, "export",
                           keeps=True)  # fmt: skip
+
+
+def _truth(build: StageBuilder, motions: Needs) -> Iterator[Stage]:
+    """What each camera sees, all together where who else sees it is asked for; and their file."""
+    scene, frames = build.scene, list(build.frames)
+    names, together = [camera.name for camera in scene.cameras], "cameras" in scene.output.truth
+    board = scene.calibration.board if scene.calibration else ""
+    made: dict[str, list[str]] = {}
+    for group in [names] if together else [[name] for name in names]:
+        stage = f"truth/{'+'.join(group)}"
+        sections = ["camera" if together else f"camera.{group[0]}", "analysis", "output.truth",
+                    "body.*.name", "prop.still"]  # fmt: skip
+        yield build.stage(stage, "truth:seen", sections, build.surfaces() | motions,
+                          [[board, frames]], stage, on_device=True, keeps=True)  # fmt: skip
+        made[stage] = group
+    needs = build.of_bodies("surface") | motions | dict.fromkeys(made, first)
+    yield build.stage("truth", "truth:truth", ["name", "analysis", "body.*.name"], needs,
+                      [[made, frames]], "truth", keeps=True)  # fmt: skip
 
 
 def _measured(

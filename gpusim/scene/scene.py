@@ -235,15 +235,6 @@ class Scene:
             raise InputError(f"{path}: no file of {self.source}; expected one of {list(known)}")
         return read_input(path, sha256=known[path], known=known)
 
-    @property
-    def has_cad(self) -> bool:
-        """Whether a body is meshed from a CAD file, in any variant."""
-        states = [self.variant(variant.name) for variant in self.variants] or [self]
-        meshes = [body.mesh for state in states for body in state.bodies]
-        return any(
-            isinstance(mesh, model.FileMeshTable) and mesh.size is not None for mesh in meshes
-        )
-
     def sensor_of(self, camera: str) -> model.SensorTable:
         """The sensor of the camera of that name: its own, or that of all. Raises KeyError."""
         for one in self.cameras:
