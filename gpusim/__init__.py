@@ -98,9 +98,14 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics import photograph as photograph
     from gpusim.optics import psf as psf
     from gpusim.optics import render as render
+    from gpusim.optics.calibration.calibration_files import (
+        write_calibration_files as write_calibration_files,
+    )
     from gpusim.optics.calibration.formats import read_calibration as read_calibration
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
+    from gpusim.optics.calibration.lens_fit import fit_lens as fit_lens
     from gpusim.pipeline import run as run
+    from gpusim.pipeline.field_scene import field_scene as field_scene
     from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
@@ -128,8 +133,11 @@ _HOMES = {
         "AmbientLight AreaLight Camera EnvironmentLight Frame Lens PointLight Sensor Shutter "
         "SpotLight SunLight Truth Vignetting blackbody photograph psf render"
     ),
+    "gpusim.optics.calibration.calibration_files": "write_calibration_files",
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
+    "gpusim.optics.calibration.lens_fit": "fit_lens",
     "gpusim.pipeline": "run",
+    "gpusim.pipeline.field_scene": "field_scene",
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",

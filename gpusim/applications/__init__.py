@@ -6,6 +6,7 @@ Its modules:
 - `correlation`: Pictures of a surface correlated, by one camera or two.
 - `calibration`: Cameras calibrated from pictures of a board.
 - `decks`: The steps of an input deck solved.
+- `part_outline`: The outline of a part: its sizes and faces, for a first scene.
 """
 
 from gpusim.applications.calibration import CalibrationOutput, calibrate_files

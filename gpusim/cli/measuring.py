@@ -33,6 +33,7 @@ Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]
 Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
 Board = Literal["chessboard", "charuco"]
+LensName = Literal["pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"]
 
 
 class Format(StrEnum):
@@ -150,10 +151,7 @@ def calibrate(
         list[Path] | None,
         typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
     ] = None,
-    lens: Annotated[
-        str,
-        typer.Option(help="pinhole, radial, radial3, radtan, brown, rational, prism or tilted."),
-    ] = "brown",
+    lens: Annotated[LensName, typer.Option(help="Which distortion is found.")] = "brown",
     square_pixels: Annotated[
         bool, typer.Option("--square-pixels", help="One focal length for both directions.")
     ] = False,

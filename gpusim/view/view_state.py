@@ -16,6 +16,7 @@ from gpusim.export.field_catalogue import named_field
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
+from gpusim.pipeline.scene_objects.surfaces import counts_of
 from gpusim.scene.description.table import FileUnit
 from gpusim.surface.color import Color
 from gpusim.view.camera_marks import defocus_tint
@@ -121,7 +122,7 @@ class ViewState:
                 self.solver.stop()
                 self.solver = None
             if found.unloaded and self.solves and found.objects is not None:
-                self.solver = BackgroundSolver(found.objects.scene)
+                self.solver = BackgroundSolver(found.objects.scene, counts_of(found.objects.bodies))
         self._white, self.selected = None, None
         self.frame = min(self.frame, found.frames - 1)
         if self.through is not None and self.through >= len(found.cameras):

@@ -86,7 +86,7 @@ def everything() -> dict[str, Any]:
             {"name": "tip", "type": "deflection", "camera": "left", "groups": ["side"],
              "direction": "-z"},
         ],
-        "output": {"vtu": True, "stl": True, "stress": True,
+        "output": {"vtu": True, "stl": True, "stress": True, "calibration": ["opencv", "vic"],
                    "truth": ["reference", "displacement", "depth", "flow", "region", "element",
                              "visibility", "normal", "cameras"]},
     }  # fmt: skip

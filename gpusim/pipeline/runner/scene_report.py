@@ -206,6 +206,8 @@ class SceneReport:
         links.append(Link("Numbers of this report", inside(self.out, "report.json")))
         for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
             links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
+        if any(file.parent.name == "calibration" for file in files):
+            links.append(Link("Calibration for other programs", inside(self.out, "calibration")))
         return tuple(links)
 
 

@@ -36,6 +36,7 @@ class MeasureTable(Table):
     """
 
     name: Name
+    """Of its files in measure/, and of its rows in the report."""
     type: str
 
     references: ClassVar[Mapping[str, str]] = {}
