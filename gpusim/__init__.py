@@ -35,6 +35,7 @@ Its parts, in the order in which they import each other:
 - `applications`: Files in, results and a page out: correlation, calibration, decks.
 - `graph`: A run as a graph of stages; results by content.
 - `plan`: The stages of a run, and their costs.
+- `visualization`: Bodies in the colours of a field, and what is drawn over pictures.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.
 - `notebook`: Tables, pictures and plots for notebooks.

@@ -18,7 +18,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable
+from gpusim.scene.frames import FrameTable, frame_word
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -150,6 +150,13 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         needs = build.of_bodies("mesh") | build.of_bodies("model") | motions
         yield build.stage("stress", "mechanics:stress", ["body.*.mechanics"], needs, table,
                           "stress", keeps=True)  # fmt: skip
+    if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
+        needs = build.of_bodies("mesh") | motions
+        needs |= build.of_bodies("model") if "solve" in moving else {}
+        row = [*table, output.stress, frame_word(scene)]
+        sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]
+        yield build.stage("fields", "fields:fields", sections, needs, [row], on_device=True,
+                          keeps=True)  # fmt: skip
     if output.calibration:
         yield build.stage("calibration files", "camera_files:calibrations",
                           ["camera", "output.calibration"], public="export", keeps=True,

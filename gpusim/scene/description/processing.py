@@ -155,6 +155,10 @@ class OutputTable(Table):
     """Stress, von Mises stress and an error indicator, in the .vtu files and the report."""
     stl: bool = False
     """The deformed surface, one file per paint and frame."""
+    fields: bool = True
+    """Pictures of the bodies in the colours of their displacement, stress and strain, in the folder
+    fields, and in the report. Stress and strain where stress is asked for, or the meshes have at
+    most 20,000 elements together."""
     calibration: Annotated[tuple[CalibrationFormat, ...], Listed(different=True)] = ()
     """The cameras as calibration files of these programs."""
 

@@ -10,7 +10,7 @@ import pytest
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene
-from gpusim.view.turntable import MARGIN, Turntable, camera_lines
+from gpusim.visualization.turntable import MARGIN, Turntable, camera_lines
 from tests.support.small_scene import DOCUMENT
 
 VIEW = Turntable((0.3, -0.2, 0.7), 2.3, 0.8, 0.4, 0.6)

@@ -22,8 +22,8 @@ class BodyState:
 
     ``u``: nodal displacements (N, 3), m. ``model``: what it was solved as; None for a body whose
     displacements are given: it has no stress. ``formulation``, ``temperature``: as for
-    `gpusim.fem.stress`. ``nodal_stress``: (N, 6), Pa, where it is there already; strain and the
-    elements' fields aren't then.
+    `gpusim.fem.stress`. ``nodal_stress``: (N, 6), Pa, and ``stored_error_share``: of elements (M,),
+    where they are there already; strain and the elements' stress aren't then.
     """
 
     mesh: Mesh
@@ -32,6 +32,7 @@ class BodyState:
     formulation: str | None = None
     temperature: float = 0.0
     nodal_stress: Float | None = None
+    stored_error_share: Float | None = None
 
     @property
     def length(self) -> Float:
@@ -53,6 +54,12 @@ class BodyState:
     def stress(self) -> Float:
         """(N, 6), Pa."""
         return self.recovered.nodal if self.nodal_stress is None else self.nodal_stress
+
+    @property
+    def error_share(self) -> Float:
+        """Of each element (M,) in the error of the stress, 0 to 1."""
+        stored = self.stored_error_share
+        return self.recovered.error_share if stored is None else stored
 
     @cached_property
     def strain(self) -> Float:

@@ -1,6 +1,6 @@
 // A field's colours over a picture. First all triangles are drawn with the colour of their values,
 // those without a field as nothing, some samples to a pixel; then their mean is put over the picture,
-// as light as the radiance says. The NumPy form is gpusim/view/field_colors.py.
+// as light as the radiance says. The NumPy form is gpusim/visualization/field_colors.py.
 #import lib/light/srgb
 #import lib/raster/screen
 

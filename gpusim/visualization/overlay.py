@@ -1,7 +1,8 @@
 """What is drawn over a picture: rectangles, lines, triangles and text, all in one pass.
 
 Everything is a convex quad of one colour. Its coverage of a pixel follows from the distances of the
-pixel's centre to its edges; that of a letter is copied from a `gpusim.view.glyphs.GlyphAtlas`.
+pixel's centre to its edges; that of a letter is copied from a
+`gpusim.visualization.glyphs.GlyphAtlas`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
 from gpusim.gpu import Buffer, Device, Recording, Texture
 from gpusim.validation import require
-from gpusim.view.glyphs import GlyphAtlas
+from gpusim.visualization.glyphs import GlyphAtlas
 
 Shade = str | Sequence[float]
 """``"#rrggbb"``, ``"#rrggbbaa"``, a name of CSS, or three or four numbers from 0 to 1, as sRGB has
@@ -56,7 +57,7 @@ def display_color(color: Shade) -> tuple[float, float, float, float]:
 
     Examples
     --------
-    >>> from gpusim.view.overlay import display_color
+    >>> from gpusim.visualization.overlay import display_color
     >>> display_color("#ff000033")
     (1.0, 0.0, 0.0, 0.2)
     """
@@ -84,7 +85,7 @@ class Overlay:
 
     Examples
     --------
-    >>> from gpusim.view.overlay import Overlay
+    >>> from gpusim.visualization.overlay import Overlay
     >>> device = gs.Device()
     >>> overlay, picture = Overlay(device), device.texture(64, 48, "rgba8unorm", "picture")
     >>> overlay.rectangle(4, 4, 40, 20, "#202830c0")
@@ -201,6 +202,10 @@ class Overlay:
         quads["color"] = display_color(color)
         self._quads.append(quads)
 
+    def add(self, quads: npt.NDArray[np.void]) -> None:
+        """Collect what another overlay had collected, letters aside: (n,) `QUAD`."""
+        self._quads.append(quads)
+
     def quads(self) -> npt.NDArray[np.void]:
         """What has been collected, (n,) `QUAD`."""
         return np.concatenate([np.zeros(0, QUAD), *self._quads])
@@ -222,7 +227,7 @@ class Overlay:
         if self._letters is None or self._letters.nbytes != max(coverage.nbytes, 4):
             some = coverage if coverage.size else np.zeros(4, np.uint8)
             self._letters = self.device.buffer(some, "overlay.letters")
-        raster = self.device.raster("view/overlay", (target.format,), depth="over")
+        raster = self.device.raster("visualization/overlay", (target.format,), depth="over")
         bindings = raster.bind(
             params={"width": target.width, "height": target.height},
             quads=self.device.buffer(quads, "overlay.quads"), letters=self._letters,

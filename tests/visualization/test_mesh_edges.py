@@ -7,9 +7,9 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.view.content.mesh_edges import crease_edges, element_edges
-from gpusim.view.overlay import Overlay
-from gpusim.view.symbols import Symbols
+from gpusim.visualization.mesh_edges import crease_edges, element_edges
+from gpusim.visualization.overlay import Overlay
+from gpusim.visualization.symbols import Symbols
 from tests.support.view_bodies import small_crane
 
 

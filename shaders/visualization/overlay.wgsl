@@ -1,5 +1,5 @@
 // Rectangles, lines, triangles and letters over a picture: convex quads with soft edges, and sprites
-// whose pixels are copied. The NumPy form is gpusim/view/overlay.py.
+// whose pixels are copied. The NumPy form is gpusim/visualization/overlay.py.
 struct Params {
     width: f32,
     height: f32,

@@ -13,8 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.view.glyphs import GlyphAtlas
-from gpusim.view.overlay import Overlay, decoded, display_color, pixels_of
+from gpusim.visualization.glyphs import GlyphAtlas
+from gpusim.visualization.overlay import Overlay, decoded, display_color, pixels_of
 
 WIDTH, HEIGHT = 97, 61
 

@@ -37,7 +37,7 @@ class Turntable:
 
     Examples
     --------
-    >>> from gpusim.view.turntable import Turntable
+    >>> from gpusim.visualization.turntable import Turntable
     >>> view = Turntable(pivot=(0.0, 0.0, 1.0), distance=5.0).side("right")
     >>> view.camera(640, 480).eye.round(6) + 0.0
     array([5., 0., 1.])
@@ -143,12 +143,16 @@ class Turntable:
         return 2.0 * self.distance * float(np.tan(0.5 * self.field_of_view)) / height
 
 
+ISOMETRIC = Turntable(azimuth=0.25 * np.pi, elevation=float(np.arctan(np.sqrt(0.5))))
+"""Looks along (-1, 1, -1): x, y and z are seen equally long."""
+
+
 def camera_lines(view: Turntable, width: int, height: int, name: str = "view") -> str:
     """The same camera as a table of a scene file, to be copied there.
 
     Examples
     --------
-    >>> from gpusim.view.turntable import Turntable, camera_lines
+    >>> from gpusim.visualization.turntable import Turntable, camera_lines
     >>> print(camera_lines(Turntable(distance=0.8, azimuth=0.0, elevation=0.0), 1200, 800))
     [[camera]]
     name = "view"

@@ -8,10 +8,10 @@ import pytest
 
 import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.view.content.mesh_edges import crease_edges
-from gpusim.view.overlay import Overlay
-from gpusim.view.picture.placement import Placement
-from gpusim.view.symbols import Symbols, clusters, frustum
+from gpusim.visualization.mesh_edges import crease_edges
+from gpusim.visualization.overlay import Overlay
+from gpusim.visualization.placement import Placement
+from gpusim.visualization.symbols import Symbols, clusters, frustum
 from tests.support.view_bodies import camera_before, small_crane
 
 DISTORTION = [-0.2, 0.05, 1e-3, -2e-3]

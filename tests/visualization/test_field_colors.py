@@ -10,15 +10,16 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.gpu import Device
-from gpusim.view.field_colors import (
+from gpusim.visualization.field_colors import (
     SurfaceField,
     corner_values,
     draw_field_colors,
     finer,
     interpolated,
+    surface_field,
 )
-from gpusim.view.overlay import Overlay, pixels_of
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.overlay import Overlay, pixels_of
+from gpusim.visualization.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
 
 RAMP = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
@@ -158,3 +159,11 @@ def test_what_does_not_fit_is_refused(device: Device) -> None:
         draw_colors(device, target, frame, values, (1.0, 1.0), RAMP, white=1.0)
     with pytest.raises(InputError, match="field values; got"):
         draw_colors(device, target, frame, values[1:], (0.0, 1.0), RAMP, white=1.0)
+
+
+def test_on_the_surface_by_node_and_by_element() -> None:
+    skin = small_crane().skin
+    nodes = surface_field(skin, skin.mesh.points[:, 2])
+    assert nodes.values == pytest.approx(small_crane().surface.rest[:, 2]) and not nodes.by_face
+    cells = surface_field(skin, np.arange(skin.mesh.cell_count) + 0.0, by_cell=True)
+    assert (cells.values == skin.cell_of_piece).all() and cells.by_face

@@ -35,7 +35,7 @@ class GlyphAtlas:
 
     Examples
     --------
-    >>> from gpusim.view.glyphs import GlyphAtlas
+    >>> from gpusim.visualization.glyphs import GlyphAtlas
     >>> atlas = GlyphAtlas()
     >>> glyph = atlas.glyph("g", 14)
     >>> bool(atlas.coverage[: glyph.width * glyph.height].max() > 200), glyph.top < 0

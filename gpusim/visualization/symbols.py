@@ -1,7 +1,8 @@
 """Symbols in space, drawn over a picture through its camera: supports, loads, axes, cameras.
 
 Everything is projected in float64 by the camera itself, distortion included, and drawn by an
-`gpusim.view.overlay.Overlay`. What a body hides is left out or pale, if the frame is given.
+`gpusim.visualization.overlay.Overlay`. What a body hides is left out or pale, if the frame is
+given.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
-from gpusim.view.overlay import Overlay, Shade, display_color
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.overlay import Overlay, Shade, display_color
+from gpusim.visualization.placement import Placement
 
 SUPPORT, LOAD, CAMERA = "#2b6cb0", "#d1242f", "#b7791f"
 AXES = ("#d62728", "#2a9134", "#1f5fc4")
@@ -44,7 +45,7 @@ def clusters(
 
     Examples
     --------
-    >>> from gpusim.view.symbols import clusters
+    >>> from gpusim.visualization.symbols import clusters
     >>> points = np.stack([np.linspace(0, 1, 50), np.zeros(50), np.zeros(50)], axis=1)
     >>> at, total, count = clusters(points, np.full((50, 3), 2.0), most=10)
     >>> len(at) <= 10, total.sum(axis=0).tolist(), int(count.sum())
@@ -96,8 +97,8 @@ class Symbols:
 
     Examples
     --------
-    >>> from gpusim.view.overlay import Overlay
-    >>> from gpusim.view.symbols import Symbols
+    >>> from gpusim.visualization.overlay import Overlay
+    >>> from gpusim.visualization.symbols import Symbols
     >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, -2, 1), (0, 0, 0))
     >>> overlay = Overlay(gs.Device())
     >>> Symbols(overlay, camera).arrows([[0, 0, 0.3]], [[0, 0, -0.3]])

@@ -26,7 +26,7 @@ def element_edges(surface: Surface, skin: Skin) -> Float:
 
     Examples
     --------
-    >>> from gpusim.view.content.mesh_edges import element_edges
+    >>> from gpusim.visualization.mesh_edges import element_edges
     >>> bar = gs.mesh.box(size=(1, 1, 1), divisions=(1, 1, 1))
     >>> skin = gs.Skin(bar, gs.mesh.boundary_faces(bar))
     >>> surface = skin.surface({"": gs.paint.Plain()}, np.zeros(6, np.int32), {}, "bar")

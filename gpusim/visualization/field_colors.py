@@ -20,9 +20,10 @@ from gpusim.optics.frame import Frame
 from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import FIXED, View
 from gpusim.optics.visibility_buffer import VertexBuffers
+from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
 from gpusim.validation import require
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.placement import Placement
 
 NONE = -1e30
 """The value of corners that have none."""
@@ -36,6 +37,13 @@ class SurfaceField:
 
     values: Float
     by_face: bool = False
+
+
+def surface_field(skin: Skin, values: Float, by_cell: bool = False) -> SurfaceField:
+    """Values of a body's nodes, or elements, on its surface."""
+    if by_cell:
+        return SurfaceField(values[skin.cell_of_piece], by_face=True)
+    return SurfaceField(skin.at_vertices(values))
 
 
 def corner_values(
@@ -108,7 +116,7 @@ def draw_field_colors(
 
     Parameters
     ----------
-    target : a `gpusim.gpu.Texture`, or a `gpusim.view.overlay.Target`.
+    target : a `gpusim.gpu.Texture`, or a `gpusim.visualization.overlay.Target`.
     values : (T, 3), as `corner_values` gives them for ``frame.view``.
     limits : values that the first and the last colour stand for; others have these, too.
     colors : (C, 3) from 0 to 1 as sRGB has them, C at least 2; (C, 4) with an opacity.
@@ -121,7 +129,7 @@ def draw_field_colors(
 
     Examples
     --------
-    >>> from gpusim.view.field_colors import SurfaceField, corner_values, draw_field_colors
+    >>> from gpusim.visualization.field_colors import SurfaceField, corner_values, draw_field_colors
     >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
     >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
     >>> device = gs.Device()
@@ -147,7 +155,7 @@ def draw_field_colors(
     low, high = np.clip(place.window(shown), 0.0, [target.width, target.height])
     radiance, stride = _radiance(device, frame)
     raster = device.raster(
-        "view/field_colors", (target.format,), depth="over",
+        "visualization/field_colors", (target.format,), depth="over",
         entries=("vertex_over", "fragment_over"),
     )  # fmt: skip
     placing = {
@@ -177,7 +185,7 @@ def _layer(
     width, height = view.camera.width, view.camera.height
     layer = device.target(width, height, "rgba8unorm-srgb", "view.field")
     depth = device.target(width, height, "depth32float", "view.depth")
-    raster = device.raster("view/field_colors", (layer.format,))
+    raster = device.raster("visualization/field_colors", (layer.format,))
     buffers = VertexBuffers(device, view, "view")
     bindings = raster.bind(
         params={"width": width, "height": height, "near": buffers.near}, **buffers.bindings(),
