@@ -7,10 +7,17 @@ In the order in which data passes:
 - `targets`: Markers and boards, found in images, and the fits of their borders.
 - `calibration`: Calibration of cameras and rigs.
 - `correlation`: Digital image correlation.
+- `advice`: Advice on the settings of a correlation, from the picture that is to be correlated.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
+from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
+from gpusim.measure.advice.image_noise import ImageNoise
+from gpusim.measure.advice.pattern_quality import PatternQuality
+from gpusim.measure.advice.pattern_trial import TrialErrors
+from gpusim.measure.advice.settings_advice import Advice, RatedSettings, advise
+from gpusim.measure.advice.synthetic_motion import WaveMotion
 from gpusim.measure.calibration.calibration import (
     CalibratedCamera,
     Calibration,
@@ -62,6 +69,7 @@ from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
 
 __all__ = [
+    "Advice",
     "Alignment",
     "CalibratedCamera",
     "Calibration",
@@ -73,10 +81,14 @@ __all__ = [
     "DicResult",
     "Displacement3D",
     "Dots",
+    "GaugeFilter",
+    "ImageNoise",
     "MappedResult",
     "MarkerStatus",
     "Markers",
     "Matches",
+    "PatternQuality",
+    "RatedSettings",
     "RigidMotion",
     "Scale",
     "Sighting",
@@ -88,7 +100,10 @@ __all__ = [
     "StrainStatus",
     "TargetStatistics",
     "TrackResult",
+    "TrialErrors",
     "Triangulated",
+    "WaveMotion",
+    "advise",
     "align",
     "calibrate",
     "circle_centres",
@@ -104,6 +119,7 @@ __all__ = [
     "find_dots",
     "find_markers",
     "fit_crossings",
+    "gauge_filter",
     "grid_points",
     "lens_mapping",
     "locate_markers",
