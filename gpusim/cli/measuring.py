@@ -19,10 +19,11 @@ from gpusim.cli.console import (
     ProgressDisplay,
     Quiet,
     exit_codes,
+    folder_name,
     importing,
     out,
 )
-from gpusim.cli.tables import print_calibration, print_correlation
+from gpusim.cli.tables import print_advice, print_calibration, print_correlation
 from gpusim.errors import InputError, NotConverged, require
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]
 Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
 Board = Literal["chessboard", "charuco"]
+Goal = Literal["strain", "displacement"]
 
 
 class Format(StrEnum):
@@ -47,8 +49,40 @@ Reference = Annotated[
     Path, typer.Argument(metavar="REF", help="The picture before; page 1 of a stack: FILE.tif#1.")
 ]
 Deformed = Annotated[
-    list[Path],
+    list[Path] | None,
     typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
+]
+Advise = Annotated[
+    bool,
+    typer.Option(
+        "--advise",
+        help="Find subset, step, shape, blur and window for REF; DEF: another still, for noise.",
+    ),
+]
+DetailPx = Annotated[
+    float | None,
+    typer.Option(help="--advise: finest waves to be seen, px; by default a tenth of the side."),
+]
+PeakStrain = Annotated[float, typer.Option(help="--advise: largest strain of these waves.")]
+GoalOption = Annotated[Goal, typer.Option(help="--advise: what is to err least.")]
+Noise = Annotated[
+    float | None,
+    typer.Option(help="--advise: noise of the pictures, grey levels; else from REF."),
+]
+OptionalOutput = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="Output folder.", parser=folder_name),
+]
+Region = Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")]
+Mask = Annotated[Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")]
+UpdateOption = Annotated[
+    Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
+]
+ApartPx = Annotated[
+    float, typer.Option(help="Jump within a subset that makes it incoherent, px; or inf.")
+]
+Formats = Annotated[
+    list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
 ]
 CalibrationFile = Annotated[
     Path | None,
@@ -66,36 +100,31 @@ CalibrationUnit = Annotated[
 
 def dic(
     reference: Reference,
-    deformed: Deformed,
-    output: Output,
+    deformed: Deformed = None,
+    output: OptionalOutput = None,
+    advise: Advise = False,
+    detail_px: DetailPx = None,
+    peak_strain: PeakStrain = 0.002,
+    goal: GoalOption = "strain",
+    noise: Noise = None,
     subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
     step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
     shape: Annotated[Shape, typer.Option(help="How a subset may deform.")] = "affine",
-    roi: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")
-    ] = None,
-    mask: Annotated[
-        Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")
-    ] = None,
+    roi: Region = None,
+    mask: Mask = None,
     calibration: CalibrationFile = None,
     stereo: RigFile = None,
     calibration_unit: CalibrationUnit = None,
-    update: Annotated[
-        Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
-    ] = "never",
+    update: UpdateOption = "never",
     start: Annotated[Start, typer.Option(help="How the motion is found first.")] = "auto",
     search_px: Annotated[int, typer.Option(help="Reach of the search, px.")] = 20,
     blur_px: Annotated[float, typer.Option(help="Gaussian over the pictures first, px.")] = 0.0,
     min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
-    apart_px: Annotated[
-        float, typer.Option(help="Jump within a subset that makes it incoherent, px; or inf.")
-    ] = 0.1,
+    apart_px: ApartPx = 0.1,
     tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
     strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
     strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,
-    formats: Annotated[
-        list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
-    ] = None,
+    formats: Formats = None,
     backend: BackendOption = "auto",
     quiet: Quiet = False,
     as_json: Json = False,
@@ -107,8 +136,21 @@ def dic(
     gpusim dic ref.tif load_*.tif -o out --calibration camera.yml     (in px without distortion)
 
     gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
+
+    gpusim dic --advise ref.tif     (which settings? with -o a page that says why)
     """
     with exit_codes(), options_named():
+        if advise:
+            require(len(deformed or []) <= 1, "--advise", "several stills", "at most one")
+            _advise(
+                reference, output, as_json, still=next(iter(deformed or []), None), mask=mask,
+                roi=_roi(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain, goal=goal,
+                backend=backend,
+            )  # fmt: skip
+            return
+        if not deformed or output is None:
+            missing = "--output" if deformed else "DEF..."
+            raise InputError(f"{missing}: missing; expected REF DEF... -o OUT, or --advise REF")
         with importing():
             from gpusim.applications import CorrelationSettings, correlate_files, correlate_pairs
         settings = CorrelationSettings(
@@ -182,6 +224,16 @@ def calibrate(
             out(json.dumps(done.content, indent=2))
         elif not quiet:
             print_calibration(done.report, done.missed, output)
+
+
+def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -> None:
+    with importing():
+        from gpusim.applications import advise_files
+    done = advise_files(picture, output, **options)
+    if as_json:
+        out(json.dumps(done.report, indent=2))
+    else:
+        print_advice(done.report, output)
 
 
 OPTIONS = {"formats": "format", "rig": "stereo"}

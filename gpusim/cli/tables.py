@@ -36,6 +36,23 @@ def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
         out(f"warning: {warning}")
 
 
+def print_advice(report: Mapping[str, Any], folder: Path | None) -> None:
+    """The pattern, the settings with their reason, and the command that uses them."""
+    pattern = report["pattern"]
+    out(
+        f"speckles of {pattern['speckle_px']:.1f} px, slopes of {pattern['slope']:.3g} grey levels "
+        f"per px, noise of {pattern['noise']:.3g} grey levels"
+    )
+    for text in report["warnings"]:
+        out(f"warning: {text}")
+    words = ", ".join(
+        f"{key.replace('_', ' ')} {value}" for key, value in report["settings"].items()
+    )
+    out(f"\n{words}\n{report['reason']}\n\nNext: {report['command']}")
+    if folder is not None:
+        out(f"Report: {folder / 'report.html'}")
+
+
 def print_calibration(report: Report, missed: Sequence[str], folder: Path) -> None:
     """What the report has on top, parameters of the cameras, pictures that weren't used."""
     for label, (value, note) in report.highlights.items():

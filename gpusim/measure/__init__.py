@@ -15,7 +15,7 @@ In the order in which data passes:
 from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.advice.image_noise import ImageNoise
 from gpusim.measure.advice.pattern_quality import PatternQuality
-from gpusim.measure.advice.pattern_trial import TrialErrors
+from gpusim.measure.advice.pattern_trial import TrialErrors, WaveError
 from gpusim.measure.advice.settings_advice import Advice, RatedSettings, advise
 from gpusim.measure.advice.synthetic_motion import WaveMotion
 from gpusim.measure.calibration.calibration import (
@@ -102,6 +102,7 @@ __all__ = [
     "TrackResult",
     "TrialErrors",
     "Triangulated",
+    "WaveError",
     "WaveMotion",
     "advise",
     "align",

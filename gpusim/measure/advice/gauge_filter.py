@@ -5,7 +5,7 @@ its pixels says of the motion, a strain the slope of a plane through such displa
 linear: weights h on the pixels. Noise of standard deviation s on both pictures, whose slopes have a
 root mean square g along an axis, gives each pixel the uncertainty sqrt(2) s / g, and the result
 that times the root of the sum of h squared (Grédiac, Blaysat, Sur 2017); a wave keeps the
-Fourier transform of h. The square subset's weights are a sum of products of one of x and one of y.
+Fourier transform of h. A square subset's weights are a sum of products of one of x and one of y.
 """
 
 from __future__ import annotations
@@ -21,18 +21,6 @@ from gpusim.field_summary import field_summary
 from gpusim.measure.correlation.warp import COEFFICIENTS, Shape, basis
 
 LOSS = 0.1  # of a wave's amplitude, by which spatial resolution is told
-
-
-@cache
-def subset_weights(subset: int, shape: Shape) -> tuple[Float, Float]:
-    """Weights of a subset's pixels as a sum of products, each (R, subset): along one axis, and
-    along the other."""
-    offset = (np.arange(subset) - subset // 2) / (subset // 2)
-    terms = basis(*np.meshgrid(offset, offset), COEFFICIENTS[shape]).reshape(-1, subset**2)
-    constant = np.linalg.solve(terms @ terms.T, np.eye(len(terms))[0])
-    one, size, other = np.linalg.svd((constant @ terms).reshape(subset, subset))
-    rank = int((size > 1e-9 * size[0]).sum())
-    return one[:, :rank].T * size[:rank, None], other[:rank]
 
 
 @dataclass(frozen=True)
@@ -62,28 +50,20 @@ class GaugeFilter:
         """Root of the sum of the squared weights: uncertainty over that of a pixel's motion."""
         return float(np.sqrt(((self.along @ self.along.T) * (self.across @ self.across.T)).sum()))
 
-    @property
-    def extent(self) -> int:
-        """Its width along the axis, px."""
-        return self.along.shape[1]
-
-    def response(self, period: float) -> float:
-        """What is left of a wave of ``period`` px along the axis, 1 of long ones."""
-        phase = 2 * np.pi / period * (np.arange(self.extent) - self.extent // 2)
-        wave = np.sin(phase) * period / (2 * np.pi) if self.strain else np.cos(phase)
-        return float((self.along @ wave) @ self.across.sum(axis=1))
-
     @cached_property
     def resolution(self) -> float:
         """Period of which a tenth is lost, px."""
-        low, high = 0.7 * self.extent, 20.0 * self.extent
+        width = self.along.shape[1]
+        return float(
+            scipy.optimize.brentq(lambda p: self.response(p) - 1 + LOSS, 0.75 * width, 20 * width)
+        )
 
-        def excess(period: float) -> float:
-            return self.response(period) - (1.0 - LOSS)
-
-        while excess(low) > 0:
-            low *= 0.8
-        return float(scipy.optimize.brentq(excess, low, high))
+    def response(self, period: float) -> float:
+        """What is left of a wave of ``period`` px along the axis, 1 of long ones."""
+        width = self.along.shape[1]
+        phase = 2 * np.pi / period * (np.arange(width) - width // 2)
+        wave = np.sin(phase) * period / (2 * np.pi) if self.strain else np.cos(phase)
+        return float((self.along @ wave) @ self.across.sum(axis=1))
 
 
 @cache
@@ -95,22 +75,19 @@ def gauge_filter(
 
     Examples
     --------
-    >>> gs.measure.gauge_filter(21, "affine", 7, 5).extent
-    49
+    >>> gs.measure.gauge_filter(21, "affine", step=7, window=5).along.shape
+    (1, 49)
     """
-    one, other = subset_weights(subset, shape)
+    offset = (np.arange(subset) - subset // 2) / (subset // 2)
+    terms = basis(*np.meshgrid(offset, offset), COEFFICIENTS[shape]).reshape(-1, subset**2)
+    constant = np.linalg.solve(terms @ terms.T, np.eye(len(terms))[0])
+    one, size, other = np.linalg.svd((constant @ terms).reshape(subset, subset))
+    rank = int((size > 1e-9 * size[0]).sum())
+    along, across = one[:, :rank].T * size[:rank, None], other[:rank]
     if window == 1:
-        return GaugeFilter(one, other, False)
-    slope, mean = (np.zeros(step * (window - 1) + 1) for _ in range(2))
-    slope[::step], mean[::step] = window_weights(step, window)
-    along, across = (
-        np.array([np.convolve(row, comb) for row in rows])
-        for rows, comb in ((one, slope), (other, mean))
-    )
-    return GaugeFilter(along, across, True)
-
-
-def window_weights(step: int, window: int) -> tuple[Float, Float]:
-    """Weights (window,) of displacements in a plane's slope: along the slope, 1/px, and across."""
+        return GaugeFilter(along, across, False)
+    slope, mean = np.zeros((2, step * (window - 1) + 1))
     place = float(step) * (np.arange(window) - window // 2)
-    return place / (place @ place), np.full(window, 1.0 / window)
+    slope[::step], mean[::step] = place / (place @ place), 1.0 / window
+    along = np.array([np.convolve(row, slope) for row in along])
+    return GaugeFilter(along, np.array([np.convolve(row, mean) for row in across]), True)

@@ -40,23 +40,17 @@ class ImageNoise:
         return np.maximum(self.offset + self.slope * grey, 0.0)
 
 
-def image_noise(picture: Float, still: Float | None, area: Bool) -> ImageNoise:
-    """Noise of a picture (H, W) where ``area`` is True; from another one if there is a ``still``.
+def image_noise(picture: Float, still: Float | None, used: Bool) -> ImageNoise:
+    """Noise of a picture (H, W) where ``used`` is True; from another one if there is a ``still``.
 
-    The line is one from zero up; where it would fall, noise is alike everywhere.
+    Where the line would fall, noise is taken as the same at all grey values.
     """
-    square = picture
     if still is None:
-        for axis in (0, 1):
-            square = scipy.ndimage.correlate1d(square, DIFFERENCES, axis=axis)
-        square = np.square(square / (DIFFERENCES @ DIFFERENCES))
+        rest = scipy.ndimage.correlate1d(picture, DIFFERENCES, axis=0)
+        rest = scipy.ndimage.correlate1d(rest, DIFFERENCES, axis=1) / (DIFFERENCES @ DIFFERENCES)
     else:
-        change = (still - picture)[area]
-        square = 0.5 * np.square(still - picture - change.mean())
-    grey = scipy.ndimage.uniform_filter(picture, GREY_WINDOW)[area]
-    square = square[area]
-    slope, offset = np.polynomial.Polynomial.fit(grey, square, 1).convert().coef[::-1]
-    low = offset + slope * grey.min()
-    if slope < 0 or low < 0:
-        slope, offset = (0.0, square.mean()) if slope < 0 else (square.mean() / grey.mean(), 0.0)
-    return ImageNoise(float(offset), float(slope))
+        rest = (still - picture - (still - picture)[used].mean()) / np.sqrt(2.0)
+    square = np.square(rest)[used]
+    grey = scipy.ndimage.uniform_filter(picture, GREY_WINDOW)[used]
+    slope = max(float(np.cov(grey, square)[0, 1] / max(grey.var(), 1e-300)), 0.0)
+    return ImageNoise(float(square.mean() - slope * grey.mean()), slope)

@@ -1,11 +1,11 @@
 """A picture's own pattern, moved by waves that are known exactly.
 
-The pattern is the picture without its noise: in its spectrum, the amplitude that noise has on
-average is taken off (spectral subtraction), so that slopes have the energy that they had. Rows are
-then shifted along x by a wave of y, and columns along y by a wave of x, by phases in Fourier space:
-the trigonometric polynomial through the pixels is moved exactly, without interpolation in space,
-and not by the spline through which correlation looks. A slope of one pixel across the picture
-lets points lie at all fractions of a pixel.
+The pattern is the picture without its noise: in its spectrum, the power that noise has on average
+is taken off (spectral subtraction), so that slopes have the energy that they had. Rows are then
+shifted along x by a wave of y, and columns along y by a wave of x, by phases in Fourier space: the
+trigonometric polynomial through the pixels is moved exactly, without interpolation in space, and
+not by the spline through which correlation looks. A slope of one pixel across the picture lets
+points lie at all fractions of a pixel.
 """
 
 from __future__ import annotations
@@ -23,13 +23,12 @@ from gpusim.measure.advice.image_noise import ImageNoise
 
 TAPER = 24  # px at the borders over which the pattern fades: no points there
 SMOOTHING = 3.0  # spectral lines over which the power is averaged
-RANGE = 1.0  # px, difference of displacements beside the waves
 
 
 def noise_free_pattern(picture: Float, noise: ImageNoise) -> Float:
     """The pattern (H, W) of a picture, which fades to its mean at the borders."""
-    rows, columns = (np.clip((np.arange(n) + 0.5) / TAPER, 0.0, 1.0) for n in picture.shape)
-    taper = np.outer(*(np.sin(0.5 * np.pi * np.minimum(n, n[::-1])) ** 2 for n in (rows, columns)))
+    sides = (np.clip((np.arange(n) + 0.5) / TAPER, 0.0, 1.0) for n in picture.shape)
+    taper = np.outer(*(np.sin(0.5 * np.pi * np.minimum(side, side[::-1])) ** 2 for side in sides))
     mean = float(picture.mean())
     spectrum = np.fft.fft2((picture - mean) * taper)
     power = scipy.ndimage.gaussian_filter(np.abs(spectrum) ** 2, SMOOTHING, mode="wrap")
@@ -47,9 +46,8 @@ class WaveMotion:
     Examples
     --------
     >>> waves = gs.measure.WaveMotion((200, 300), period=50.0, peak_strain=0.01)
-    >>> waves.at(np.array([[149.5, 99.5]]))[1].round(3)
-    array([[[0.   , 0.01 ],
-            [0.009, 0.   ]]])
+    >>> waves.at(np.array([[149.5, 99.5]]))[2].round(4)
+    array([[0.01, 0.01]])
     """
 
     size: tuple[int, int]
@@ -57,32 +55,26 @@ class WaveMotion:
     peak_strain: float
     __repr__ = field_summary
 
-    def _along(self, place: Float, length: int) -> tuple[Float, Float, Float]:
-        """Of a shift that depends on one coordinate: shift, wave alone, slope of the wave."""
+    def at(self, points: Float) -> tuple[Float, Float, Float]:
+        """At ``points`` (M, 2): displacement, the part of the waves, px, and the slopes of these,
+        of u along y and of v along x; (M, 2) each."""
+        u, u_wave, u_slope = self._shift(points[:, 1], self.size[0])
+        v, v_wave, v_slope = self._shift(points[:, 0] + u, self.size[1])
+        return np.stack([u, v], 1), np.stack([u_wave, v_wave], 1), np.stack([u_slope, v_slope], 1)
+
+    def _shift(self, place: Float, length: int) -> tuple[Float, Float, Float]:
+        """Shift at a coordinate, the wave in it, and the wave's slope."""
         offset, wave_number = place - (length - 1) / 2, 2 * np.pi / self.period
         wave = self.peak_strain / wave_number * np.sin(wave_number * offset)
-        slope = self.peak_strain * np.cos(wave_number * offset)
-        return wave + RANGE / length * offset, wave, slope
-
-    def at(self, points: Float) -> tuple[Float, Float, Float]:
-        """Displacement (M, 2), px, at ``points`` (M, 2), the part of the waves, and their slopes:
-        (M, 2), of u along y and of v along x."""
-        u, u_wave, u_slope = self._along(points[:, 1], self.size[0])
-        v, v_wave, v_slope = self._along(points[:, 0] + u, self.size[1])
-        waves, slopes = np.column_stack([u_wave, v_wave]), np.column_stack([u_slope, v_slope])
-        return np.column_stack([u, v]), waves, slopes
+        return wave + offset / length, wave, self.peak_strain * np.cos(wave_number * offset)
 
     def moved(self, pattern: Float) -> Float:
         """The pattern (H, W) after the motion."""
-        height, width = self.size
-        rows = _shifted(pattern, self._along(np.arange(height), height)[0])
-        return _shifted(rows.T, self._along(np.arange(width), width)[0]).T
-
-
-def _shifted(rows: Float, shift: Float) -> Float:
-    """Each row (H, W) shifted by its own ``shift`` (H,), px, as the polynomial through it."""
-    phase = -2j * np.pi * np.fft.rfftfreq(rows.shape[1]) * shift[:, None]
-    return np.asarray(np.fft.irfft(np.fft.rfft(rows) * np.exp(phase), rows.shape[1]))
+        for length in self.size:
+            shift = self._shift(np.arange(length, dtype=np.float64), length)[0][:, None]
+            phase = -2j * np.pi * np.fft.rfftfreq(pattern.shape[1]) * shift
+            pattern = np.fft.irfft(np.fft.rfft(pattern) * np.exp(phase), pattern.shape[1]).T
+        return pattern
 
 
 def exposed(
