@@ -9,14 +9,13 @@ Its modules:
 - `decks`: The steps of an input deck solved.
 """
 
-from gpusim.applications.advice import AdviceOutput, advise_files
+from gpusim.applications.advice import advise_files
 from gpusim.applications.calibration import CalibrationOutput, calibrate_files
 from gpusim.applications.correlation import correlate_files, correlate_pairs
 from gpusim.applications.correlation_output import CorrelationOutput, CorrelationSettings
 from gpusim.applications.decks import DeckOutput, solve_deck
 
 __all__ = [
-    "AdviceOutput",
     "CalibrationOutput",
     "CorrelationOutput",
     "CorrelationSettings",

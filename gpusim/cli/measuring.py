@@ -34,7 +34,6 @@ Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]
 Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
 Board = Literal["chessboard", "charuco"]
-Goal = Literal["strain", "displacement"]
 
 
 class Format(StrEnum):
@@ -53,22 +52,11 @@ Deformed = Annotated[
     typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
 ]
 Advise = Annotated[
-    bool,
-    typer.Option(
-        "--advise",
-        help="Find subset, step, shape, blur and window for REF; DEF: another still, for noise.",
-    ),
+    bool, typer.Option("--advise", help="Find settings for REF; DEF: another still, for its noise.")
 ]
-DetailPx = Annotated[
-    float | None,
-    typer.Option(help="--advise: finest waves to be seen, px; by default a tenth of the side."),
-]
+DetailPx = Annotated[float | None, typer.Option(help="--advise: finest waves to be seen, px.")]
 PeakStrain = Annotated[float, typer.Option(help="--advise: largest strain of these waves.")]
-GoalOption = Annotated[Goal, typer.Option(help="--advise: what is to err least.")]
-Noise = Annotated[
-    float | None,
-    typer.Option(help="--advise: noise of the pictures, grey levels; else from REF."),
-]
+Noise = Annotated[float | None, typer.Option(help="--advise: of REF, if known, grey levels.")]
 OptionalOutput = Annotated[
     Path | None,
     typer.Option("-o", "--output", metavar="OUT", help="Output folder.", parser=folder_name),
@@ -105,7 +93,6 @@ def dic(
     advise: Advise = False,
     detail_px: DetailPx = None,
     peak_strain: PeakStrain = 0.002,
-    goal: GoalOption = "strain",
     noise: Noise = None,
     subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
     step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
@@ -144,7 +131,7 @@ def dic(
             require(len(deformed or []) <= 1, "--advise", "several stills", "at most one")
             _advise(
                 reference, output, as_json, still=next(iter(deformed or []), None), mask=mask,
-                roi=_roi(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain, goal=goal,
+                roi=_roi(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain,
                 backend=backend,
             )  # fmt: skip
             return
@@ -229,11 +216,11 @@ def calibrate(
 def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -> None:
     with importing():
         from gpusim.applications import advise_files
-    done = advise_files(picture, output, **options)
+    report = advise_files(picture, output, **options)
     if as_json:
-        out(json.dumps(done.report, indent=2))
+        out(json.dumps(report, indent=2))
     else:
-        print_advice(done.report, output)
+        print_advice(report, output)
 
 
 OPTIONS = {"formats": "format", "rig": "stereo"}

@@ -38,17 +38,12 @@ def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
 
 def print_advice(report: Mapping[str, Any], folder: Path | None) -> None:
     """The pattern, the settings with their reason, and the command that uses them."""
-    pattern = report["pattern"]
-    out(
-        f"speckles of {pattern['speckle_px']:.1f} px, slopes of {pattern['slope']:.3g} grey levels "
-        f"per px, noise of {pattern['noise']:.3g} grey levels"
-    )
+    size, slope, noise = (report["pattern"][name] for name in ("speckle_px", "slope", "noise"))
+    out(f"speckles {size:.1f} px, slopes {slope:.3g} levels per px, noise {noise:.3g} levels")
     for text in report["warnings"]:
         out(f"warning: {text}")
-    words = ", ".join(
-        f"{key.replace('_', ' ')} {value}" for key, value in report["settings"].items()
-    )
-    out(f"\n{words}\n{report['reason']}\n\nNext: {report['command']}")
+    words = (f"{name.replace('_', ' ')} {value}" for name, value in report["settings"].items())
+    out(f"\n{', '.join(words)}\n{report['reason']}\n\nNext: {report['command']}")
     if folder is not None:
         out(f"Report: {folder / 'report.html'}")
 

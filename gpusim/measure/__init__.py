@@ -14,10 +14,7 @@ In the order in which data passes:
 
 from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
 from gpusim.measure.advice.image_noise import ImageNoise
-from gpusim.measure.advice.pattern_quality import PatternQuality
-from gpusim.measure.advice.pattern_trial import TrialErrors, WaveError
-from gpusim.measure.advice.settings_advice import Advice, RatedSettings, advise
-from gpusim.measure.advice.synthetic_motion import WaveMotion
+from gpusim.measure.advice.settings_advice import Advice, advise
 from gpusim.measure.calibration.calibration import (
     CalibratedCamera,
     Calibration,
@@ -87,8 +84,6 @@ __all__ = [
     "MarkerStatus",
     "Markers",
     "Matches",
-    "PatternQuality",
-    "RatedSettings",
     "RigidMotion",
     "Scale",
     "Sighting",
@@ -100,10 +95,7 @@ __all__ = [
     "StrainStatus",
     "TargetStatistics",
     "TrackResult",
-    "TrialErrors",
     "Triangulated",
-    "WaveError",
-    "WaveMotion",
     "advise",
     "align",
     "calibrate",

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.field_summary import field_summary
+from gpusim.measure.advice.pattern_trial import PatternTrial
+from gpusim.measure.correlation.pixel_mask import full_scale
 
 FLAT = 0.05  # of the squared slopes of most places: below, there is no texture
 PLACE = 33  # px, the size of a place
 FINE, COARSE = 2.5, 8.0  # px
-MANY_SATURATED, MANY_FLAT = 0.01, 0.1
+MANY_WHITE, MANY_FLAT = 0.01, 0.1
 NOISY = 0.2  # noise over slopes, px
 
 
@@ -27,11 +31,6 @@ class PatternQuality:
     slope, noise : root mean square of the pattern's slopes along an axis (per px), and standard
         deviation of the noise where slopes are; grey levels.
     flat, saturated : share of the places without texture, and of the pixels at full scale.
-
-    Examples
-    --------
-    >>> gs.measure.PatternQuality(9.2, 25.0, 2.0, 0.0, 0.0).warnings
-    ['speckles of 9.2 px are coarse: 3 to 5 px would allow smaller subsets']
     """
 
     speckle_px: float
@@ -44,17 +43,15 @@ class PatternQuality:
     @property
     def warnings(self) -> list[str]:
         """What is wrong with it, in words."""
-        size, ratio = f"speckles of {self.speckle_px:.1f} px are", self.noise / self.slope
+        size = f"speckles of {self.speckle_px:.1f} px are"
         wrong = {
-            f"{size} too fine: interpolation is biased, and noise can't be told from them (give "
-            "a second still picture)": self.speckle_px < FINE,
+            f"{size} too fine: interpolation is biased, noise can't be told from them": FINE
+            > self.speckle_px,
             f"{size} coarse: 3 to 5 px would allow smaller subsets": self.speckle_px > COARSE,
-            f"{self.saturated:.1%} of the pixels are at full scale: expose less": self.saturated
-            > MANY_SATURATED,
-            f"{self.flat:.0%} of the area has no texture: give a mask or a region": self.flat
-            > MANY_FLAT,
-            f"the noise is {ratio:.2g} of the slopes: more light or contrast helps most": ratio
-            > NOISY,
+            f"{self.saturated:.1%} of the pixels are at full scale": self.saturated > MANY_WHITE,
+            f"{self.flat:.0%} of the area has no texture: give a mask": self.flat > MANY_FLAT,
+            "the noise is strong: more light or contrast helps most": self.noise
+            > NOISY * self.slope,
         }
         return [text for text, holds in wrong.items() if holds]
 
@@ -81,10 +78,19 @@ def richest_part(textured: Bool, side: int) -> tuple[slice, slice]:
     return rows, columns
 
 
-def speckle_size(pattern: Float) -> float:
-    """Width at half the height of a pattern's (H, W) autocorrelation, mean along both axes, px."""
-    alike = np.fft.ifft2(np.abs(np.fft.fft2(pattern - pattern.mean())) ** 2).real / pattern.size
+def pattern_quality(
+    picture: npt.NDArray[Any], used: Bool, textured: Bool, trial: PatternTrial
+) -> PatternQuality:
+    """Of a picture (H, W), whose pattern is that in ``trial``."""
+    pattern, top = trial.pattern - trial.pattern.mean(), full_scale(picture)
+    alike = np.fft.ifft2(np.abs(np.fft.fft2(pattern)) ** 2).real
     reach = min(alike.shape) // 2
     curve = 0.5 * (alike[0, :reach] + alike[:reach, 0]) / alike[0, 0]
     below = max(int(np.argmax(curve < 0.5)), 1)
-    return float(2.0 * (below - (0.5 - curve[below]) / (curve[below - 1] - curve[below])))
+    return PatternQuality(
+        2.0 * float(below - (0.5 - curve[below]) / (curve[below - 1] - curve[below])),
+        trial.slope,
+        trial.noise_level,
+        1.0 - float(textured.sum() / used.sum()),
+        0.0 if top is None else float((picture[used] >= top).mean()),
+    )

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot, nan, pi, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,40 +25,26 @@ from gpusim.measure.correlation.matching import Status
 from gpusim.measure.correlation.strain import strain
 
 
-class WaveError(NamedTuple):
+@dataclass(frozen=True)
+class WaveError:
     """What a quantity errs by on waves, px or 1.
 
     noise : standard deviation.    loss : share of the waves that is lost.
     total : root mean square of both.
-
-    Examples
-    --------
-    >>> gs.measure.WaveError.of(noise=0.003, loss=0.1, amplitude=0.04).total
-    0.005
     """
 
     noise: float
     loss: float
     total: float
 
-    @classmethod
-    def of(cls, noise: float, loss: float, amplitude: float) -> WaveError:
-        """``amplitude``: root mean square of the waves."""
-        return cls(noise, loss, hypot(noise, loss * amplitude))
 
-
-class TrialErrors(NamedTuple):
+@dataclass(frozen=True)
+class TrialErrors:
     """What a correlation of the moved pattern erred by.
 
     displacement, strain : px and 1.
     bias_px : amplitude of what repeats with each pixel of the displacement.
     measured : share of the points with texture that were measured.
-
-    Examples
-    --------
-    >>> error = gs.measure.WaveError(0.003, 0.1, 0.005)
-    >>> gs.measure.TrialErrors(error, error, bias_px=0.0, measured=1.0).displacement.noise
-    0.003
     """
 
     displacement: WaveError
@@ -101,14 +87,12 @@ class PatternTrial:
         widened = np.sqrt((self._power * square**2).sum()) / (self._power * square).sum()
         return float(sqrt(2.0) * self.noise_level / self.slope * widened)
 
-    def wave_errors(
-        self, noise: Sequence[float], loss: Sequence[float]
-    ) -> tuple[WaveError, WaveError]:
+    def wave_errors(self, noise: Sequence[float], loss: Sequence[float]) -> list[WaveError]:
         """Of displacements and of strains."""
         strain_rms = self.motion.peak_strain / sqrt(2.0)
-        amplitudes = strain_rms * self.motion.period / (2 * pi), strain_rms
-        one, other = (WaveError.of(*parts) for parts in zip(noise, loss, amplitudes, strict=True))
-        return one, other
+        waves = strain_rms * self.motion.period / (2 * pi), strain_rms
+        parts = zip(noise, loss, waves, strict=True)
+        return [WaveError(n, lost, hypot(n, lost * wave)) for n, lost, wave in parts]
 
     def errors(self, step: int, window: int, seed: int, **options: Any) -> TrialErrors:
         """Correlate the moved pattern with ``options`` of ``dic``, with other noise for each
@@ -134,8 +118,8 @@ class PatternTrial:
         carrying = np.stack([gradient[:, 0, 1], gradient[:, 1, 0]], 1)
         strain_noise, strain_loss = _parts(carrying - slopes[whole], slopes[whole])
         share = ok.sum() / max(np.count_nonzero(result.status != Status.MASKED), 1)
-        both = self.wave_errors((noise, strain_noise), (loss, strain_loss))
-        return TrialErrors(*both, float(bias), float(share))
+        moved, strained = self.wave_errors((noise, strain_noise), (loss, strain_loss))
+        return TrialErrors(moved, strained, float(bias), float(share))
 
 
 def _parts(error: Float, waves: Float) -> tuple[float, float]:

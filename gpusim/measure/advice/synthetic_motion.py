@@ -42,12 +42,6 @@ class WaveMotion:
     """Displacement of a picture of ``size`` (H, W) px by waves across both axes.
 
     period : px.    peak_strain : largest slope of a wave.
-
-    Examples
-    --------
-    >>> waves = gs.measure.WaveMotion((200, 300), period=50.0, peak_strain=0.01)
-    >>> waves.at(np.array([[149.5, 99.5]]))[2].round(4)
-    array([[0.01, 0.01]])
     """
 
     size: tuple[int, int]
