@@ -12,7 +12,7 @@ its measured error. Lastly it is measured once more, with other noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,7 +34,7 @@ from gpusim.measure.correlation.dic import grid_points
 from gpusim.measure.correlation.pixel_mask import check_mask
 from gpusim.measure.correlation.warp import Shape
 from gpusim.measure.images import check_image
-from gpusim.validation import Positive, checked, require
+from gpusim.validation import checked, require, within
 
 Matching = tuple[int, Shape, float]
 """Subset, shape, blur: what displacements depend on."""
@@ -122,8 +122,8 @@ def advise(
     roi: tuple[int, int, int, int] | None = None,
     mask: Bool | None = None,
     noise: ImageNoise | None = None,
-    detail_px: Positive | None = None,
-    peak_strain: Positive = 0.002,
+    detail_px: Annotated[float, within(10.0, 1e5, "px")] | None = None,
+    peak_strain: Annotated[float, within(1e-6, 0.1)] = 0.002,
     device: Device | None = None,
     backend: str = "auto",
 ) -> Advice:
@@ -159,10 +159,7 @@ def advise(
     grid_points(image.shape, subset=LEAST_AREA, step=LEAST_AREA, roi=(x0, y0, x1, y1))
     box = slice(y0, y1 + 1), slice(x0, x1 + 1)
     allowed = check_mask(mask, image, 0.0)
-    area, used = (
-        image[box],
-        np.ones(image.shape, dtype=bool)[box] if allowed is None else allowed[box],
-    )
+    area, used = image[box], np.ones(image[box].shape, bool) if allowed is None else allowed[box]
     textured = textured_pixels(area.astype(np.float64), used)
     require(textured.any(), "picture", "no texture that isn't masked", "a speckle pattern")
     part = richest_part(textured, PATCH)
@@ -176,6 +173,8 @@ def advise(
     trial = PatternTrial(area[part], textured[part], noise, motion, device)
     search = _Search(trial)
     chosen = search.best()
+    good = np.isfinite(chosen.strain.total)
+    require(good, "picture", "a pattern that no setting measures", "a speckle pattern")
     options = dict(zip(("subset", "shape", "blur_px"), chosen.matching, strict=True))
     check = trial.errors(chosen.step, chosen.strain_window, seed=2, **options)
     quality = pattern_quality(area, used, textured, trial)
@@ -244,9 +243,11 @@ class _Search:
         filters = gauge_filter(subset, shape), gauge_filter(subset, shape, lattice, TRIAL_WINDOW)
         unit = self.pixel_px[blur] * errors.measured**LOST_WEIGHT
         both = zip((errors.displacement, errors.strain), filters, strict=True)
-        excess = [error.noise / (unit * f.noise) if unit > 0 else np.inf for error, f in both]
         self.trials[subset, shape, blur] = errors
-        self.excess[subset, shape, blur] = excess
+        self.excess[subset, shape, blur] = [
+            error.noise / (unit * f.noise) if error.noise > 0 and unit > 0 else np.inf
+            for error, f in both
+        ]
 
 
 def _lattice(subset: int) -> int:
