@@ -1,9 +1,9 @@
 """Noise of a picture by its grey values, from itself or from two of a scene at rest.
 
 Sixth differences along both axes take off whatever is smoother than two pixels, and leave of
-independent noise its variance times the sum of the filter's squares. Two pictures of a scene at
-rest differ by noise alone. Either way squares are fitted by a line over the grey values: shot noise
-grows with them (EMVA 1288).
+independent noise its variance times the sum of the filter's squares, and so belong to the mean grey
+value by these squares. Two pictures of a scene at rest differ by noise alone. Either way squares
+are fitted by a line over the grey values: shot noise grows with them (EMVA 1288).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.field_summary import field_summary
 
 DIFFERENCES = np.array([1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0])
-GREY_WINDOW = 7  # px, over which the grey value that noise belongs to is averaged
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,17 @@ def image_noise(picture: Float, still: Float | None, used: Bool) -> ImageNoise:
     Where the line would fall, noise is taken as the same at all grey values.
     """
     if still is None:
-        rest = scipy.ndimage.correlate1d(picture, DIFFERENCES, axis=0)
-        rest = scipy.ndimage.correlate1d(rest, DIFFERENCES, axis=1) / (DIFFERENCES @ DIFFERENCES)
+        rest = _filtered(picture, DIFFERENCES) / (DIFFERENCES @ DIFFERENCES)
+        grey = _filtered(picture, np.square(DIFFERENCES)) / (DIFFERENCES @ DIFFERENCES) ** 2
     else:
         rest = (still - picture - (still - picture)[used].mean()) / np.sqrt(2.0)
-    square = np.square(rest)[used]
-    grey = scipy.ndimage.uniform_filter(picture, GREY_WINDOW)[used]
+        grey = 0.5 * (still + picture)
+    square, grey = np.square(rest)[used], grey[used]
     slope = max(float(np.cov(grey, square)[0, 1] / max(grey.var(), 1e-300)), 0.0)
     return ImageNoise(float(square.mean() - slope * grey.mean()), slope)
+
+
+def _filtered(picture: Float, taps: Float) -> Float:
+    for axis in (0, 1):
+        picture = scipy.ndimage.correlate1d(picture, taps, axis=axis)
+    return picture
