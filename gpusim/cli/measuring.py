@@ -128,9 +128,10 @@ def dic(
     """
     with exit_codes(), options_named():
         if advise:
-            require(len(deformed or []) <= 1, "--advise", "several stills", "at most one")
+            stills = deformed or []
+            require(len(stills) <= 1, "--advise", f"{len(stills)} stills", "at most one")
             _advise(
-                reference, output, as_json, still=next(iter(deformed or []), None), mask=mask,
+                reference, output, as_json, still=next(iter(stills), None), mask=mask,
                 roi=_roi(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain,
                 backend=backend,
             )  # fmt: skip
