@@ -28,6 +28,7 @@ from gpusim.errors import InputError, NotConverged, require
 
 if TYPE_CHECKING:
     from gpusim import measure
+    from gpusim.applications import CorrelationSettings
 
 Shape = Literal["translation", "rigid", "affine", "quadratic"]
 Update = Literal["never", "auto", "always"]
@@ -140,7 +141,7 @@ def dic(
             missing = "--output" if deformed else "DEF..."
             raise InputError(f"{missing}: missing; expected REF DEF... -o OUT, or --advise REF")
         with importing():
-            from gpusim.applications import CorrelationSettings, correlate_files, correlate_pairs
+            from gpusim.applications import CorrelationSettings
         settings = CorrelationSettings(
             subset=subset, step=step, shape=shape, roi=_roi(roi), mask=mask,
             calibration=calibration, calibration_unit=calibration_unit, update=update, start=start,
@@ -148,20 +149,7 @@ def dic(
             tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend,
             formats=tuple(one.value for one in formats or [Format.csv]),
         )  # fmt: skip
-        lefts, rights = ([], []) if stereo is None else _pairs([reference, *deformed])
-        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
-            if stereo is None:
-                done = correlate_files(
-                    reference, deformed, output, settings, progress=progress, keep_results=False
-                )
-            else:
-                done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
-        if as_json:
-            out(json.dumps(done.report, indent=2))
-        elif not quiet:
-            print_correlation(done.report, output)
-        if done.failure:
-            raise NotConverged(done.failure)
+        _correlate([reference, *deformed], stereo, output, settings, quiet=quiet, as_json=as_json)
 
 
 def calibrate(
@@ -212,6 +200,33 @@ def calibrate(
             out(json.dumps(done.content, indent=2))
         elif not quiet:
             print_calibration(done.report, done.missed, output)
+
+
+def _correlate(
+    pictures: list[Path],
+    stereo: Path | None,
+    output: Path,
+    settings: CorrelationSettings,
+    *,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    from gpusim.applications import correlate_files, correlate_pairs
+
+    lefts, rights = ([], []) if stereo is None else _pairs(pictures)
+    with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+        if stereo is None:
+            done = correlate_files(
+                pictures[0], pictures[1:], output, settings, progress=progress, keep_results=False
+            )
+        else:
+            done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
+    if as_json:
+        out(json.dumps(done.report, indent=2))
+    elif not quiet:
+        print_correlation(done.report, output)
+    if done.failure:
+        raise NotConverged(done.failure)
 
 
 def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -> None:
