@@ -12,7 +12,7 @@ In the order in which data passes:
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
-from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
+from gpusim.measure.advice.gauge_filter import gauge_filter
 from gpusim.measure.advice.image_noise import ImageNoise
 from gpusim.measure.advice.settings_advice import Advice, advise
 from gpusim.measure.calibration.calibration import (
@@ -78,7 +78,6 @@ __all__ = [
     "DicResult",
     "Displacement3D",
     "Dots",
-    "GaugeFilter",
     "ImageNoise",
     "MappedResult",
     "MarkerStatus",

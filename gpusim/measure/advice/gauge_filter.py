@@ -32,12 +32,6 @@ class GaugeFilter:
     along : (R, n) weights along the axis of the strain (or of the wave), 1 or 1/px.
     across : (R, m) weights along the other one.
     strain : whether it gives a strain.
-
-    Examples
-    --------
-    >>> affine = gs.measure.gauge_filter(21)
-    >>> round(affine.noise * 21, 3), round(affine.resolution / 21, 2)
-    (1.0, 3.99)
     """
 
     along: Float
@@ -75,6 +69,9 @@ def gauge_filter(
 
     Examples
     --------
+    >>> affine = gs.measure.gauge_filter(21)
+    >>> round(affine.noise * 21, 3), round(affine.resolution / 21, 2)
+    (1.0, 3.99)
     >>> gs.measure.gauge_filter(21, "affine", step=7, window=5).along.shape
     (1, 49)
     """
