@@ -16,7 +16,7 @@ from gpusim.measure.correlation.pixel_mask import full_scale
 
 FLAT = 0.05  # of the squared slopes of most places: below, there is no texture
 PLACE = 33  # px, the size of a place
-FINE, COARSE = 2.5, 8.0  # px
+FINE, COARSE = 3.0, 8.0  # px
 MANY_WHITE, MANY_FLAT = 0.01, 0.1
 NOISY = 0.2  # noise over slopes, px
 
