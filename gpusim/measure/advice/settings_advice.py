@@ -17,7 +17,6 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Bool
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device, working_device
 from gpusim.measure.advice.gauge_filter import GaugeFilter, gauge_filter
@@ -120,7 +119,7 @@ def advise(
     *,
     still: npt.NDArray[Any] | None = None,
     roi: tuple[int, int, int, int] | None = None,
-    mask: Bool | None = None,
+    mask: Any = None,
     noise: ImageNoise | None = None,
     detail_px: Annotated[float, within(10.0, 1e5, "px")] | None = None,
     peak_strain: Annotated[float, within(1e-6, 0.1)] = 0.002,
@@ -134,7 +133,7 @@ def advise(
     picture : (H, W) or (H, W, 3), the reference of the correlation, finite.
     still : another picture of the same scene at rest, from which the noise is taken; else from
         ``picture``'s finest details.
-    roi, mask : as of ``dic``.
+    roi, mask : as of ``dic``; (H, W) bool.
     noise : of the picture, if it is known.
     detail_px : period of the finest waves that are to be seen; a tenth of the shorter side, from
         80 px up.
