@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -24,6 +25,19 @@ def _size(text: str) -> tuple[int, int]:
     return size
 
 
+def _legend(text: str | None) -> tuple[float, float] | None:
+    """Both ends, in the field's unit."""
+    if text is None:
+        return None
+    try:
+        low, high = (float(end) for end in text.split(":"))
+    except ValueError:
+        low = high = 0.0
+    fits = isfinite(low) and isfinite(high) and low < high
+    require(fits, "view --legend", repr(text), "LOW:HIGH, the lower one first: -0.5:2")
+    return low, high
+
+
 def view(
     path: Annotated[
         Path,
@@ -40,6 +54,13 @@ def view(
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
+    legend: Annotated[
+        str | None,
+        typer.Option(metavar="LOW:HIGH", help="Of the field's legend, in its unit, held."),
+    ] = None,
+    keys: Annotated[
+        str, typer.Option(help='Press these keys of the window, once it is solved: "x g k PageUp".')
+    ] = "",
     unit: Annotated[
         Literal["m", "cm", "mm", "um", "in"] | None,
         typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
@@ -55,7 +76,7 @@ def view(
     h shows the keys. A scene is read again when its file changes.
     """
     with exit_codes():
-        pixels = _size(size)
+        pixels, ends = _size(size), _legend(legend)
         with importing():
             from gpusim.gpu import default_device
             from gpusim.view import screenshot as pictures
@@ -65,7 +86,7 @@ def view(
         if screenshot is not None:
             pictures.check_ending(screenshot)
         where = server.local_socket(port) if serve else None
-        loaded = frame is not None or field is not None
+        loaded = frame is not None or field is not None or bool(keys)
         solves = screenshot is None or loaded
         if screenshot is None:  # a CAD file takes seconds
             typer.echo(f"reading {printable(str(path))} …", err=True)
@@ -73,7 +94,7 @@ def view(
         try:
             if loaded:
                 pictures.wait_for_solution(viewer)
-            pictures.look_as_asked(viewer, camera, frame, field)
+            pictures.look_as_asked(viewer, camera, frame, field, legend=ends, keys=keys.split())
             if screenshot is not None:
                 pictures.save_screenshot(viewer, screenshot)
                 out(str(screenshot))

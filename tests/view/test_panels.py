@@ -39,14 +39,14 @@ def test_frames_are_counted_from_one(run_folder: Path) -> None:
 def test_stress_of_a_run_that_has_written_none(device: Device, run_folder: Path) -> None:
     viewer = Viewer(device, run_folder, (320, 200))
     viewer.show_field("von_mises")
-    (wanted,) = viewer.field_values
+    (wanted,) = viewer.field_values.values
     viewer.show_field(None)
     seen = []
     while viewer.field is not None or not seen:
         viewer.key("f")
         seen.append(viewer.field)
         if viewer.field == "von_mises":
-            np.testing.assert_array_equal(viewer.field_values[0], wanted)
+            np.testing.assert_array_equal(viewer.field_values.values[0], wanted)
             assert wanted.max() > 1.0
     assert {"displacement", "von_mises", "stress_xx", "principal_stress_1"} <= set(seen)
     viewer.close()
