@@ -257,7 +257,9 @@ class DicTable(MeasureTable):
             for _, paint in tables_of(thing, "paint")
         ]  # fmt: skip
         if isinstance(named, str) and named not in paints and all(map(_is_text, paints)):
-            expected = f"one of {', '.join(map(str, paints))}" if paints else "a paint, but there is none"
+            expected = (
+                f"one of {', '.join(map(str, paints))}" if paints else "a paint, but there is none"
+            )
             yield ("roi", "paint"), "no such paint", named, expected
 
 
