@@ -1,12 +1,11 @@
 """What subsets and strain windows make of a displacement field: low-pass filters.
 
 A subset gives one displacement for all its pixels: to first order the centre of the shape function
-that is fitted to the field u by least squares, weighted as the match weights it. With the steepest-
-descent images J' of the match (``icgn``) it is the c that minimises sum w (J'. c - f_x u - f_y v)^2:
-the fixed point of the iteration, whatever the noise (Schreier & Sutton, "Systematic errors in DIC
-due to undermatched subset shape functions", Exp. Mech. 42, 2002; Sur, Blaysat & Grediac,
-"Determining displacement and strain maps immune from aliasing effect with DIC", 2020). A true field
-filtered like this is *levelled*: what is left of the difference isn't the subset's smoothing.
+c that is fitted to the field (u, v) by least squares, weighted as the match weights it. With the
+steepest-descent images J' of the match (``icgn``) c minimises sum w (J' . c - f_x u - f_y v)^2: it
+is the fixed point of the iteration (Schreier & Sutton, "Systematic errors in digital image
+correlation due to undermatched subset shape functions", Exp. Mech. 42, 2002). A true field that is
+filtered like this is *levelled*: what is left of a difference to it isn't the subset's smoothing.
 
 Along a wave of a period p a square subset is an average (affine), or a Savitzky-Golay filter of
 second degree (quadratic): closed forms.
@@ -25,7 +24,7 @@ import scipy
 
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.measure.correlation.icgn import CHUNK, references, solve
-from gpusim.measure.correlation.image_pair import Pair, subset_pixels
+from gpusim.measure.correlation.image_pair import Pair
 from gpusim.measure.correlation.matching import Status, make_settings
 from gpusim.measure.correlation.pixel_mask import check_mask, masked_image
 from gpusim.measure.correlation.warp import COEFFICIENTS, Shape

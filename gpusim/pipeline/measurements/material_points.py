@@ -10,7 +10,7 @@ to the pictures counts as error of what is measured in them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -100,15 +100,23 @@ class TrueMotion:
         surface[found] = np.searchsorted(np.cumsum(counts), source, side="right")
         face, vertices = np.full(len(pixels), -1, np.int64), np.zeros((len(pixels), 3), np.int64)
         face[found], vertices[found] = faces[source], corners[source]
-        weights = np.full((len(pixels), 3), np.nan)
+        there = MaterialPoints(surface, face, vertices, np.full((len(pixels), 3), np.nan))
+        return self.on_triangles(there, camera, pixels, frame)
+
+    def on_triangles(
+        self, points: MaterialPoints, camera: str, pixels: Float, frame: int | None = 0
+    ) -> MaterialPoints:
+        """What a camera would see at ``pixels`` (P, 2) if the triangles of ``points`` went on."""
+        near, lens, _, _ = local(self.surfaces(frame), self.camera(camera))
+        seen = points.seen
         # of the triangle as it is, not of the part of it that is in the image
-        near, lens, _, _ = local(surfaces, self.camera(camera))
-        own = in_camera(lens, np.concatenate([one.points for one in near]))[vertices[found]]
+        own = in_camera(lens, np.concatenate([one.points for one in near]))[points.vertices[seen]]
         planes = barycentric_planes(own, lens)
-        ideal = lens.undistort(pixels[found])
+        ideal = lens.undistort(pixels[seen])
         share = np.einsum("pij,pj->pi", planes[:, :, :2], ideal) + planes[:, :, 2]
-        weights[found] = share / share.sum(axis=1, keepdims=True)
-        return MaterialPoints(surface, face, vertices, weights)
+        weights = np.full((len(pixels), 3), np.nan)
+        weights[seen] = share / share.sum(axis=1, keepdims=True)
+        return replace(points, weights=weights)
 
     def position(self, points: MaterialPoints, frame: int | None) -> Float:
         """Where points are in a frame, (P, 3) m, world."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
@@ -26,6 +27,12 @@ class RegionOfInterest:
 
     mask: Bool
     points: MaterialPoints
+
+    def shrunk(self, pixels: int) -> RegionOfInterest:
+        """Without what is nearer than this to anything outside, the picture's own border apart."""
+        size = 2 * pixels + 1
+        kept = cv2.erode(self.mask.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
+        return RegionOfInterest(kept, self.points[kept[self.mask]])
 
     def image(self, values: Float) -> Float:
         """Values of the ``points`` (P, …) as an image (H, W, …), NaN outside."""
