@@ -67,8 +67,8 @@ def draw_compared_fields(
             for axes, (name, values), (start, stop) in zip(row, maps.items(), scales, strict=True):
                 colours = "viridis" if start != -stop else "RdBu_r"
                 shown = np.where(known, values, np.nan)
-                draw_map(axes, backdrop, points, FieldMap(shown, name), vmin=start, vmax=stop, alpha=1.0,
-                         cmap=colours)  # fmt: skip
+                draw_map(axes, backdrop, points, FieldMap(shown, name), vmin=start, vmax=stop,
+                         cmap=colours, alpha=1.0)  # fmt: skip
                 axes.set_axis_off()
                 axes.axis((low[0] - margin, high[0] + margin, high[1] + margin, low[1] - margin))
 

@@ -4,7 +4,6 @@ report says."""
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -108,25 +107,28 @@ class FullFieldResult(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Points that were lost, with the reasons."""
-        return list(self._lost())
+        """Frames in which many points were lost, with the reasons."""
+        found = []
+        for place, frame in enumerate(self.table.frames):
+            lost, count = self.reasons(place), len(self.table.points)
+            total = sum(lost.values())
+            if total > MOST_LOST * count:
+                told = ", ".join(f"{number} {why}" for why, number in lost.items())
+                found.append(
+                    f"measure {self.name!r}: {total} of {count} points lost in frame {frame}: "
+                    f"{told}"
+                )
+        return found
 
-    def _lost(self) -> Iterator[str]:
-        for frame, states, hidden in zip(
-            self.table.frames, self.table["status"], self.table["hidden"], strict=True
-        ):
-            lost = states != "OK"
-            if not lost.sum() > MOST_LOST * lost.size:
-                continue
-            reasons = Counter(
-                "hidden from a camera" if out else state.lower().replace("_", " ")
-                for state, out in zip(states[lost].tolist(), hidden[lost].tolist(), strict=True)
-            )
-            told = ", ".join(f"{count} {reason}" for reason, count in reasons.most_common())
-            yield (
-                f"measure {self.name!r}: {int(lost.sum())} of {lost.size} points lost in frame "
-                f"{frame}: {told}"
-            )
+    def reasons(self, place: int) -> dict[str, int]:
+        """Why points were lost in a frame of the table, in words, the most frequent first."""
+        states, hidden = self.table["status"][place], self.table["hidden"][place]
+        lost = states != "OK"
+        words = Counter(
+            "hidden from a camera" if out else state.lower().replace("_", " ")
+            for state, out in zip(states[lost].tolist(), hidden[lost].tolist(), strict=True)
+        )
+        return dict(words.most_common())
 
     def maps(self) -> dict[str, npt.NDArray[Any]]:
         """All columns with ``difference`` (measured less true) of each quantity, (F, M)."""

@@ -9,6 +9,7 @@ subset: a larger one has less noise and resolves less.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
 MICROSTRAIN = 1e6
 GOAL = 1e-2
 """Relative error up to which the largest displacement counts as good."""
+
+
+LEAST_MEAN = 0.1
+"""Share of the RMS strain from which on a mean strain has a relative error."""
 
 
 def rms(values: Float) -> float:
@@ -61,8 +66,10 @@ def _motion(result: FullFieldResult) -> Iterator[Measurement]:
         f"{result.name}: largest displacement", unit, float(measured[most]), float(true[most]),
         tolerance_relative=GOAL,
     )  # fmt: skip
-    lost = int((~result.ok[-1]).sum())
-    yield Measurement.noise(f"{result.name}: points lost of {len(known)}", "1", float(lost))
+    lost = result.reasons(-1)
+    told = f" ({', '.join(f'{count} {why}' for why, count in lost.items())})" if lost else ""
+    count = float(sum(lost.values()))
+    yield Measurement.noise(f"{result.name}: points lost of {len(known)}{told}", "1", count)
 
 
 def _errors(result: FullFieldResult) -> Iterator[Measurement]:
@@ -79,12 +86,11 @@ def _errors(result: FullFieldResult) -> Iterator[Measurement]:
     for errors, told in ((result.raw_px, ""), (result.rest_px, ", beyond the subsets' smoothing")):
         last = errors[-1]
         yield Measurement.noise(f"{name}: RMS error in the picture{told}", "px", rms(last))
-        spread = last - np.array([[[mean(axis) for axis in one.T]] for one in last])
-        yield Measurement.noise(f"{name}: standard deviation{told}", "px", rms(spread))
-        for camera, one in zip(result.cameras, last, strict=True):
-            of = f" of {camera}" if len(result.cameras) > 1 else ""
-            for axis, values in zip("xy", one.T, strict=True):
-                yield Measurement.noise(f"{name}: bias along {axis}{of}{told}", "px", mean(values))
+        biases = np.array([[mean(axis) for axis in one.T] for one in last])
+        spread = rms(last - biases[:, None])
+        yield Measurement.noise(f"{name}: standard deviation{told}", "px", spread)
+        largest = biases.flat[np.argmax(np.abs(np.nan_to_num(biases)))]
+        yield Measurement.noise(f"{name}: bias{told}", "px", float(largest))
 
 
 def _noise(result: FullFieldResult) -> Iterator[Measurement]:
@@ -157,9 +163,12 @@ def _strains(result: FullFieldResult) -> Iterator[Measurement]:
         average = [
             mean(result.table[f"{kind}_{name}"][-1][known]) for kind in ("measured", "levelled")
         ]
-        yield Measurement.compare(
+        one = Measurement.compare(
             f"{result.name}: mean {name}", "1e-6", *(MICROSTRAIN * one for one in average)
         )
+        # of a mean near zero a relative error says nothing
+        large = abs(average[1]) > LEAST_MEAN * rms(result.table[f"true_{name}"][-1][known])
+        yield one if large else replace(one, error_relative=float("nan"))
         for kind, told in (("true", "at the points"), ("levelled", "beyond smoothing")):
             error = measured - result.table[f"{kind}_{name}"][-1]
             what = f"{result.name}: error of {name} {told}, RMS"
