@@ -17,6 +17,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import GpusimError
+from gpusim.measure.correlation.strain import strain_tensor
 from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.dic.correlating import (
@@ -100,28 +101,25 @@ class _Single:
             true = field.shift(frame)
             columns = _places(field, frame, one.status, [field])
             columns |= _compared(("u_px", "v_px"), one.displacement, true, smooth)
-            measured: Any = one
-            expected = Moved(points, _where(one.ok, smooth), one.subset, points, one.ok)
+            places, shifts = (points, points), (one.displacement, smooth)
             if scale is not None:
                 moved = MM * field.motion.displacement(field.material, frame) @ scale.axes.T
                 slow = moved + np.einsum("mij,mj->mi", scale.slope, smooth - true)
-                measured = scale.applied(one)
-                columns |= _compared(("u_mm", "v_mm"), measured.displacement, moved, slow)
-                columns["sigma_mm"] = measured.sigma
-                expected = Moved(
-                    measured.points, _where(measured.ok, slow), measured.subset, points, one.ok
-                )
+                found_mm = measure.mapped(one, scale.mapping)
+                columns |= _compared(("u_mm", "v_mm"), found_mm.displacement, moved, slow)
+                columns["sigma_mm"] = found_mm.sigma
+                true_places = MM * field.motion.position(field.material, 0) @ scale.axes.T
+                places, shifts = (found_mm.points, true_places), (found_mm.displacement, slow)
             if spec.strain != "none":
-                options: Any = {"window": spec.strain_window, "kind": spec.strain}
                 at = (
                     field.picture_strain(frame, spec.strain) if scale is None
                     else field.plane_strain(frame, spec.strain, scale.axes)
                 )  # fmt: skip
-                tensors = (
-                    measure.strain(measured, **options).tensor, at,
-                    measure.strain(expected, **options).tensor,
-                )  # fmt: skip
-                columns |= _strain_columns(*tensors)
+                tensors = [
+                    _gauge_strain(spec, one, place, shift)
+                    for place, shift in zip(places, shifts, strict=True)
+                ]
+                columns |= _strain_columns(tensors[0], at, tensors[1])
             table[frame] = columns | {"zncc": one.zncc, "sigma_px": one.sigma}
             raw.append([one.displacement - true])
             rest.append([one.displacement - smooth])
@@ -143,10 +141,6 @@ class _Scale:
     names: tuple[str, str]
     slope: Float
     calibration_px: float = float("nan")
-
-    def applied(self, found: measure.DicResult) -> measure.MappedResult:
-        """What was found, in mm."""
-        return measure.mapped(found, self.mapping)
 
 
 def _scale_of(single: _Single, found: measure.DicResult) -> _Scale | None:
@@ -175,6 +169,24 @@ def _scale_of(single: _Single, found: measure.DicResult) -> _Scale | None:
     slope = field_slope(mapping, points)
     names = ("the target's x", "the target's y")
     return _Scale(mapping, laid.rotation.T[:2], names, slope, calibration.rms)
+
+
+def _gauge_strain(spec: m.DicTable, found: measure.DicResult, places: Float, moved: Float) -> Float:
+    """Strain (M, 2, 2) of points that are at ``places`` (M, 2) and ``moved`` (M, 2), along the axes
+    of these. Windows are those of the picture's grid, however a mapping bends it."""
+    slopes = [
+        measure.strain(
+            Moved(found.points, _where(found.ok, values), found.subset, places, found.ok),
+            window=spec.strain_window,
+            kind="small",
+        ).gradient
+        for values in (places, moved)
+    ]
+    known = np.isfinite(slopes).all(axis=(0, 2, 3))
+    gradient = np.full_like(slopes[0], np.nan)
+    gradient[known] = slopes[1][known] @ np.linalg.inv(slopes[0][known])
+    kind: Any = spec.strain
+    return strain_tensor(gradient, kind)
 
 
 class _Pair(_Single):
