@@ -125,10 +125,7 @@ class _Single:
             rest.append([one.displacement - smooth])
         axes = ("the picture's x", "the picture's y") if scale is None else scale.names
         calibration = np.nan if scale is None else scale.calibration_px
-        return _result(
-            self, table, axes, np.array(raw), np.array(rest), levelled.slope, levelled.contrast,
-            calibration,
-        )  # fmt: skip
+        return _result(self, table, axes, np.array(raw), np.array(rest), levelled, calibration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,8 +239,8 @@ class _Pair(_Single):
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
         return _result(
-            self, table, ("+x", "+y", "+z"), np.array(raw), np.array(rest), levels[0].slope,
-            levels[0].contrast, calibration.rms,
+            self, table, ("+x", "+y", "+z"), np.array(raw), np.array(rest), levels[0],
+            calibration.rms,
         )  # fmt: skip
 
     def _laid(self, found: Iterable[measure.StereoResult], place: Float) -> measure.Alignment:
@@ -331,17 +328,17 @@ def _result(
     axes: tuple[str, ...],
     *arrays: Any,
 ) -> FullFieldResult:
-    """With the settings; ``arrays``: raw, rest, slope, contrast, calibration_px."""
+    """With the settings; ``arrays``: raw, rest, levelled, calibration_px."""
     spec, field = single.spec, single.field
     digits = len(str(len(field.points)))
     names = [f"p{number:0{digits}d}" for number in range(1, len(field.points) + 1)]
-    raw, rest, slope, contrast, calibration = arrays
+    raw, rest, level, calibration = arrays
     return FullFieldResult(
         name=spec.name, table=PointTable.of("point", names, table), cameras=spec.views, axes=axes,
         subset_px=spec.subset_px, step_px=spec.step_px, shape=spec.shape, strain=spec.strain,
         strain_window=spec.strain_window, blur_px=spec.blur_px, formats=spec.formats,
         pixel_mm=MM * field.resolution(), calibration_px=float(calibration),
-        raw_px=raw, rest_px=rest, slope=slope, contrast=contrast,
+        raw_px=raw, rest_px=rest, slope=level.slope, contrast=level.contrast, spread=level.spread,
     )  # fmt: skip
 
 

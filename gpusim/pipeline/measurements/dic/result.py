@@ -40,8 +40,9 @@ class FullFieldResult(Result):
     the truth as subsets and strain windows see it: ``levelled``; standard uncertainties.
     ``cameras``; ``axes``: along which displacements are, in words; ``raw_px`` and ``rest_px``
     (F, C, M, 2): what is left of them less the truth, and less the levelled truth, in each camera's
-    picture. ``pixel_mm``: width of a pixel on the surface. ``slope`` and ``contrast`` (M,): of the
-    subsets (`subset_filter.FilteredField`). ``calibration_px``: NaN without one.
+    picture. ``pixel_mm``: width of a pixel on the surface. ``slope``, ``contrast`` (M,) and
+    ``spread`` (M, 2): of the subsets (`subset_filter.FilteredField`). ``calibration_px``: NaN
+    without one.
     """
 
     cameras: tuple[str, ...]
@@ -59,6 +60,7 @@ class FullFieldResult(Result):
     rest_px: Float
     slope: Float
     contrast: Float
+    spread: Float
 
     def __post_init__(self) -> None:
         shape = len(self.table.frames), len(self.cameras), len(self.table.points), 2

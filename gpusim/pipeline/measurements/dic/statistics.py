@@ -120,7 +120,7 @@ def scores(result: FullFieldResult) -> Float:
     """Measured less levelled displacements over their standard uncertainty, (F, M, K)."""
     table, names = result.table, result.displacements
     if "sigma_px" in table.columns:
-        sigma = table["sigma_px"][..., None]
+        sigma = table["sigma_px"][..., None] * result.spread
         difference = result.rest_px[:, 0]
     else:
         sigma = np.stack([table[f"sigma_{one}"] for one in names], axis=-1)
