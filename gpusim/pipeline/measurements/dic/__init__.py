@@ -4,9 +4,10 @@ In the order in which data passes:
 
 - `correlating`: The pictures of a scene correlated: points, masks, and what was found at them.
 - `true_field`: The true displacement of all that a region of interest sees, as subsets see it.
+- `point_fields`: Fields at points over frames, measured and true, and how they were measured.
+- `statistics`: What the differences between measured and true fields say, in numbers.
 - `result`: Displacements and strains at points over frames, measured and true: tables, files, what
   the report says.
-- `statistics`: What the differences between measured and true fields say, in numbers.
 - `measuring`: Displacements and strains measured in pictures of one camera or of a pair, with their
   truth.
 """

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,9 @@ from gpusim.measure.correlation.subset_filter import (
     metrological_efficiency,
     spatial_resolution,
 )
+from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.report import Measurement
 from gpusim.scene.description.table import name_and_unit
-
-if TYPE_CHECKING:
-    from gpusim.pipeline.measurements.dic.result import FullFieldResult
 
 MICROSTRAIN = 1e6
 GOAL = 1e-2
@@ -47,13 +45,13 @@ def mean(values: Float) -> float:
     return float(np.mean(known)) if known.size else float("nan")
 
 
-def rows(result: FullFieldResult) -> list[Measurement]:
+def rows(result: PointFields) -> list[Measurement]:
     """The last frame's numbers, the main one first."""
     return [*_motion(result), *_errors(result), *_noise(result), *_filters(result),
             *_strains(result)]  # fmt: skip
 
 
-def _motion(result: FullFieldResult) -> Iterator[Measurement]:
+def _motion(result: PointFields) -> Iterator[Measurement]:
     """The displacement where it is largest, and how many points were lost."""
     names = result.displacements
     unit = name_and_unit(names[0])[1]
@@ -72,7 +70,7 @@ def _motion(result: FullFieldResult) -> Iterator[Measurement]:
     yield Measurement.noise(f"{result.name}: points lost of {len(known)}{told}", "1", count)
 
 
-def _errors(result: FullFieldResult) -> Iterator[Measurement]:
+def _errors(result: PointFields) -> Iterator[Measurement]:
     """Of displacements, less the truth and less the levelled truth."""
     name = result.name
     lengths = [one for one in result.displacements if one.endswith("_mm")]
@@ -93,7 +91,7 @@ def _errors(result: FullFieldResult) -> Iterator[Measurement]:
         yield Measurement.noise(f"{name}: bias{told}", "px", float(largest))
 
 
-def _noise(result: FullFieldResult) -> Iterator[Measurement]:
+def _noise(result: PointFields) -> Iterator[Measurement]:
     """The noise floor, and whether differences are as large as it lets expect."""
     name, table = result.name, result.table
     units = {"sigma_px": "px", "sigma_mm": "mm"}
@@ -116,7 +114,7 @@ def _noise(result: FullFieldResult) -> Iterator[Measurement]:
     yield Measurement.compare(f"{name}: mean square of error over sigma", "1", chi, 1.0)
 
 
-def scores(result: FullFieldResult) -> Float:
+def scores(result: PointFields) -> Float:
     """Measured less levelled displacements over their standard uncertainty, (F, M, K)."""
     table, names = result.table, result.displacements
     if "sigma_px" in table.columns:
@@ -129,7 +127,7 @@ def scores(result: FullFieldResult) -> Float:
         return np.asarray(np.where(sigma > 0.0, difference / sigma, np.nan))
 
 
-def _filters(result: FullFieldResult) -> Iterator[Measurement]:
+def _filters(result: PointFields) -> Iterator[Measurement]:
     """What the settings resolve, and how near noise times resolution is to the least there is."""
     name, subset, unknown = result.name, result.subset_px, float("nan")
     shape: Any = result.shape
@@ -155,7 +153,7 @@ def _filters(result: FullFieldResult) -> Iterator[Measurement]:
         yield Measurement.compare(told, "px^2", found, best)
 
 
-def _strains(result: FullFieldResult) -> Iterator[Measurement]:
+def _strains(result: PointFields) -> Iterator[Measurement]:
     """Of strains, at the points themselves and through the same subsets and windows."""
     for name in result.strains:
         measured = result.table[f"measured_{name}"][-1]
