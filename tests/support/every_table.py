@@ -83,11 +83,11 @@ def everything() -> dict[str, Any]:
         "measure": [
             {"name": "space", "type": "stereo", "cameras": ["left", "right"], "groups": ["side"],
              "lens": "pinhole"},
+            {"name": "tip", "type": "deflection", "camera": "left", "groups": ["side"],
+             "direction": "-z"},
             {"name": "field", "type": "dic", "cameras": ["left", "right"], "lens": "pinhole",
              "roi": {"where": {"normal": "-y"}}, "subset_px": 21, "step_px": 15,
              "formats": ["csv", "h5"]},
-            {"name": "tip", "type": "deflection", "camera": "left", "groups": ["side"],
-             "direction": "-z"},
         ],
         "output": {"vtu": True, "stl": True, "stress": True,
                    "truth": ["reference", "displacement", "depth", "flow", "region", "element",

@@ -7,7 +7,7 @@ and the true places of the same material points, as a tester aligns them by mark
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import GpusimError
 from gpusim.measure.correlation.strain import strain_tensor
+from gpusim.measure.correlation.subset_filter import FilteredField
 from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.dic.correlating import (
@@ -99,7 +100,7 @@ class _Single:
         table, raw, rest = dict[int, Columns](), [], []
         for frame, one, smooth in zip(self.frames, found, levelled.displacement, strict=True):
             true = field.shift(frame)
-            columns = _places(field, frame, one.status, [field])
+            columns = _places([field], frame, one.status)
             columns |= _compared(("u_px", "v_px"), one.displacement, true, smooth)
             places, shifts = (points, points), (one.displacement, smooth)
             if scale is not None:
@@ -125,7 +126,28 @@ class _Single:
             rest.append([one.displacement - smooth])
         axes = ("the picture's x", "the picture's y") if scale is None else scale.names
         calibration = np.nan if scale is None else scale.calibration_px
-        return _result(self, table, axes, np.array(raw), np.array(rest), levelled, calibration)
+        return self.kept(table, axes, np.array([raw, rest]), levelled, calibration)
+
+    def kept(
+        self,
+        table: dict[int, Columns],
+        axes: tuple[str, ...],
+        errors: Float,
+        level: FilteredField,
+        calibration_px: float,
+    ) -> FullFieldResult:
+        """The result with the settings; ``errors`` (2, F, C, M, 2) px less the truth and less the
+        levelled truth."""
+        spec, count = self.spec, len(self.field.points)
+        names = [f"p{number:0{len(str(count))}d}" for number in range(1, count + 1)]
+        keys = "subset_px step_px shape strain strain_window blur_px formats"
+        settings: dict[str, Any] = {key: getattr(spec, key) for key in keys.split()}
+        return FullFieldResult(
+            spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
+            pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
+            raw_px=errors[0], rest_px=errors[1],
+            slope=level.slope, contrast=level.contrast, spread=level.spread,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,13 +193,12 @@ def _scale_of(single: _Single, found: measure.DicResult) -> _Scale | None:
 def _gauge_strain(spec: m.DicTable, found: measure.DicResult, places: Float, moved: Float) -> Float:
     """Strain (M, 2, 2) of points that are at ``places`` (M, 2) and ``moved`` (M, 2), along the axes
     of these. Windows are those of the picture's grid, however a mapping bends it."""
-    slopes = [
-        measure.strain(
-            Moved(found.points, _where(found.ok, values), found.subset, places, found.ok),
-            window=spec.strain_window,
-            kind="small",
-        ).gradient
+    fields = (
+        Moved(found.points, _where(found.ok, values), found.subset, places, found.ok)
         for values in (places, moved)
+    )
+    slopes = [
+        measure.strain(one, window=spec.strain_window, kind="small").gradient for one in fields
     ]
     known = np.isfinite(slopes).all(axis=(0, 2, 3))
     gradient = np.full_like(slopes[0], np.nan)
@@ -196,16 +217,15 @@ class _Pair(_Single):
         _, calibration = calibrated(spec, self.scene, self.sources.corners)
         rig = calibration.cameras[0], calibration.cameras[1]
         region = region_of_second_camera(motion, field.roi, left, right)
-        found = correlate_pairs(
-            spec, self.sources, points, (field.roi.mask, region.mask), rig, self.frames
-        )
+        masks = field.roi.mask, region.mask
+        found = correlate_pairs(spec, self.sources, points, masks, rig, self.frames)
         # where the second camera sees the points is known to the truth
-        second = TrueField(
-            motion, right, region, motion.pixels(field.material, right, 0), field.material
-        )
+        seen = motion.pixels(field.material, right, 0)
+        views = field, TrueField(motion, right, region, seen, field.material)
+        images = self.sources.image(left, 0), self.sources.image(right, 0)
         levels = [
-            one.levelled(self.sources.image(one.camera, 0), self.frames, spec)
-            for one in (field, second)
+            view.levelled(image, self.frames, spec)
+            for view, image in zip(views, images, strict=True)
         ]
         cameras = motion.camera(left), motion.camera(right)
         place = MM * motion.position(field.material, 0)
@@ -214,34 +234,27 @@ class _Pair(_Single):
         for k, frame in enumerate(self.frames):
             one = found[k]
             true = MM * motion.displacement(field.material, frame)
-            smooth = _seen_by(cameras, [
-                (each.points, level.displacement[k])
-                for each, level in zip((field, second), levels, strict=True)
-            ])  # fmt: skip
-            columns = _places(field, frame, one.status, [field, second])
+            before = np.array([view.points for view in views])
+            smooth = _seen_by(cameras, before, np.array([one.displacement[k] for one in levels]))
+            columns = _places(views, frame, one.status)
             for axis, now, real in zip("XYZ", laid.apply(one.shape).T, place.T, strict=True):
                 columns |= {f"measured_{axis}_mm": now, f"true_{axis}_mm": real}
             moved = one.displacement @ laid.rotation.T
             columns |= _compared(("U_mm", "V_mm", "W_mm"), moved, true, smooth)
             if spec.strain != "none":
-                options: Any = {"window": spec.strain_window, "kind": spec.strain}
                 expected = Moved(points, _where(one.ok, smooth), one.subset, place, one.ok)
-                tensors = (
-                    measure.surface_strain(one, **options).tensor,
-                    field.surface_strain(frame, spec.strain),
-                    measure.surface_strain(expected, **options).tensor,
-                )
-                columns |= _strain_columns(*tensors)
+                options: Any = {"window": spec.strain_window, "kind": spec.strain}
+                strains = [measure.surface_strain(each, **options) for each in (one, expected)]
+                at = field.surface_strain(frame, spec.strain)
+                columns |= _strain_columns(strains[0].tensor, at, strains[1].tensor)
             sigma, in_picture = _uncertainty(one, rig, laid.rotation)
             columns |= {f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)}
             table[frame] = columns | {"sigma_picture_px": in_picture, "residual_px": one.residual}
             now = place + true
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
-        return _result(
-            self, table, ("+x", "+y", "+z"), np.array(raw), np.array(rest), levels[0],
-            calibration.rms,
-        )  # fmt: skip
+        axes = ("+x", "+y", "+z")
+        return self.kept(table, axes, np.array([raw, rest]), levels[0], calibration.rms)
 
     def _laid(self, found: Iterable[measure.StereoResult], place: Float) -> measure.Alignment:
         """The rigid motion from the rig's axes to the structure's, from the points' places in the
@@ -255,22 +268,17 @@ class _Pair(_Single):
         )
 
 
-def _seen_by(cameras: tuple[Camera, Camera], views: list[tuple[Float, Float]]) -> Float:
-    """Displacements (M, 3) mm, in the world, of points that two true cameras see at places (M, 2)
-    px and then moved by (M, 2) px."""
+def _seen_by(cameras: tuple[Camera, Camera], before: Float, moved: Float) -> Float:
+    """Displacements (M, 3) mm, in the world, of points that two true cameras see at places
+    ``before`` (2, M, 2) px and then ``moved`` (2, M, 2) px."""
     first = np.linalg.inv(cameras[0].camera_from_world)
     rig = []
     for camera in cameras:
-        pose = camera.camera_from_world @ first
-        size = camera.width, camera.height
-        rig.append(
-            measure.rig_camera(size, camera.K, camera.distortion, pose[:3, :3], MM * pose[:3, 3])
-        )
-    before, after = (
-        measure.triangulate(rig, np.array([place + share * moved for place, moved in views])).points
-        for share in (0.0, 1.0)
-    )
-    return np.asarray((after - before) @ first[:3, :3].T)
+        pose, size = camera.camera_from_world @ first, (camera.width, camera.height)
+        lens = camera.K, camera.distortion
+        rig.append(measure.rig_camera(size, *lens, pose[:3, :3], MM * pose[:3, 3]))
+    start, end = (measure.triangulate(rig, one).points for one in (before, before + moved))
+    return np.asarray((end - start) @ first[:3, :3].T)
 
 
 def _in_picture(camera: Camera, place: Float, error: Float) -> Float:
@@ -292,13 +300,13 @@ def _uncertainty(
 
 
 def _places(
-    field: TrueField, frame: int, status: npt.NDArray[np.int8], views: list[TrueField]
+    views: Sequence[TrueField], frame: int, status: npt.NDArray[np.int8]
 ) -> dict[str, npt.NDArray[Any]]:
     """Columns that a table begins with: what became of the points, whether they are ``hidden`` from
     any of the cameras in a frame, and where they are in the reference picture."""
-    seen = [field.motion.visible(field.material, one.camera, frame) for one in views]
+    seen = [one.motion.visible(one.material, one.camera, frame) for one in views]
     words = np.array([one.name for one in measure.Status])
-    x, y = field.points.T
+    x, y = views[0].points.T
     return {"status": words[status], "hidden": ~np.all(seen, axis=0), "x_px": x, "y_px": y}
 
 
@@ -320,26 +328,6 @@ def _strain_columns(*tensors: Float) -> Columns:
 def _where(ok: Bool, values: Float) -> Float:
     """NaN where nothing was measured."""
     return np.where(ok[:, None], values, np.nan)
-
-
-def _result(
-    single: _Single,
-    table: dict[int, Columns],
-    axes: tuple[str, ...],
-    *arrays: Any,
-) -> FullFieldResult:
-    """With the settings; ``arrays``: raw, rest, levelled, calibration_px."""
-    spec, field = single.spec, single.field
-    digits = len(str(len(field.points)))
-    names = [f"p{number:0{digits}d}" for number in range(1, len(field.points) + 1)]
-    raw, rest, level, calibration = arrays
-    return FullFieldResult(
-        name=spec.name, table=PointTable.of("point", names, table), cameras=spec.views, axes=axes,
-        subset_px=spec.subset_px, step_px=spec.step_px, shape=spec.shape, strain=spec.strain,
-        strain_window=spec.strain_window, blur_px=spec.blur_px, formats=spec.formats,
-        pixel_mm=MM * field.resolution(), calibration_px=float(calibration),
-        raw_px=raw, rest_px=rest, slope=level.slope, contrast=level.contrast, spread=level.spread,
-    )  # fmt: skip
 
 
 register(Kind(m.DicTable, FullFieldResult, measure_dic))

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.arrays.array_types import Bool, Float
+from gpusim.measure.correlation.warp import Shape
 from gpusim.pipeline.measurements.results import Result
 from gpusim.scene.description.table import name_and_unit
 
@@ -32,7 +33,7 @@ class PointFields(Result):
     axes: tuple[str, ...]
     subset_px: int
     step_px: int
-    shape: str
+    shape: Shape
     strain: str
     strain_window: int
     blur_px: float
