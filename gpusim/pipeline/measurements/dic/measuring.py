@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.errors import GpusimError
+from gpusim.errors import GpusimError, InputError
 from gpusim.measure.correlation.strain import strain_tensor
 from gpusim.measure.correlation.subset_filter import FilteredField
 from gpusim.measure.targets.plumb_lines import field_slope
@@ -28,7 +28,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 )
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
-from gpusim.pipeline.measurements.kinds import Kind, register
+from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
 from gpusim.pipeline.measurements.region_of_interest import region_of_interest
 from gpusim.pipeline.measurements.results import Columns, PointTable
@@ -41,6 +41,8 @@ from gpusim.scene.description import model as m
 MM = 1e3
 STRAINS = {"exx": (0, 0), "eyy": (1, 1), "exy": (0, 1)}
 LEAST_ALIGNED = 3
+COARSE = 8
+"""Pixels of which one is looked at before there are pictures."""
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 
@@ -330,4 +332,20 @@ def _where(ok: Bool, values: Float) -> Float:
     return np.where(ok[:, None], values, np.nan)
 
 
-register(Kind(m.DicTable, FullFieldResult, measure_dic))
+def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
+    """There is something to measure; raises InputError if not."""
+    what, camera = f"measure {spec.name!r}", spec.views[0]
+    if not unloaded.strict:
+        return []
+    for name in spec.views:
+        if name in unloaded.blind:
+            raise InputError(f"{what}: {unloaded.blind[name]}")
+    motion = TrueMotion(SceneObjects(scene, (), unloaded.bodies), unloaded.surfaces)
+    try:
+        region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
+    except InputError:  # it may be smaller than that
+        region_of_interest(what, spec.roi, motion, camera)
+    return []
+
+
+register(Kind(m.DicTable, FullFieldResult, measure_dic, _checks))
