@@ -22,6 +22,10 @@ from gpusim.scene.description import model as m
 def points_within(what: str, mask: Bool, spec: m.DicTable) -> Float:
     """Places (M, 2) px ``step_px`` apart within a ``mask`` (H, W), whose subsets are in the
     picture. Raises InputError if there are none."""
+    got = f"a region without room for a subset of {spec.subset_px} px"
+    none = InputError(f"{what}: roi; got {got}; expected a larger one, or smaller subsets")
+    if not mask.any():
+        raise none
     height, width = mask.shape
     half = spec.subset_px // 2
     row, column = np.nonzero(mask)
@@ -34,8 +38,7 @@ def points_within(what: str, mask: Bool, spec: m.DicTable) -> Float:
     x, y = (axis.ravel() for axis in np.meshgrid(*places))
     kept = mask[y, x]
     if not kept.any():
-        got = f"a region without a whole subset of {spec.subset_px} px"
-        raise InputError(f"{what}: roi; got {got}; expected room for one in the picture")
+        raise none
     return np.stack([x[kept], y[kept]], axis=1).astype(np.float64)
 
 
