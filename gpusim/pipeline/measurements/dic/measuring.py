@@ -40,7 +40,7 @@ from gpusim.scene.description import model as m
 
 MM = 1e3
 STRAINS = {"exx": (0, 0), "eyy": (1, 1), "exy": (0, 1)}
-LEAST_ALIGNED = 3
+LEAST_ALIGNED, MOST_ALIGNED = 3, 10_000
 COARSE = 8
 """Pixels of which one is looked at before there are pictures."""
 RIM = 3
@@ -184,9 +184,10 @@ def _scale_of(single: _Single, found: measure.DicResult) -> _Scale | None:
             f"{field.camera!r} doesn't find the target; expected another pose"
         )
     mapping = measure.plane_mapping(calibration.cameras[0], pose)
-    place = np.column_stack([mapping(points), np.zeros(len(points))])
-    position = MM * field.motion.position(field.material, 0)
-    laid = measure.align(place, position)
+    some = slice(None, None, -(-len(field.roi.points) // MOST_ALIGNED))
+    place = mapping(np.argwhere(field.roi.mask)[some, ::-1].astype(np.float64))
+    position = MM * field.motion.position(field.roi.points[some], 0)
+    laid = measure.align(np.column_stack([place, np.zeros(len(place))]), position)
     slope = field_slope(mapping, points)
     names = ("the target's x", "the target's y")
     return _Scale(mapping, laid.rotation.T[:2], names, slope, calibration.rms)
