@@ -252,7 +252,10 @@ class _Pair(_Single):
                 columns |= _strain_columns(strains[0].tensor, at, strains[1].tensor)
             sigma, in_picture = _uncertainty(one, rig, laid.rotation)
             columns |= {f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)}
-            table[frame] = columns | {"sigma_picture_px": in_picture, "residual_px": one.residual}
+            table[frame] = columns | {
+                "sigma_each_camera_px": in_picture,
+                "residual_px": one.residual,
+            }
             now = place + true
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
