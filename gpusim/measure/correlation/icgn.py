@@ -71,7 +71,7 @@ def correlate_numpy(subsets: Subsets, settings: Settings) -> Correlation:
 
 
 @dataclass(frozen=True)
-class _References:
+class References:
     """B subsets of the reference, n pixels each, and what stays the same in all iterations.
 
     column, row : (B, n) int64, pixels of the whole image.    weight : (B, n), window and mask.
@@ -93,7 +93,7 @@ class _References:
     status: npt.NDArray[np.int8]
 
 
-def _references(pair: Pair, points: Float, settings: Settings) -> _References:
+def references(pair: Pair, points: Float, settings: Settings) -> References:
     half, shape = settings.half, settings.shape
     status = np.full(len(points), Status.NOT_CONVERGED, dtype=np.int8)
     column, row = subset_pixels(points, half)
@@ -124,13 +124,13 @@ def _references(pair: Pair, points: Float, settings: Settings) -> _References:
     factor, solvable = cholesky(np.einsum("ibn,jbn->bij", weighted, descent))
     status[in_crop & ~masked & (flat | ~solvable)] = Status.NO_TEXTURE
     terms = basis(a, b, COEFFICIENTS[shape])
-    return _References(column, row, weight, total, f, energy, terms, weighted, factor, status)
+    return References(column, row, weight, total, f, energy, terms, weighted, factor, status)
 
 
 def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Correlation:
     pair, shape = subsets.pair, settings.shape
     start = subsets.start[part]
-    ref = _references(pair, subsets.points[part], settings)
+    ref = references(pair, subsets.points[part], settings)
     status = ref.status
     number = len(status)
     iterations = np.zeros(number, dtype=np.int32)
