@@ -303,13 +303,14 @@ def _dispatch(
     box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
     covered = bool((box == image).all())
     windowed = bool((settings.window != 1).any())
+    threads = THREADS_CPU if is_processor(device.info) else THREADS
     kernel = device.kernel(
         "measure/correlation/icgn",
         entry="main",
         constants={
             "shape": SHAPES.index(settings.shape),
             "unknowns": UNKNOWNS[settings.shape],
-            "threads": THREADS_CPU if is_processor(device.info) else THREADS,
+            "threads": threads,
             "windowed": windowed,
         },
     )
@@ -333,9 +334,9 @@ def _dispatch(
         starts=device.buffer(starts.astype(np.float32), label="measure.icgn.starts"),
         result=result,
     )
-    lines = -(-rows.size // 65535)
+    lines = -(-rows.size // (65535 * threads))
     with device.recording("measure.icgn") as recording:
-        recording.dispatch(kernel, bindings, groups=(-(-rows.size // lines), lines, 1))
+        recording.dispatch(kernel, bindings, groups=(-(-rows.size // (lines * threads)), lines, 1))
     values: Float = result.read(np.float32, (rows.size, 16)).astype(np.float64)
     return values
 
