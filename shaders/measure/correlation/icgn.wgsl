@@ -20,6 +20,7 @@ const MIN_WEIGHT = 0.3;
 const SLACK = 0.1;
 const FASTEST = 0.03;
 const MOST_NOISE = 0.75;
+const MOST_STRETCH = 0.2; // see nine_values
 
 // gpusim.measure.correlation.matching.Status
 const OK = 0.0;
@@ -95,6 +96,37 @@ fn add_residual(
     if (shape == 3u) { (*line).b += vec4f(vec2f(0.0), 0.5 * a * a * v); }
 }
 
+// The same for three neighbours.
+fn add_three(
+    line: ptr<function, Sums>, first: vec2i, pixel: vec2i, a: vec3f, mean: f32, there: vec3f,
+    inside: vec3<bool>, counted: vec3<bool>,
+) {
+    let at = first + pixel;
+    let one = vec2i(1, 0);
+    add_residual(line, at, pixel, a.x, mean, there.x, inside.x, counted.x);
+    add_residual(line, at + one, pixel + one, a.y, mean, there.y, inside.y, counted.y);
+    add_residual(line, at + 2 * one, pixel + 2 * one, a.z, mean, there.z, inside.z, counted.z);
+}
+
+// Whether positions lie in a closed box.
+fn inside(x: vec3f, y: vec3f, lowest: vec2f, highest: vec2f) -> vec3<bool> {
+    let in_x = (x >= lowest.xxx) & (x <= highest.xxx);
+    return in_x & (y >= lowest.yyy) & (y <= highest.yyy);
+}
+
+// Displacements of three pixels of the line at b.
+struct Moves {
+    x: vec3f,
+    y: vec3f,
+}
+
+fn three_displacements(c: Warp, a: vec3f, b: f32) -> Moves {
+    let p = displacement(c, vec2f(a.x, b));
+    let q = displacement(c, vec2f(a.y, b));
+    let r = displacement(c, vec2f(a.z, b));
+    return Moves(vec3f(p.x, q.x, r.x), vec3f(p.y, q.y, r.y));
+}
+
 // Add the sums of the line at b to those of the subset.
 fn add_line(own: ptr<function, Sums>, line: Sums, b: f32) {
     (*own).head += line.head;
@@ -114,15 +146,16 @@ fn widened(index: u32, noise: f32) -> f32 {
     return variance(index) / (rest * rest);
 }
 
-// The most that neighbouring pixels are apart along an axis after the warp, diagonal ones too.
-fn spread(c: Warp, half: f32) -> f32 {
+// How much neighbouring pixels, diagonal ones too, are closer or further apart along an axis after
+// the warp, px.
+fn stretch(c: Warp, half: f32) -> f32 {
     // second derivatives act over the subset's half width and half a pixel
     let bend_x = abs(c.x.high.x) + 2.0 * abs(c.x.high.y) + abs(c.x.high.z);
     let bend_y = abs(c.y.high.x) + 2.0 * abs(c.y.high.y) + abs(c.y.high.z);
     return max(
-        abs(1.0 + c.x.low.y / half) + abs(c.x.low.z / half) + 1.2 * bend_x / half,
-        abs(1.0 + c.y.low.z / half) + abs(c.y.low.y / half) + 1.2 * bend_y / half,
-    );
+        abs(c.x.low.y) + abs(c.x.low.z) + 1.2 * bend_x,
+        abs(c.y.low.y) + abs(c.y.low.z) + 1.2 * bend_y,
+    ) / half;
 }
 
 fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) {
@@ -262,43 +295,43 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
         iteration++;
         // given explicitly: naga doesn't reset a variable of a loop body by itself
         var own = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
-        let close = spread(c, half) < 1.99;
-        let paired = select(0, width, close);
+        let close = stretch(c, half) < MOST_STRETCH;
+        let together = select(0, width, close);
         y = 0;
         loop {
             var upper = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
+            var middle = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
             var lower = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
-            let b = (vec2f(f32(y), f32(y) + 1.0) - half - fraction.y) / half;
+            let lines = vec3f(f32(y)) + vec3f(0.0, 1.0, 2.0) - half;
+            let b = (lines - fraction.y) / half;
             var x = 0;
             loop {
-                let pixel = vec2i(x, y);
-                let at = first + pixel;
-                let a = (vec2f(f32(x), f32(x) + 1.0) - half - fraction.x) / half;
-                let d0 = displacement(c, vec2f(a.x, b.x));
-                let d1 = displacement(c, vec2f(a.y, b.x));
-                let d2 = displacement(c, vec2f(a.x, b.y));
-                let d3 = displacement(c, vec2f(a.y, b.y));
-                let x_there = f32(x) - half + vec4f(d0.x, 1.0 + d1.x, d2.x, 1.0 + d3.x);
-                let y_there = f32(y) - half + vec4f(d0.y, d1.y, 1.0 + d2.y, 1.0 + d3.y);
-                let g = spline_values(deformed, place.zw, x_there, y_there);
-                let in_x = (x_there >= lowest.xxxx) & (x_there <= highest.xxxx);
-                let inside = in_x & (y_there >= lowest.yyyy) & (y_there <= highest.yyyy);
-                let e = contrast * (g - level);
-                let has = x < paired;
-                let more = (pixel + 1 < vec2i(width)) & vec2(has);
-                add_residual(&upper, at, pixel, a.x, mean, e.x, inside.x, has);
-                add_residual(&upper, at + vec2i(1, 0), pixel + vec2i(1, 0), a.y, mean, e.y, inside.y, more.x);
-                add_residual(&lower, at + vec2i(0, 1), pixel + vec2i(0, 1), a.x, mean, e.z, inside.z, more.y);
-                add_residual(&lower, at + 1, pixel + 1, a.y, mean, e.w, inside.w, all(more));
-                x += 2;
-                if (x >= paired) { break; }
+                let columns = vec3f(f32(x)) + vec3f(0.0, 1.0, 2.0) - half;
+                let a = (columns - fraction.x) / half;
+                let u = three_displacements(c, a, b.x);
+                let v = three_displacements(c, a, b.y);
+                let w = three_displacements(c, a, b.z);
+                let x_there = mat3x3f(columns + u.x, columns + v.x, columns + w.x);
+                let y_there = mat3x3f(lines.x + u.y, lines.y + v.y, lines.z + w.y);
+                let g = nine_values(deformed, place.zw, x_there, y_there);
+                let in_line = vec3i(x, x + 1, x + 2) < vec3i(together);
+                let at = vec2i(x, y);
+                add_three(&upper, first, at, a, mean, contrast * (g[0] - level),
+                    inside(x_there[0], y_there[0], lowest, highest), in_line);
+                add_three(&middle, first, at + vec2i(0, 1), a, mean, contrast * (g[1] - level),
+                    inside(x_there[1], y_there[1], lowest, highest), in_line & vec3(y + 1 < width));
+                add_three(&lower, first, at + vec2i(0, 2), a, mean, contrast * (g[2] - level),
+                    inside(x_there[2], y_there[2], lowest, highest), in_line & vec3(y + 2 < width));
+                x += 3;
+                if (x >= together) { break; }
             }
             add_line(&own, upper, b.x);
-            add_line(&own, lower, b.y);
-            y += 2;
-            if (y >= paired) { break; }
+            add_line(&own, middle, b.y);
+            add_line(&own, lower, b.z);
+            y += 3;
+            if (y >= together) { break; }
         }
-        // stretched so much that neighbours are further apart than two pixels
+        // one by one
         let single = select(width, 0, close);
         y = 0;
         loop {
@@ -310,10 +343,10 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
                 let a = (f32(x) - half - fraction.x) / half;
                 let there = vec2f(pixel) - half + displacement(c, vec2f(a, b));
                 let low = floor(there);
-                let inside = all(there >= lowest) && all(there <= highest);
+                let within = all(there >= lowest) && all(there <= highest);
                 let g = spline_value(deformed, place.zw + vec2i(low), there - low);
                 let e = contrast * (g - level);
-                add_residual(&line, first + pixel, pixel, a, mean, e, inside, x < single);
+                add_residual(&line, first + pixel, pixel, a, mean, e, within, x < single);
                 x++;
                 if (x >= single) { break; }
             }
