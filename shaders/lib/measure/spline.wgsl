@@ -7,21 +7,29 @@ struct Taps {
     c: vec2f,
 }
 
-// Weights at the fraction t in [0, 1).
-fn quintic(t: f32) -> Taps {
-    let s = 1.0 - t;
-    let t2 = t * t;
-    let s2 = s * s;
-    return Taps(
-        vec2f(s2 * s2 * s, 26.0 + near(t)) / 120.0,
-        vec2f(66.0 + t2 * (-60.0 + t2 * (30.0 - 10.0 * t)),
-            66.0 + s2 * (-60.0 + s2 * (30.0 - 10.0 * s))) / 120.0,
-        vec2f(26.0 + near(s), t2 * t2 * t) / 120.0,
-    );
-}
+// Coefficients of u^0, u^2, u^4 and of u, u^3, u^5, u = t - 1/2, of the weights of tap 3 and of tap 2.
+const OUTER_EVEN = vec3f(1.0, 40.0, 80.0) / 3840.0;
+const OUTER_ODD = vec3f(10.0, 80.0, 32.0) / 3840.0;
+const NEXT_EVEN = vec3f(237.0, 840.0, -240.0) / 3840.0;
+const NEXT_ODD = vec3f(750.0, 240.0, -160.0) / 3840.0;
 
-fn near(t: f32) -> f32 {
-    return t * (-50.0 + t * (20.0 + t * (20.0 + t * (-20.0 + 5.0 * t))));
+// Weights at the fraction t in [0, 1). Those of two taps as far from the middle are a sum and a
+// difference of an even and an odd polynomial; of the innermost, these follow from the others', as
+// all weights add up to 1 and reproduce straight lines.
+fn quintic(t: f32) -> Taps {
+    let u = t - 0.5;
+    let v = u * u;
+    let even_a = OUTER_EVEN.x + v * (OUTER_EVEN.y + v * OUTER_EVEN.z);
+    let odd_a = u * (OUTER_ODD.x + v * (OUTER_ODD.y + v * OUTER_ODD.z));
+    let even_b = NEXT_EVEN.x + v * (NEXT_EVEN.y + v * NEXT_EVEN.z);
+    let odd_b = u * (NEXT_ODD.x + v * (NEXT_ODD.y + v * NEXT_ODD.z));
+    let even_c = 0.5 - even_a - even_b;
+    let odd_c = u - 5.0 * odd_a - 3.0 * odd_b;
+    return Taps(
+        vec2f(even_a - odd_a, even_b - odd_b),
+        vec2f(even_c - odd_c, even_c + odd_c),
+        vec2f(even_b + odd_b, even_a + odd_a),
+    );
 }
 
 // Value at pixel `at` plus the fraction f in [0, 1)^2. A texel holds the coefficients of a square
