@@ -134,7 +134,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     status = ref.status
     number = len(status)
     iterations = np.zeros(number, dtype=np.int32)
-    zncc, sigma = np.full(number, np.nan), np.full(number, np.nan)
+    zncc, sigma, residual = np.full((3, number), np.nan)
     low, scale = pair.deformed_range
     c = start.copy()
     contrast, level, before = np.ones(number), np.zeros(number), np.zeros(number)
@@ -176,13 +176,14 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         lost = ~(live & (move <= settings.max_move))
         status[active[done & ~lost]] = Status.OK
         if done.any():
-            variance = (fe * rest - along**2) / ge / (ta - UNKNOWNS[shape] - 2)
+            variance = np.maximum(fe * rest - along**2, 0.0) / ge / (ta - UNKNOWNS[shape] - 2)
+            residual[active] = variance
             noise = settings.slope_noise * (1.0 - zncc[active]) * fe
             spread = np.maximum(*displacement_variance(ref.factor[active], shape, noise))
-            sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
+            sigma[active] = np.sqrt(variance * spread)
         active = active[~(done | lost)]
     status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
-    result = Correlation(c, zncc, sigma, iterations, status)
+    result = Correlation(c, zncc, sigma, residual, iterations, status)
     bad = ~result.ok
     result.refuse(bad, status[bad])
     return result
@@ -238,7 +239,7 @@ def correlate(
     within: Bool = np.all(pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1)
     target = np.rint(subsets.start[:, :, 0])
     which = np.flatnonzero(within)
-    values = np.full((within.size, 16), np.nan)
+    values = np.full((within.size, 17), np.nan)
     values[:, 13] = 0.0
     values[:, 14] = Status.OUTSIDE
     if which.size:
@@ -263,6 +264,7 @@ def correlate(
         np.where(good[:, None, None], values[:, :12].reshape(-1, 2, 6), np.nan),
         zncc,
         np.where(good, values[:, 15], np.nan),
+        np.where(good, values[:, 16], np.nan),
         values[:, 13].astype(np.int32),
         status,
     )
@@ -283,7 +285,7 @@ def _dispatch(
     pixel: Long,
     begin: Long,
 ) -> Float:
-    """Run the kernel over the subsets of a tile; (K, 16) raw rows as the shader writes them.
+    """Run the kernel over the subsets of a tile; (K, 17) raw rows as the shader writes them.
 
     ``which`` are the rows of ``subsets`` that ``pixel`` and ``begin`` (see ``plan_tiles``) and the
     tile count from.
@@ -314,7 +316,7 @@ def _dispatch(
             "windowed": windowed,
         },
     )
-    result = device.empty(rows.size * 64, label="measure.icgn.result")
+    result = device.empty(rows.size * 68, label="measure.icgn.result")
     bindings = kernel.bind(
         params={
             "count": rows.size,
@@ -337,7 +339,7 @@ def _dispatch(
     lines = -(-rows.size // (65535 * threads))
     with device.recording("measure.icgn") as recording:
         recording.dispatch(kernel, bindings, groups=(-(-rows.size // (lines * threads)), lines, 1))
-    values: Float = result.read(np.float32, (rows.size, 16)).astype(np.float64)
+    values: Float = result.read(np.float32, (rows.size, 17)).astype(np.float64)
     return values
 
 

@@ -140,12 +140,14 @@ class Correlation:
     coefficients : (M, 2, 6) float64, px (see ``warp``).
     zncc : (M,) float64, correlation coefficient, NaN where it was never computed.
     sigma : (M,) float64, standard uncertainty of the worse displacement component, px.
+    residual : (M,) float64, variance of what the match leaves; the grey range is 1.
     iterations : (M,) int32.      status : (M,) int8, values of ``Status``.
     """
 
     coefficients: Float
     zncc: Float
     sigma: Float
+    residual: Float
     iterations: Int
     status: npt.NDArray[np.int8]
 
@@ -154,6 +156,7 @@ class Correlation:
         """``count`` subsets of which nothing is known."""
         return Correlation(
             np.full((count, 2, 6), np.nan),
+            np.full(count, np.nan),
             np.full(count, np.nan),
             np.full(count, np.nan),
             np.zeros(count, dtype=np.int32),
@@ -175,6 +178,7 @@ class Correlation:
         self.status[rows] = status
         self.coefficients[rows] = np.nan
         self.sigma[rows] = np.nan
+        self.residual[rows] = np.nan
 
 
 class PointResult:

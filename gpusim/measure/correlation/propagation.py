@@ -31,7 +31,10 @@ ATTEMPTS = 4  # starts per point
 # shapes that follow a smooth field: what they leave is news
 FLEXIBLE_SHAPES = ("affine", "quadratic")
 OUTLIER_PX = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
-POOR_RESIDUAL = 1.5  # residual over the lower quartile of all points
+# 1 - correlation over the lower quartile of all points
+POOR_CORRELATION = 1.5
+# square of the standard deviations by which what is left must stand out, too: contrast isn't even
+POOR_RESIDUAL = 60.0
 # px: tolerances where the one asked for isn't reached
 RELAXED_TOLERANCES = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)
 MIN_SIGMA_RATIO = 10.0  # standard uncertainty over the tolerance that then is enough
@@ -290,8 +293,11 @@ class Front:
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         alone = ~self.ok[neighbour].all(axis=1)
-        residual = 1.0 - self.matches.zncc[which]
-        poor = residual > POOR_RESIDUAL * np.quantile(residual, 0.25)
+        unlike = 1.0 - self.matches.zncc[which]
+        poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
+        residual = self.matches.residual[which]
+        usual = 1.0 + POOR_RESIDUAL / self.settings.window.sum()
+        poor &= residual > usual * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
     def _one_sided(self, which: Long) -> Bool:

@@ -14,7 +14,7 @@
 #import lib/measure/moments
 
 const FLOATS_IN = 14u;  // per subset: fraction of its point x, y; 12 start coefficients
-const FLOATS_OUT = 16u; // per subset: 12 coefficients, zncc, iterations, status, sigma
+const FLOATS_OUT = 17u; // per subset: 12 coefficients, zncc, iterations, status, sigma, residual
 const MIN_CONTRAST = 5e-4;
 const MIN_WEIGHT = 0.3;
 const SLACK = 0.1;
@@ -158,7 +158,9 @@ fn stretch(c: Warp, half: f32) -> f32 {
     ) / half;
 }
 
-fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) {
+fn write(
+    id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32, residual: f32,
+) {
     let at = id * FLOATS_OUT;
     result[at] = c.x.low.x;
     result[at + 1u] = c.x.low.y;
@@ -176,6 +178,7 @@ fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) 
     result[at + 13u] = f32(iterations);
     result[at + 14u] = status;
     result[at + 15u] = sigma;
+    result[at + 16u] = residual;
 }
 
 fn start_of(id: u32) -> Warp {
@@ -287,6 +290,7 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
     var status = select(select(OUTSIDE, NO_TEXTURE, enough), NOT_CONVERGED, possible);
     var zncc = NEVER;
     var sigma = 0.0;
+    var residual = 0.0;
     var level = mean;
     var contrast = 1.0;
     var iteration = 0u;
@@ -377,14 +381,14 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
         before = size;
         if (rest_of_way <= params.tolerance) {
             status = OK;
-            let left = max((energy * rest - along * along) / seen, 0.0)
+            residual = max((energy * rest - along * along) / seen, 0.0)
                 / (weight - f32(unknowns) - 2.0);
             let second = select(unknowns / 2u, 1u, shape < 2u);
             let noise = params.slope_noise * (1.0 - zncc) * energy;
             let spread = widened(0u, noise);
-            sigma = sqrt(left * max(spread, widened(second, noise)));
+            sigma = sqrt(residual * max(spread, widened(second, noise)));
             break;
         }
     }
-    write(id, c, zncc, iteration, status, sigma);
+    write(id, c, zncc, iteration, status, sigma, residual);
 }
