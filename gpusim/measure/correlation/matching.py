@@ -262,9 +262,8 @@ def make_result(points: Float, matches: Correlation, subset: int, widening: Floa
     """
     coefficients = matches.coefficients
     gradient = coefficients[:, :, 1:3] / (subset // 2)
-    stretch = np.full(len(points), np.nan)
-    known = np.isfinite(gradient).all(axis=(1, 2))
-    stretch[known] = np.linalg.norm(np.eye(2) + gradient[known], ord=2, axis=(1, 2))
+    (a, b), (c, d) = (np.eye(2) + gradient).transpose(1, 2, 0)
+    stretch = 0.5 * (np.hypot(a + d, b - c) + np.hypot(a - d, b + c))  # largest singular value
     return DicResult(
         points=points,
         displacement=coefficients[:, :, 0].copy(),

@@ -23,6 +23,8 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import Image, SplineImage, point_spacing
+from gpusim.parallel.machine import processors
+from gpusim.parallel.threads import shared
 
 NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
@@ -81,9 +83,10 @@ class Front:
         inner = self.settings.half + 1.0
         # as far as a subset may go from a start within ``near`` before it counts as diverged
         outer = self.near + self.settings.max_move + 1.5 * inner
-        reference, deformed = (
-            SplineImage.from_image(image, _around(self.points, reach), blur_px=self.blur_px)
-            for image, reach in zip(self.images, (inner, outer), strict=True)
+        boxes = [_around(self.points, reach) for reach in (inner, outer)]
+        reference, deformed = shared(
+            lambda part: SplineImage.from_image(*part, blur_px=self.blur_px),
+            list(zip(self.images, boxes, strict=True)),
         )
         self.pair = Pair(reference, deformed, self.mask)
         count = len(self.points)
@@ -182,13 +185,14 @@ class Front:
         if len(self.points) < 2:
             return
         while True:
-            source, near = self._best_neighbours(np.arange(len(self.points)))
-            usable = self._open & (self.attempts < ATTEMPTS) & near & (source != self.source)
-            which = np.flatnonzero(usable)
-            if which.size == 0:
+            which = np.flatnonzero(self._open & (self.attempts < ATTEMPTS))
+            source, near = self._best_neighbours(which)
+            usable = near & (source != self.source[which])
+            if not usable.any():
                 return
-            self.source[which] = source[which]
-            self.attempt(which, *self._extrapolated(which, source[which]))
+            which, source = which[usable], source[usable]
+            self.source[which] = source
+            self.attempt(which, *self._extrapolated(which, source))
 
     def recheck_outliers(self) -> None:
         """Look again at points that their neighbours would have put elsewhere.
@@ -204,13 +208,15 @@ class Front:
         self.matches.refuse(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
         displacements = self.matches.coefficients[:, :, 0]
-        every = np.arange(len(displacements))
-        extrapolated = np.where(ok[neighbour][:, :, None], self._by_neighbours(every), np.nan)
-        enough = ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2)
-        which = np.flatnonzero(enough)
+        which = np.flatnonzero(ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2))
+        extrapolated = self._by_neighbours(which)
+        # a median is away from a point only if a neighbour is
+        away = np.abs(extrapolated - displacements[which, None]) > RECHECK_PX
+        odd = away.any(axis=(1, 2))
+        which, extrapolated = which[odd], extrapolated[odd]
         if which.size == 0:
             return
-        middle = np.nanmedian(extrapolated[which], axis=1)
+        middle = np.nanmedian(extrapolated, axis=1)
         odd = np.abs(middle - displacements[which]).max(axis=1) > RECHECK_PX
         self.attempt(which[odd], middle[odd])
 
@@ -308,7 +314,9 @@ class Front:
     def _neighbours(self) -> Long:
         """(M, 8) the points nearest to each, nearest first."""
         number = min(NEIGHBOURS, len(self.points))
-        nearest = scipy.spatial.cKDTree(self.points).query(self.points, k=number)[1]
+        nearest = scipy.spatial.cKDTree(self.points).query(
+            self.points, k=number, workers=processors()
+        )[1]
         return np.asarray(nearest, dtype=np.int64)[:, 1:]
 
     def _best_neighbours(self, which: Long) -> tuple[Long, Bool]:
