@@ -132,18 +132,18 @@ def _measure_all(
         front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
     if begin is None or (earlier and not _found(front, known) >= MIN_FOUND_SEEDS):
         _seed(front, start, search_px)
+    front.give_up_plain()
     front.propagate()
     if front.extend_deformed():
         front.propagate()
     if begin is None:
-        lost = front.matches.status == Status.NO_GUESS
-        unreached = np.flatnonzero(lost | (front.attempts == 0))
+        unreached = np.flatnonzero(front.matches.status == Status.NO_GUESS)
         if unreached.size:
             front.search(unreached, search_px, np.zeros(2))
             front.propagate()
     else:
         # nothing led there; let the kernel say if it could have been measured at all
-        untried = np.flatnonzero(front.attempts == 0)
+        untried = np.flatnonzero(front.matches.status == Status.NO_GUESS)
         front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.retry_with_tolerances()
     front.recheck_outliers()
@@ -156,6 +156,7 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
     chosen = seeds(front.points)
     if start != "features":
         front.search(chosen, search_px, np.zeros(2))
+        front.give_up_plain()
         if _found(front, chosen) < MIN_FOUND_SEEDS:
             shift = global_shift(*front.images)
             if np.abs(shift).max() > 0:

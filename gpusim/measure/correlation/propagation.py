@@ -20,6 +20,8 @@ from gpusim.gpu import Device
 from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
+from gpusim.measure.correlation.pixel_mask import box_means
+from gpusim.measure.correlation.plain_subsets import plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import Image, SplineImage, point_spacing
@@ -45,8 +47,9 @@ MIN_SLOPE_CHANGE = 0.5
 CENTRE_SHARE = 0.6  # of a subset's width: its middle, asked by itself
 # lost neighbours that settle a doubt where noise hardly explains it, else twice as many
 MIN_REJECTED_NEIGHBOURS = 3
+UNMATCHED = (Status.NO_GUESS, Status.NOT_CONVERGED, Status.LOW_CORRELATION)
 BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
-MANY_ONE_SIDED = 0.1  # share of what was looked at that has no texture: look at everything
+MANY_STRIPED = 0.1  # share of what was looked at with slopes one way only: look at everything
 RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -114,6 +117,27 @@ class Front:
         self.attempt(which[matched], start[matched])
         # without a place to start from, let the kernel say why: outside, or no texture
         self.attempt(which[~matched], start[~matched], keep=False)
+
+    def give_up_plain(self) -> None:
+        """Count as without texture, if tries failed, all points that show nothing but noise, no
+        stronger than what was left where others were matched."""
+        ok, status = self.ok, self.matches.status
+        failed = (self.attempts > 0) & ~ok & (status != Status.OUTSIDE)
+        if not (failed.any() and ok.any()):
+            return
+        image, half = self.images[0], self.settings.half
+        x, y = np.rint(self.points).astype(np.int64).T
+        last_x, last_y = image.shape[1] - 1 - half, image.shape[0] - 1 - half
+        asked = np.isin(status, UNMATCHED) & (np.minimum(x, y) >= half) & (x <= last_x)
+        which = np.flatnonzero(asked & (y <= last_y))
+        if self.mask is not None:
+            bare = box_means(self.mask.astype(np.uint8), x[which], y[which], half) == 1.0
+            which = which[bare]
+        # what is left is noise of both images; a blur has taken most of it
+        left = np.quantile(self.matches.residual[ok], 0.9) * max(1.0, 4.0 * np.pi * self.blur_px**2)
+        noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
+        plain = plain_subsets(image, self.points[which], half, float(noise))
+        self.matches.refuse(which[plain], Status.NO_TEXTURE)
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
@@ -228,12 +252,11 @@ class Front:
         if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
             return
         which = self._outliers()
-        one_sided = self._one_sided(which)
+        one_sided, striped = self._one_sided(which)
         # the pattern itself may have slopes one way only
-        if one_sided.any() and one_sided.mean() > MANY_ONE_SIDED:
+        if striped.any() and striped.mean() > MANY_STRIPED:
             others = np.setdiff1d(np.flatnonzero(self.ok), which)
-            which = np.concatenate([which, others])
-            one_sided = np.concatenate([one_sided, self._one_sided(others)])
+            self.matches.refuse(others[self._one_sided(others)[0]], Status.NO_TEXTURE)
         asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
@@ -247,7 +270,7 @@ class Front:
                 return
             near = distinct(self._neighbours[which[torn]])
             which = near[self.ok[near] & ~asked[near]]
-            one_sided = self._one_sided(which)
+            one_sided, _ = self._one_sided(which)
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
             self._resolve_uncertain(uncertain & self.ok, likely)
 
@@ -306,7 +329,7 @@ class Front:
         poor &= residual > usual * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _one_sided(self, which: Long) -> Bool:
+    def _one_sided(self, which: Long) -> tuple[Bool, Bool]:
         zncc = self.matches.zncc[which]
         return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
 

@@ -82,9 +82,11 @@ def inconsistent_subsets(
     return verdicts[0], verdicts[1], verdicts[2]
 
 
-def one_sided_texture(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Bool:
+def one_sided_texture(
+    pair: Pair, points: Float, zncc: Float, settings: Settings
+) -> tuple[Bool, Bool]:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
-    goes one way only.
+    goes one way only; and those of the second kind.
 
     A subset on the plain background of a body sees a strip of it at most. What an affine warp says
     of the point then is the strip's motion plus a badly known slope times the distance. Stripes say
@@ -95,11 +97,11 @@ def one_sided_texture(pair: Pair, points: Float, zncc: Float, settings: Settings
         _chunks(len(points), settings),
     )
     if not parts:
-        return np.zeros(0, dtype=np.bool_)
+        return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
     lever, spread, striped = np.concatenate(parts, axis=1)
     # a bright edge within a good texture has a long lever too, but the point is well known
     far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * np.quantile(spread, 0.25))
-    return np.asarray(far | (striped > 0))
+    return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
 
 
 def _chunks(count: int, settings: Settings) -> list[slice]:
