@@ -153,7 +153,8 @@ def _measure_all(
 
 def _seed(front: Front, start: Start, search_px: int) -> None:
     """Measure a coarse lattice of points without knowing where they went."""
-    chosen = seeds(front.points)
+    open_ = np.flatnonzero(~front.closed)
+    chosen = open_[seeds(front.points[open_])]
     if start != "features":
         front.search(chosen, search_px, np.zeros(2))
         front.give_up_plain()
@@ -168,7 +169,7 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
 
 def _found(front: Front, chosen: Long) -> float:
     """Share of the points that have a texture which have been measured; 0 if there are none."""
-    open_ = chosen[front.matches.status[chosen] != Status.NO_TEXTURE]
+    open_ = chosen[front.measurable[chosen]]
     return float(front.ok[open_].mean()) if open_.size else 0.0
 
 

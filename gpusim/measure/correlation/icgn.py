@@ -51,6 +51,8 @@ MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 FASTEST = 0.03  # ratio of two steps that is trusted to go on
 MAX_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
+PATIENCE = 20  # iterations after which a subset counts as lost that has no more than …
+HOPELESS = 0.5  # … this share of the correlation that it needs
 CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
@@ -164,6 +166,8 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         live = ge > 1e-10 * fe
         ge = np.where(live, ge, 1.0)
         zncc[active] = np.where(live, (fe - along) / np.sqrt(fe * ge), 0.0)
+        if iteration >= PATIENCE:
+            live &= zncc[active] >= HOPELESS * settings.min_zncc
         level[active] -= mean / contrast[active]
         contrast[active] *= np.where(live, np.sqrt(fe / ge), 1.0)
         gradient = -np.einsum("ibn,bn->bi", ref.weighted[:, active], e)
@@ -324,6 +328,7 @@ def _dispatch(
             "max_iterations": settings.max_iterations,
             "tolerance": settings.tolerance,
             "max_move": settings.max_move,
+            "least_zncc": HOPELESS * settings.min_zncc,
             "slope_noise": settings.slope_noise,
             "window_sum": float(settings.window.sum()),
             "beyond": Status.OUTSIDE if covered else BEYOND_TILE,

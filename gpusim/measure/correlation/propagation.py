@@ -96,6 +96,19 @@ class Front:
         self.matches = Correlation.unmatched(count)
         self.attempts = np.zeros(count, dtype=np.int64)
         self.source = np.full(count, -1, dtype=np.int64)
+        self.closed = self._without_pixels()
+        self.matches.status[self.closed] = Status.OUTSIDE
+
+    def _without_pixels(self) -> Bool:
+        """(M,) bool: points whose subset leaves the reference, or is masked altogether."""
+        half = self.settings.half
+        place = np.rint(self.points)
+        last = np.array(self.images[0].shape[::-1]) - 1 - half
+        closed = np.asarray(((place < half) | (place > last)).any(axis=1))
+        if self.mask is not None:
+            x, y = place[~closed].astype(np.int64).T
+            closed[~closed] = box_means(self.mask.astype(np.uint8), x, y, half) == 0.0
+        return closed
 
     @property
     def ok(self) -> Bool:
@@ -103,9 +116,14 @@ class Front:
         return self.matches.ok
 
     @property
+    def measurable(self) -> Bool:
+        """(M,) bool: the points of which nothing says yet that they can't be measured."""
+        return np.asarray((self.matches.status != Status.NO_TEXTURE) & ~self.closed)
+
+    @property
     def _open(self) -> Bool:
         """(M,) bool: the points that could be measured and haven't been so far."""
-        return np.asarray(~self.ok & (self.matches.status != Status.NO_TEXTURE))
+        return np.asarray(~self.ok & self.measurable)
 
     def search(self, which: Long, search_px: int, shift: Float) -> None:
         """Start ``which`` from an integer search around the displacement ``shift`` (2,)."""
@@ -126,13 +144,10 @@ class Front:
         if not (failed.any() and ok.any()):
             return
         image, half = self.images[0], self.settings.half
-        x, y = np.rint(self.points).astype(np.int64).T
-        last_x, last_y = image.shape[1] - 1 - half, image.shape[0] - 1 - half
-        asked = np.isin(status, UNMATCHED) & (np.minimum(x, y) >= half) & (x <= last_x)
-        which = np.flatnonzero(asked & (y <= last_y))
+        which = np.flatnonzero(np.isin(status, UNMATCHED))
         if self.mask is not None:
-            bare = box_means(self.mask.astype(np.uint8), x[which], y[which], half) == 1.0
-            which = which[bare]
+            x, y = np.rint(self.points[which]).astype(np.int64).T
+            which = which[box_means(self.mask.astype(np.uint8), x, y, half) == 1.0]
         # what is left is noise of both images; a blur has taken most of it
         left = np.quantile(self.matches.residual[ok], 0.9) * max(1.0, 4.0 * np.pi * self.blur_px**2)
         noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
@@ -197,10 +212,13 @@ class Front:
         tolerance; a tenth of the standard uncertainty is as good a place to stop.
         """
         for tolerance in RELAXED_TOLERANCES:
-            which = np.flatnonzero(self.matches.status == Status.NOT_CONVERGED)
+            near = self.matches.zncc >= self.settings.min_zncc
+            which = np.flatnonzero((self.matches.status == Status.NOT_CONVERGED) & near)
             if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
                 continue
             source, near = self._best_neighbours(which)
+            # what is measured beside it must be nearly as uncertain
+            near &= self.matches.sigma[source] >= 0.5 * MIN_SIGMA_RATIO * tolerance
             start = self._extrapolated(which[near], source[near])
             self.attempt(which[near], *start, tolerance=tolerance)
 
@@ -366,7 +384,7 @@ class Front:
 
     def extend_deformed(self) -> bool:
         """Take in the whole deformed image if a point has left the part around the start."""
-        outside = self.matches.status == Status.OUTSIDE
+        outside = (self.matches.status == Status.OUTSIDE) & ~self.closed
         if not (outside.any() and self.ok.any()) or not self.take_whole_image():
             return False
         self.attempts[outside] = 0

@@ -27,6 +27,7 @@ const OK = 0.0;
 const OUTSIDE = 1.0;
 const NO_TEXTURE = 2.0;
 const NOT_CONVERGED = 3.0;
+const PATIENCE = 20u;
 const NEVER = -2.0; // zncc before the first iteration
 
 // of a workgroup; on a CPU adapter the vector width
@@ -40,6 +41,7 @@ struct Params {
     max_iterations: u32,
     tolerance: f32,
     max_move: f32,
+    least_zncc: f32, // below, nothing has been found after PATIENCE iterations
     slope_noise: f32, // see Settings
     window_sum: f32,
     beyond: f32, // status of a subset that leaves the box
@@ -368,6 +370,7 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
         }
         if (!(seen > 1e-10 * energy)) { break; }
         zncc = (energy - along) / sqrt(energy * seen);
+        if (iteration >= PATIENCE && zncc < params.least_zncc) { break; }
         level -= lift / contrast;
         contrast *= sqrt(energy / seen);
         set_right_side(own, lift, along / energy);
