@@ -265,7 +265,7 @@ class Front:
     def reject_discontinuities(self) -> None:
         """Give up subsets that see two motions, or something that isn't in both images.
 
-        Only those are looked at that stand out, and the neighbours of those that are torn.
+        Only those are looked at that stand out, and the neighbours of those that are refused.
         """
         if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
             return
@@ -286,7 +286,7 @@ class Front:
             self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
                 return
-            near = distinct(self._neighbours[which[torn]])
+            near = distinct(self._neighbours[which[torn | one_sided]])
             which = near[self.ok[near] & ~asked[near]]
             one_sided, _ = self._one_sided(which)
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
