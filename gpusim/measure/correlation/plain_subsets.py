@@ -14,9 +14,8 @@ from gpusim.arrays.array_types import Bool, Float, Single
 from gpusim.measure.correlation.pixel_mask import box_means
 from gpusim.measure.images import Image
 
-WHITE = (
-    0.75  # squared differences over one pixel by those over two; noise scatters by 0.08 around 1
-)
+# squared differences over one pixel by those over two; noise scatters by 0.05 around 1
+WHITE = 0.85
 STRONGER = 2.0  # variance of noise over that of matched places: it grows with brightness
 
 
