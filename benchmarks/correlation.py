@@ -2,8 +2,8 @@
 
 In one run gpusim and, where installed, pyvale's compiled DIC and al-dic's local mode
 (`benchmarks/peers`) correlate exact pairs of pictures (plane waves, affinely moved, with noise, 8
-bit) and the star pattern of the DIC Challenge that comes with pyvale, which moves by 0.5 px along its
-middle line. OpenCorr isn't in the package registries. Then, gpusim alone: a bracket before a plain
+bit) and the star pattern of the DIC Challenge that comes with pyvale, which moves by 0.5 px along
+its middle line. OpenCorr isn't in the package registries. Then, gpusim alone: a bracket before a plain
 background (rendered; whole picture and region of interest), a series of ten frames, a torn picture.
 
 Times are the least of several; processor seconds count all threads, so that a busy machine
@@ -206,6 +206,7 @@ def compared(
             f"| {name} | {limit} | {count} | {wall:.2f} | {count / wall:.0f} | "
             f"{cpu:.2f} | {count / cpu:.0f} | {found['rms']:.5f} |"
         )
+    print(*lines, "", sep="\n", flush=True)
     return [*lines, ""]
 
 
@@ -240,6 +241,7 @@ def alone(repeats: int) -> list[str]:
     for title, work in runs:
         best, _ = timed(work, repeats)
         lines.append(f"| {title} | {best['wall']:.2f} | {best['cpu']:.2f} |")
+    print(*lines, sep="\n", flush=True)
     return lines
 
 
@@ -249,7 +251,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--repeats", type=int, default=4)
     choice = parser.parse_args()
-    lines = []
+    lines: list[str] = []
     for meta in CASES:
         title = f"{meta['side']} x {meta['side']} px, 8 bit, noise {meta['noise']:g} grey levels"
         lines += compared(title, list(pictures(meta)), meta, (1e-3, 1e-4), choice.repeats)
@@ -260,8 +262,8 @@ def main() -> None:
         lines += compared(
             "Star pattern of pyvale, middle line", star, STAR, (1e-3,), choice.repeats
         )
-    text = "\n".join([*lines, *alone(choice.repeats)]) + "\n"
-    print(text)
+    lines += alone(choice.repeats)
+    text = "\n".join(lines) + "\n"
     if choice.write:
         RESULTS.write_text(f"# Image correlation: time and error\n\n{text}")
 
