@@ -166,8 +166,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         live = ge > 1e-10 * fe
         ge = np.where(live, ge, 1.0)
         zncc[active] = np.where(live, (fe - along) / np.sqrt(fe * ge), 0.0)
-        if iteration >= PATIENCE:
-            live &= zncc[active] >= HOPELESS * settings.min_zncc
+        live &= (iteration < PATIENCE) | (zncc[active] >= HOPELESS * settings.min_zncc)
         level[active] -= mean / contrast[active]
         contrast[active] *= np.where(live, np.sqrt(fe / ge), 1.0)
         gradient = -np.einsum("ibn,bn->bi", ref.weighted[:, active], e)
@@ -188,8 +187,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         active = active[~(done | lost)]
     status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
     result = Correlation(c, zncc, sigma, residual, iterations, status)
-    bad = ~result.ok
-    result.refuse(bad, status[bad])
+    result.refuse(~result.ok, status[~result.ok])
     return result
 
 
@@ -307,8 +305,6 @@ def _dispatch(
     # the taps of a pixel reach from 2 before it to 3 behind, and SLACK may take the one before
     low, high = np.array([3, 3]), np.array([x1 - x0 - 4, y1 - y0 - 4])
     box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
-    covered = bool((box == image).all())
-    windowed = bool((settings.window != 1).any())
     threads = THREADS_CPU if is_processor(device.info) else THREADS
     kernel = device.kernel(
         "measure/correlation/icgn",
@@ -317,7 +313,7 @@ def _dispatch(
             "shape": SHAPES.index(settings.shape),
             "unknowns": UNKNOWNS[settings.shape],
             "threads": threads,
-            "windowed": windowed,
+            "windowed": bool((settings.window != 1).any()),
         },
     )
     result = device.empty(rows.size * 68, label="measure.icgn.result")
@@ -331,7 +327,7 @@ def _dispatch(
             "least_zncc": HOPELESS * settings.min_zncc,
             "slope_noise": settings.slope_noise,
             "window_sum": float(settings.window.sum()),
-            "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
+            "beyond": Status.OUTSIDE if (box == image).all() else BEYOND_TILE,
             "box": box,
         },
         reference=pair.texture(device, "reference", tile.reference, limits),

@@ -181,6 +181,17 @@ def box_means(values: npt.NDArray[Any], x: Long, y: Long, half: int) -> Float:
     return np.asarray(total / (2 * half + 1) ** 2)
 
 
+def without_pixels(points: Float, shape: tuple[int, ...], half: int, mask: Bool | None) -> Bool:
+    """(M,) bool: points whose subset leaves an image of ``shape``, or is masked altogether."""
+    place = np.rint(points)
+    last = np.array(shape[::-1]) - 1 - half
+    closed = np.asarray(((place < half) | (place > last)).any(axis=1))
+    if mask is not None:
+        x, y = place[~closed].astype(np.int64).T
+        closed[~closed] = box_means(mask.astype(np.uint8), x, y, half) == 0.0
+    return closed
+
+
 def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> Bool | None:
     """Check that a mask is boolean and as large as the reference image, and shrink it.
 

@@ -20,7 +20,7 @@ from gpusim.gpu import Device
 from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
-from gpusim.measure.correlation.pixel_mask import box_means
+from gpusim.measure.correlation.pixel_mask import box_means, without_pixels
 from gpusim.measure.correlation.plain_subsets import plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
@@ -96,19 +96,9 @@ class Front:
         self.matches = Correlation.unmatched(count)
         self.attempts = np.zeros(count, dtype=np.int64)
         self.source = np.full(count, -1, dtype=np.int64)
-        self.closed = self._without_pixels()
-        self.matches.status[self.closed] = Status.OUTSIDE
-
-    def _without_pixels(self) -> Bool:
-        """(M,) bool: points whose subset leaves the reference, or is masked altogether."""
         half = self.settings.half
-        place = np.rint(self.points)
-        last = np.array(self.images[0].shape[::-1]) - 1 - half
-        closed = np.asarray(((place < half) | (place > last)).any(axis=1))
-        if self.mask is not None:
-            x, y = place[~closed].astype(np.int64).T
-            closed[~closed] = box_means(self.mask.astype(np.uint8), x, y, half) == 0.0
-        return closed
+        self.closed = without_pixels(self.points, self.images[0].shape, half, self.mask)
+        self.matches.status[self.closed] = Status.OUTSIDE
 
     @property
     def ok(self) -> Bool:
