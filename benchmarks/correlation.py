@@ -4,7 +4,8 @@ In one run gpusim and, where installed, pyvale's compiled DIC and al-dic's local
 (`benchmarks/peers`) correlate exact pairs of pictures (plane waves, affinely moved, with noise, 8
 bit) and the star pattern of the DIC Challenge that comes with pyvale, which moves by 0.5 px along
 its middle line. OpenCorr isn't in the package registries. Then, gpusim alone: a bracket before a
-plain background (rendered; whole picture and region of interest), a series of ten frames, a torn picture.
+plain background (rendered; whole picture and region of interest), a series of ten frames, a torn
+picture.
 
 Times are the least of several; processor seconds count all threads, so that a busy machine
 distorts them less than wall time. `GPUSIM_PEERS_PYTHON` names the peers' interpreter.
