@@ -20,7 +20,7 @@ Its parts, in the order in which they import each other:
 - `field_summary`: How objects with arrays show themselves at a prompt.
 - `arrays`: What NumPy lacks, or does slowly.
 - `files`: Read once, written whole.
-- `parallel`: Processors, processes and memory of this machine.
+- `parallel`: Processors, threads, processes and memory of this machine.
 - `gpu`: The device: programs, buffers, recordings, the check against NumPy.
 - `scene`: Scene files, and what they say in SI.
 - `mesh`: Points and cells, builders, readers, selections.

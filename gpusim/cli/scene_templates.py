@@ -17,7 +17,6 @@ from gpusim.applications.part_outline import part_outline
 from gpusim.arrays.array_types import Float
 from gpusim.printable import printable
 from gpusim.scene import load_scene
-from gpusim.scene.description.measure_table import TABLES
 from gpusim.scene.description.mesh import CAD_SUFFIXES
 
 OWN = Path(__file__).parent / "templates"
@@ -91,7 +90,7 @@ def _filled(template: str, output: Path, **values: Any) -> str:
         "mm": lambda place: _vector(1e3 * place), "vector": _vector, "short": _short,
         "quoted": lambda text: json.dumps(text, ensure_ascii=False), "printable": printable,
     }  # fmt: skip
-    values |= {"scene": shlex.quote(str(output)), "name": output.stem, "dic": "dic" in TABLES}
+    values |= {"scene": shlex.quote(str(output)), "name": output.stem}
     return made.get_template(template).render(values)
 
 

@@ -199,7 +199,7 @@ def _measured(
     if spec.uses_calibration:
         needs = needs | {f"{TARGET}picture/{camera}": None for camera in spec.views}
     yield build.stage(f"measure/{spec.name}", "measuring:measure", sections, needs, table,
-                      "measure", keeps=True)  # fmt: skip
+                      "measure", on_device=spec.correlates, keeps=True)  # fmt: skip
 
 
 def _these(numbers: Sequence[int], record: int) -> Sequence[int]:

@@ -17,12 +17,11 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import gpusim as gs
-from gpusim.cli import app, scene_templates
+from gpusim.cli import app
 from gpusim.cli.init import templates
 from gpusim.mesh.formats import cad
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.scene import Scene, load_scene
-from gpusim.scene.description.measure_table import TABLES
 from tests.support.gmsh_meshes import Gmsh
 
 Run = Callable[..., Any]
@@ -172,19 +171,13 @@ def test_a_step_part(cli: Run, tmp_path: Path) -> None:
     assert 3.0 <= 1e3 * body.paints[1].diameter / np.mean(scale) <= 5.0
 
 
-def test_the_board_is_seen_whole_in_every_pose(
-    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What is written where full-field measurement is there, whether or not it is."""
-    monkeypatch.setattr(scene_templates, "TABLES", {**scene_templates.TABLES, "dic": None})
+def test_the_board_is_seen_whole_in_every_pose(cli: Run, tmp_path: Path) -> None:
     write_plate(tmp_path / "part.step")
     for source in ("part.step", "plate_with_hole"):
         assert cli("init", source, "--force").exit_code == 0
         document = tomllib.loads((tmp_path / "scene.toml").read_text(encoding="utf-8"))
         (measure,) = document["measure"]
         assert measure["type"] == "dic" and measure["cameras"] == ["left", "right"]
-        if "dic" not in TABLES:
-            del document["measure"]
         scene = Scene.from_document(document, folder=tmp_path)
         (board,) = scene.props
         fields = board.paint

@@ -225,24 +225,7 @@ def surface_strain(
     status = _statuses(fitted, result.ok)
     tensor = np.full((len(points), 2, 2), np.nan)
     stretch = np.full((len(points), 2, 2), np.nan)
-    A, d = before[good], moved[good]
-    # R from the Cholesky factor of A^T A, with a positive diagonal: x stays x
-    metric = np.swapaxes(A, 1, 2) @ A
-    R = np.swapaxes(np.linalg.cholesky(metric), 1, 2)
-    # a^T a - A^T A without the difference of large numbers
-    cross = np.swapaxes(A, 1, 2) @ d
-    change = cross + np.swapaxes(cross, 1, 2) + np.swapaxes(d, 1, 2) @ d
-    inverse = np.linalg.inv(R)
-    twice = np.swapaxes(inverse, 1, 2) @ change @ inverse  # C - 1
-    values, vectors = np.linalg.eigh(twice)
-    values = np.maximum(values, -1 + 1e-15)
-    turned = np.swapaxes(vectors, 1, 2)
-    if kind == "hencky":
-        tensor[good] = (vectors * (0.5 * np.log1p(values))[:, None, :]) @ turned
-    else:
-        tensor[good] = 0.5 * twice
-    roots = values / (np.sqrt(1.0 + values) + 1.0)  # sqrt(1 + v) - 1
-    stretch[good] = (vectors * roots[:, None, :]) @ turned
+    tensor[good], stretch[good] = strain_of_tangents(before[good], moved[good], kind)
     return StrainResult(
         points=points,
         tensor=tensor,
@@ -253,6 +236,27 @@ def surface_strain(
         kind=kind,
         gauge_px=float((window - 1) * spacing + result.subset),
     )
+
+
+def strain_of_tangents(before: Float, moved: Float, kind: StrainKind) -> tuple[Float, Float]:
+    """Strain ("green-lagrange" or "hencky") and U - 1, (M, 2, 2) each, in surfaces whose tangents
+    A = ``before`` (M, 3, 2) change by ``moved`` (M, 3, 2)."""
+    # R from the Cholesky factor of A^T A, with a positive diagonal: x stays x
+    metric = np.swapaxes(before, 1, 2) @ before
+    R = np.swapaxes(np.linalg.cholesky(metric), 1, 2)
+    # a^T a - A^T A without the difference of large numbers
+    cross = np.swapaxes(before, 1, 2) @ moved
+    change = cross + np.swapaxes(cross, 1, 2) + np.swapaxes(moved, 1, 2) @ moved
+    inverse = np.linalg.inv(R)
+    twice = np.swapaxes(inverse, 1, 2) @ change @ inverse  # C - 1
+    values, vectors = np.linalg.eigh(twice)
+    values = np.maximum(values, -1 + 1e-15)
+    turned = np.swapaxes(vectors, 1, 2)
+    tensor = 0.5 * twice
+    if kind == "hencky":
+        tensor = (vectors * (0.5 * np.log1p(values))[:, None, :]) @ turned
+    roots = values / (np.sqrt(1.0 + values) + 1.0)  # sqrt(1 + v) - 1
+    return tensor, (vectors * roots[:, None, :]) @ turned
 
 
 def _check_gauge(what: str, window: int, points: Float) -> None:

@@ -180,6 +180,7 @@ def stereo_dic(
     roi: tuple[int, int, int, int] | None = None,
     points: npt.ArrayLike | None = None,
     mask: Bool | None = None,
+    mask_right: Bool | None = None,
     update: Update = "never",
     saturation: float | None = None,
     blur_px: float = 0.0,
@@ -196,6 +197,7 @@ def stereo_dic(
     left, right : the reference pair.
     lefts, rights : pairs of the following states, read one at a time.
     cameras, match_shape, epipolar_px, subset, step, roi, points, mask : as for ``stereo_shape``.
+    mask_right : (H, W) bool, False = pixel of the right reference image that isn't followed.
     shape, update, options : as for ``dic_sequence``, by which each camera is tracked in time.
 
     Returns
@@ -232,7 +234,7 @@ def stereo_dic(
         return [begin] * count
     both: dict[str, Any] = {**common, "shape": shape, "update": update, **options}
     ones = dic_sequence(left, lefts, points=begin.left[known], mask=mask, **both)
-    twos = dic_sequence(right, rights, points=begin.right[known], **both)
+    twos = dic_sequence(right, rights, points=begin.right[known], mask=mask_right, **both)
     if len(ones) != len(twos):
         raise InputError(f"lefts, rights: got {len(ones)} and {len(twos)} images; expected pairs")
     return [

@@ -19,4 +19,6 @@ In the order in which data passes:
 - `pixel_footprint`: How large pixels are on painted regions.
 - `view`: Surfaces as one camera sees them: triangles in float64, clipped, culled, and set up for
   shading.
+- `point_location`: Which triangle a camera sees at any place of its image, between pixel centres
+  too.
 """

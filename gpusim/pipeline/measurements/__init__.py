@@ -6,6 +6,9 @@ in which data passes:
 - `marker_detection`: Markers of a scene, found in a picture near where they are expected, and
   fits of their crosses.
 - `marker_tracking`: Markers found in a first image of a camera and followed into another one.
+- `material_points`: Material points that a camera sees at given places of its picture, and how
+  they really move.
+- `region_of_interest`: The pixels of a camera's reference picture in which something is measured.
 - `sources`: What measurements are given: pictures, and the board's corners found in them.
 - `results`: Results of measurements: a table over frames and points, kept in the output folder and
   told in the report.
@@ -15,6 +18,7 @@ in which data passes:
 - `marker_measurement`: Markers over frames and cameras: what every kind that follows them shares.
 - `deflection`: The kind "deflection": displacements in the image of one camera.
 - `stereo`: The kind "stereo": points in space from several cameras.
+- `dic`: The kind "dic": displacements and strains of surfaces by digital image correlation.
 - `damage`: The kind "damage": deflection lines of the variants compared, and where their slope
   changes.
 """

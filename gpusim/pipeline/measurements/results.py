@@ -12,6 +12,7 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
@@ -79,14 +80,22 @@ class PointTable:
         """
         names = list(self.columns)
         names = names[: names.index(until) + 1] if until else names
-        blocks = [self[name] for name in names]
         several = len(self.frames) > 1
-        rows = [
-            [*([str(frame)] if several else []), point, *(block[f, p] for block in blocks)]
-            for f, frame in enumerate(self.frames)
-            for p, point in enumerate(self.points)
-        ]
-        return csv_text([*(["frame"] if several else []), self.what, *names], rows)
+        frames = [str(frame) for frame in self.frames for _ in self.points]
+        # column by column: there may be 100,000 points
+        texts = [
+            *([frames] if several else []), [*self.points] * len(self.frames),
+            *(_cells(self[name].ravel()) for name in names),
+        ]  # fmt: skip
+        head = [*(["frame"] if several else []), self.what, *names]
+        return csv_text(head, list(zip(*texts, strict=True)))
+
+
+def _cells(column: npt.NDArray[Any]) -> list[str]:
+    """The cells of a column (N,), as `csv_text` has them."""
+    if column.dtype.kind == "U":
+        return [str(value) for value in column.tolist()]
+    return [f"{value:.7g}" if isfinite(value) else "" for value in column.tolist()]
 
 
 def vector_columns(name: str, components: Sequence[str], values: Float) -> dict[str, Float]:
@@ -101,7 +110,7 @@ def csv_text(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     writer.writerow(head)
     for row in rows:
         writer.writerow(
-            [v if isinstance(v, str) else f"{v:.7g}" if np.isfinite(v) else "" for v in row]
+            [v if isinstance(v, str) else f"{v:.7g}" if isfinite(v) else "" for v in row]
         )
     return stream.getvalue()
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from gpusim import measure
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile
+from gpusim.gpu import Device
 from gpusim.measure.targets.boards import Sighting
 from gpusim.pipeline.pictures.image_window import Window
 from gpusim.scene import Scene
@@ -67,10 +68,28 @@ def read_corners(scene: Scene, file: InputFile) -> measure.Sighting:
         raise InputError(f"{file.path}: damaged ({error}); expected {expected}") from None
 
 
+def calibrated(
+    spec: m.StereoTable | m.DicTable, scene: Scene, corners: Callable[[str, int], measure.Sighting]
+) -> tuple[Board, measure.Calibration]:
+    """The board, and the cameras of ``spec`` as its pictures give them. Raises InputError without
+    such pictures, GpusimError for a camera that can't be calibrated."""
+    what, calibration, board = f"measure {spec.name!r}", scene.calibration, board_of(scene)
+    if calibration is None or not set(spec.views) <= set(calibration.cameras):
+        missing = f"no images of a target for {', '.join(spec.views)}"
+        raise InputError(f"{what}: {missing}; expected [calibration]")
+    if board is None:
+        where = f"{what}: calibration board {calibration.board!r}"
+        raise InputError(f"{where}; got another paint; expected a checker or charuco")
+    poses = range(len(calibration.poses))
+    sightings = {name: [corners(name, pose) for pose in poses] for name in spec.views}
+    return board, measure.calibrate(sightings, lens=spec.lens)
+
+
 @dataclass(frozen=True)
 class Sources:
     """``image`` gives a camera's picture in a frame, ``corners`` what was found of the board in a
-    calibration pose."""
+    calibration pose. ``device``: what correlates; None for the NumPy twins."""
 
     image: Callable[[str, int], npt.NDArray[Any]]
     corners: Callable[[str, int], Sighting]
+    device: Device | None = None

@@ -153,6 +153,24 @@ def build_shutter(camera: m.CameraTable) -> Shutter | None:
     return Shutter(spec.exposure, spec.line_time, spec.samples)
 
 
+def image_axes(camera: Camera) -> tuple[tuple[str, str], Float]:
+    """The two world axes nearest to the image's right and up, as names and as rows (2, 3)."""
+    R = camera.camera_from_world[:3, :3]
+    names, rows = [], []
+    taken = -1
+    for direction in (R[0], -R[1]):
+        strength = np.abs(direction)
+        if taken >= 0:
+            strength[taken] = -1.0
+        taken = int(np.argmax(strength))
+        sign = 1.0 if direction[taken] > 0 else -1.0
+        row = np.zeros(3)
+        row[taken] = sign
+        names.append(("+" if sign > 0 else "-") + "xyz"[taken])
+        rows.append(row)
+    return (names[0], names[1]), np.array(rows)
+
+
 def opening(shutter: Shutter | None, camera: Camera) -> float:
     """When row 0 opens, so that the middle row's exposure is centred on time 0."""
     if shutter is None:

@@ -239,7 +239,7 @@ def _plate(prop: m.PlateTable, read: Reader) -> Surface:
     where = f"prop {prop.name!r}, paint {prop.paint.name!r}"
     if isinstance(prop.paint, m.PlainTable):
         plain = Plain(prop.paint.albedo, **finish_of(prop.paint))
-        return Surface(points, faces, plain, name=prop.name)
+        return Surface(points, faces, {prop.paint.name: plain}, name=prop.name)
     frame = plane_frame(points, faces, where, prop.paint.up or prop.up)
     name = prop.paint.name
     paint = build_pattern(prop.paint, frame, where, read)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy.typing as npt
 
 from gpusim.export.images import keep, read_image, recall
+from gpusim.gpu import Device
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
 from gpusim.graph.stage import StageResult
@@ -21,13 +22,15 @@ from gpusim.scene import Scene
 def measure(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
     """One measurement."""
     (spec,) = scene.measures
-    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row])
-    result = measured(spec, scene, objects, _sources(scene, inputs))
+    board = "" if scene.calibration is None else scene.calibration.board
+    objects = scene_objects(scene, inputs, [one.shown for one in inputs.row], board)
+    device = session.device if spec.correlates else None
+    result = measured(spec, scene, objects, _sources(scene, inputs, device))
     result.write(inputs.new_file("measure/-").parent)
     return StageResult(inputs.new_files(), words=result.note)
 
 
-def _sources(scene: Scene, inputs: Inputs) -> Sources:
+def _sources(scene: Scene, inputs: Inputs, device: Device | None) -> Sources:
     def image(camera: str, frame: int) -> npt.NDArray[Any]:
         stage, name = f"picture/{camera}", image_name(scene, camera, frame)
         path = inputs.path(stage, name)
@@ -40,4 +43,4 @@ def _sources(scene: Scene, inputs: Inputs) -> Sources:
         name = corners_name(image_name(scene, camera, pose, "calib-"))
         return read_corners(scene, inputs.read(f"calib-picture/{camera}", name))
 
-    return Sources(image, corners)
+    return Sources(image, corners, device)

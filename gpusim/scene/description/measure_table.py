@@ -27,9 +27,11 @@ class MeasureTable(Table):
     A subclass gives ``type`` the kind's name (``type: Literal["mean_grey"]``), adds its keys, and
     says what they need:
 
-    - ``references``: keys that name what has to be there: "camera", "variant", "markers paint on a
-      body", "markers paint on a prop", or "measure of a <type>";
-    - ``uses_calibration``: whether it needs the board's corners of [calibration];
+    - ``references``: keys ("roi.paint": in a table of it) that name what has to be there: "camera",
+      "variant", "paint", "markers paint on a body", "markers paint on a prop", or
+      "measure of a <type>";
+    - ``uses_calibration`` (a property): whether it needs the board's corners of [calibration];
+    - ``correlates``: whether it correlates pictures, which is done on the device if there is one;
     - ``compares_variants``: whether it compares what other measures have found in the variants: no
       state of the scene has it, and it needs no pictures;
     - ``least_frames``: so many have to be there, the first one of them as the reference.
@@ -40,7 +42,7 @@ class MeasureTable(Table):
     type: str
 
     references: ClassVar[Mapping[str, str]] = {}
-    uses_calibration: ClassVar[bool] = False
+    correlates: ClassVar[bool] = False
     compares_variants: ClassVar[bool] = False
     least_frames: ClassVar[int] = 2
 
@@ -48,6 +50,11 @@ class MeasureTable(Table):
     def kind(cls) -> str:
         """The ``type`` of the tables of this class."""
         return str(get_args(cls.model_fields["type"].annotation)[0])
+
+    @property
+    def uses_calibration(self) -> bool:
+        """Whether it needs the board's corners of [calibration]."""
+        return False
 
     @property
     def views(self) -> tuple[str, ...]:

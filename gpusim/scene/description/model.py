@@ -41,8 +41,10 @@ from .measures import (
     AnyMeasure,
     DamageTable,
     DeflectionTable,
+    DicTable,
     MarkerMeasureTable,
     PublishedTable,
+    RegionTable,
     StereoTable,
 )
 from .mesh import (

@@ -22,6 +22,7 @@ from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.scene_objects.cameras import image_axes
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
@@ -53,7 +54,7 @@ def measure_deflection(
         where = f"in the first image of camera {camera.name!r}"
         expected = "expected two at least: a scale needs two"
         raise GpusimError(f"measure {spec.name!r}: {found} {where}; {expected}")
-    axes, plane = _image_axes(camera)
+    axes, plane = image_axes(camera)
     in_plane = [axis[1] for axis in axes]
     position = marks.position[:count]
     scale = measure.scale_coefficient(points[ok], 1e3 * position[ok] @ plane.T)
@@ -115,24 +116,6 @@ def _tilt(camera: Camera, plane: Float) -> float:
     """Degrees between the viewing direction and the normal of the measured plane (rows: axes)."""
     along = abs(float(camera.camera_from_world[2, :3] @ np.cross(plane[0], plane[1])))
     return float(np.degrees(np.arccos(min(along, 1.0))))
-
-
-def _image_axes(camera: Camera) -> tuple[tuple[str, str], Float]:
-    """The two world axes nearest to the image's right and up, as names and as rows (2, 3)."""
-    R = camera.camera_from_world[:3, :3]
-    names, rows = [], []
-    taken = -1
-    for direction in (R[0], -R[1]):
-        strength = np.abs(direction)
-        if taken >= 0:
-            strength[taken] = -1.0
-        taken = int(np.argmax(strength))
-        sign = 1.0 if direction[taken] > 0 else -1.0
-        row = np.zeros(3)
-        row[taken] = sign
-        names.append(("+" if sign > 0 else "-") + "xyz"[taken])
-        rows.append(row)
-    return (names[0], names[1]), np.array(rows)
 
 
 def _curves(marks: MarkerSet, objects: SceneObjects, last: int, plane: Float) -> Float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 
 from gpusim import measure
 from gpusim.arrays.array_types import Float
-from gpusim.errors import GpusimError, InputError
+from gpusim.errors import GpusimError
 from gpusim.measure.stereo.triangulation import Triangulated
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.kinds import Kind, register
@@ -18,7 +18,7 @@ from gpusim.pipeline.measurements.marker_detection import MarkerSet
 from gpusim.pipeline.measurements.marker_measurement import track_markers
 from gpusim.pipeline.measurements.marker_tracking import MarkerTracks
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
-from gpusim.pipeline.measurements.sources import Board, Sources, board_of
+from gpusim.pipeline.measurements.sources import Board, Sources, calibrated
 from gpusim.pipeline.measurements.stereo.result import PARAMETERS, StereoResult
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
@@ -44,7 +44,7 @@ def measure_stereo(
     GpusimError
         A camera can't be calibrated, or no marker is seen by two cameras.
     """
-    board, calibration = _calibrated(spec, scene, sources.corners)
+    board, calibration = calibrated(spec, scene, sources.corners)
     tracked = track_markers(spec, scene, objects, sources)
     marks, count = tracked.marks, tracked.marks.count
     _, true = marks.true_motion(objects, [*tracked.frames])
@@ -98,22 +98,6 @@ def measure_stereo(
         points_px=np.array([one.points[:count] for one in seen]),
         moved_px=np.array(shifts),
     )
-
-
-def _calibrated(
-    spec: m.StereoTable, scene: Scene, corners: Callable[[str, int], measure.Sighting]
-) -> tuple[Board, measure.Calibration]:
-    """The board, and the cameras as its pictures give them."""
-    what, calibration, board = f"measure {spec.name!r}", scene.calibration, board_of(scene)
-    if calibration is None or not set(spec.views) <= set(calibration.cameras):
-        missing = f"no images of a target for {', '.join(spec.views)}"
-        raise InputError(f"{what}: {missing}; expected [calibration]")
-    if board is None:
-        where = f"{what}: calibration board {calibration.board!r}"
-        raise InputError(f"{where}; got another paint; expected a checker or charuco")
-    poses = range(len(calibration.poses))
-    sightings = {name: [corners(name, pose) for pose in poses] for name in spec.views}
-    return board, measure.calibrate(sightings, lens=spec.lens)
 
 
 def _triangulated(

@@ -1,0 +1,144 @@
+"""Displacements and strains at points over frames, measured and true: tables, files, what the
+report says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import scipy
+
+from gpusim.files.atomic_files import atomic_path, safe_name
+from gpusim.files.hdf5_file import writing_hdf5
+from gpusim.files.output_folder import inside
+from gpusim.pipeline.measurements.dic import statistics
+from gpusim.pipeline.measurements.dic.point_fields import PointFields
+from gpusim.pipeline.measurements.results import Reported, csv_text
+from gpusim.pipeline.pictures.file_names import image_path
+from gpusim.report import Drawing, Series
+from gpusim.report.field_maps import ComparedField, draw_compared_fields, draw_differences
+from gpusim.scene import Scene
+from gpusim.scene.description.table import name_and_unit
+from gpusim.scene.frames import frame_word
+
+MOST_LOST = 0.02
+"""Share of the points from which on a warning says that they were lost."""
+KINDS = "measured", "true", "levelled"
+
+
+@dataclass(frozen=True, eq=False)
+class FullFieldResult(PointFields):
+    """These fields as files, and what the report says of them."""
+
+    @property
+    def note(self) -> str:
+        """What became of it, in a few words."""
+        frames, points = self.ok.shape
+        return f"{int(self.ok[-1].sum())} of {points} points in {frames} frame{'s' * (frames > 1)}"
+
+    @property
+    def warnings(self) -> list[str]:
+        """Frames in which many points were lost, with the reasons."""
+        found = []
+        for place, frame in enumerate(self.table.frames):
+            lost, count = self.reasons(place), len(self.table.points)
+            total = sum(lost.values())
+            if total > MOST_LOST * count:
+                told = ", ".join(f"{number} {why}" for why, number in lost.items())
+                found.append(
+                    f"measure {self.name!r}: {total} of {count} points lost in frame {frame}: "
+                    f"{told}"
+                )
+        return found
+
+    def tables(self) -> dict[str, str]:
+        """``.csv``: a row for each point and frame, if asked for; ``-statistics.csv``."""
+        told = statistics.measurements(self)
+        rows = [[one.name, one.unit, one.measured, one.truth] for one in told]
+        texts = {"-statistics": csv_text(["quantity", "unit", "measured", "true"], rows)}
+        if "csv" in self.formats:
+            texts[""] = replace(self.table, columns=self.maps()).csv()
+        return texts
+
+    def write(self, folder: Path) -> list[Path]:
+        """Tables, and the maps on their grid in the formats that were asked for."""
+        paths, wanted = super().write(folder), [one for one in self.formats if one in ("h5", "mat")]
+        gridded = self.grids() if wanted else {}
+        for suffix in wanted:
+            paths.append(inside(folder, f"{safe_name(self.name)}.{suffix}"))
+            with atomic_path(paths[-1]) as part:
+                if suffix == "mat":
+                    scipy.io.savemat(str(part), gridded, appendmat=False, do_compression=True)
+                    continue
+                with writing_hdf5(part) as file:
+                    for name, values in gridded.items():
+                        data = file.create_dataset(name, data=values, compression="gzip")
+                        data.attrs["unit"] = name_and_unit(name)[1] or "1"
+                    file.attrs["axes"] = ", ".join(self.axes)
+        return paths
+
+    def report(self, scene: Scene, out: Path) -> Reported:
+        """The last frame's numbers and maps, and how errors and mean strains went over frames."""
+        picture = image_path(scene, out, self.cameras[0], 0)
+        figures = self._figures(picture, inside(out, "figures"))
+        return Reported(statistics.measurements(self), self._series(scene), figures=figures)
+
+    def _figures(self, picture: Path, folder: Path) -> list[Drawing]:
+        """Maps of the last frame, and the histogram of the differences."""
+        if not self.ok[-1].any():
+            return []
+        stem, frame = safe_name(self.name), self.table.frames[-1]
+        points = np.stack([self.table["x_px"][-1], self.table["y_px"][-1]], axis=1)
+        moved = zip(self.displacements, self.axes, strict=True)
+        along = ", ".join(f"{name_and_unit(name)[0]} along {axis}" for name, axis in moved)
+        drawings: list[Drawing] = []
+        for what, names, about in (
+            ("displacement", self.displacements, along),
+            ("strain", self.strains, f"{self.strain}, gauge of {self.gauge_px} px"),
+        ):
+            fields = [
+                ComparedField(
+                    " in ".join(filter(None, name_and_unit(name))),
+                    *(self.table[f"{kind}_{name}"][-1] for kind in KINDS),
+                )
+                for name in names
+            ]
+            title, path = (
+                f"{self.name}: {what} in frame {frame}",
+                inside(folder, f"{stem}-{what}.png"),
+            )
+            if fields:
+                drawings.append(
+                    partial(
+                        draw_compared_fields, picture, points, fields, f"{title} ({about})", path
+                    )
+                )
+        title, path = f"{self.name}: differences", inside(folder, f"{stem}-histogram.png")
+        raw, rest = self.raw_px[-1].ravel(), self.rest_px[-1].ravel()
+        return [*drawings, partial(draw_differences, raw, rest, title, path)]
+
+    def _series(self, scene: Scene) -> list[Series]:
+        """Over several frames: the error, and each mean strain."""
+        frames = self.table.frames
+        if len(frames) < 2:
+            return []
+        instants = np.array([scene.analysis.load_factors[frame] for frame in frames])
+        errors = np.array([statistics.rms(one) for one in self.raw_px])
+        lines = [("RMS error", "px", errors, np.zeros(len(frames)))]
+        for name in self.strains:
+            measured, smooth = (
+                np.where(np.isfinite(self.table[f"measured_{name}"]), self.table[one], np.nan)
+                for one in (f"measured_{name}", f"levelled_{name}")
+            )
+            found, true = (
+                statistics.MICROSTRAIN * np.array([statistics.mean(one) for one in values])
+                for values in (measured, smooth)
+            )
+            lines.append((f"mean {name}", statistics.MICRO_UNIT, found, true))
+        word = frame_word(scene).replace("_", " ")
+        return [
+            Series(f"{self.name}: {what}", instants, found, true, word, what, unit)
+            for what, unit, found, true in lines
+        ]
