@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -25,19 +24,6 @@ def _size(text: str) -> tuple[int, int]:
     return size
 
 
-def _legend(text: str | None) -> tuple[float, float] | None:
-    """Both ends, in the field's unit."""
-    if text is None:
-        return None
-    try:
-        low, high = (float(end) for end in text.split(":"))
-    except ValueError:
-        low = high = 0.0
-    fits = isfinite(low) and isfinite(high) and low < high
-    require(fits, "view --legend", repr(text), "LOW:HIGH, the lower one first: -0.5:2")
-    return low, high
-
-
 def view(
     path: Annotated[
         Path,
@@ -55,8 +41,8 @@ def view(
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
     legend: Annotated[
-        str | None,
-        typer.Option(metavar="LOW:HIGH", help="Of the field's legend, in its unit, held."),
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Of the field's legend, in its unit, held."),
     ] = None,
     keys: Annotated[
         str, typer.Option(help='Press these keys of the window, once it is solved: "x g k PageUp".')
@@ -76,7 +62,7 @@ def view(
     h shows the keys. A scene is read again when its file changes.
     """
     with exit_codes():
-        pixels, ends = _size(size), _legend(legend)
+        pixels = _size(size)
         with importing():
             from gpusim.gpu import default_device
             from gpusim.view import screenshot as pictures
@@ -94,7 +80,7 @@ def view(
         try:
             if loaded:
                 pictures.wait_for_solution(viewer)
-            pictures.look_as_asked(viewer, camera, frame, field, legend=ends, keys=keys.split())
+            pictures.look_as_asked(viewer, camera, frame, field, legend=legend, keys=keys.split())
             if screenshot is not None:
                 pictures.save_screenshot(viewer, screenshot)
                 out(str(screenshot))

@@ -17,7 +17,8 @@ What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``)
   the smallest and the largest value, the selection.
 - `field_list`: The list of fields in a corner of the window: the one that is shown, and those round
   it.
-- `panels`: What is written over the picture: title, fields, slider, progress, help, messages, faults.
+- `panels`: What is written over the picture: title, fields, slider, progress, help, messages,
+  faults.
 - `drawn_view`: How what is looked at is drawn, into whatever window.
 - `viewer`: How keys and the mouse change what is looked at.
 - `screenshot`: The window's picture without a window.

@@ -113,25 +113,18 @@ def _draw_squares(viewer: ViewState, symbols: Symbols) -> None:
 
 
 def _values_in_space(viewer: ViewState) -> Iterator[tuple[Float, Float]]:
-    """Values (n,) of the field that is shown, and where they are (n, 3), body by body."""
-    content, found = viewer.content, viewer.field_values
-    assert content is not None and found is not None
-    if found.points is not None:
+    """Values (n,) of the field on what is shown, and where they are (n, 3), surface by surface."""
+    found = viewer.field_values
+    if found is not None and found.points is not None:
         values, places = _squares(viewer)
         yield values, places[:, 0]
         return
-    for number, values in enumerate(found.values):
-        mesh, kept = content.whole[number][0].mesh, content.kept[number]
-        at = mesh.points + viewer.scale * content.displacement(number, viewer.frame)
-        own = kept
-        if found.field.place == "elements":
-            at = np.concatenate([at[cells].mean(axis=1) for _, _, cells in mesh.blocks()])
+    for surface, field in zip(viewer.surfaces(), viewer.surface_fields(), strict=False):
+        topology = surface.topology
+        if field.by_face:
+            yield field.values[topology.source], surface.points[topology.triangles].mean(axis=1)
         else:
-            own = np.zeros(mesh.node_count, bool)
-            for _, first, cells in mesh.blocks():
-                own[cells[kept[first : first + len(cells)]]] = True
-        own = own & np.isfinite(values)
-        yield values[own], at[own]
+            yield field.values, surface.points
 
 
 def _draw_extremes(viewer: ViewState, symbols: Symbols) -> None:
@@ -140,6 +133,7 @@ def _draw_extremes(viewer: ViewState, symbols: Symbols) -> None:
         return
     every = list(_values_in_space(viewer))
     values, places = (np.concatenate([one[k] for one in every]) for k in (0, 1))
+    values, places = values[np.isfinite(values)], places[np.isfinite(values)]
     if not len(values) or values.min() == values.max():
         return
     unit, overlay = viewer.field_values.field.unit, symbols.overlay
@@ -217,4 +211,4 @@ def _selected_value(viewer: ViewState, found: Pick) -> Iterator[str]:
         number, place = 0, int(point[away[:, 0].argmin()])
     elif field.field.place == "elements":
         place = found.element or 0
-    yield f"{field.title} {value_text(float(field.values[number][place]), field.field.unit)}"
+    yield f"{field.field.title} {value_text(float(field.values[number][place]), field.field.unit)}"

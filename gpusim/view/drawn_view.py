@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from gpusim.view.camera_marks import defocus_tint
-from gpusim.view.content.field_values import FieldValues
 from gpusim.view.picture.neutral import HEADLIGHT_WHITE
 from gpusim.view.view_state import ViewState
-from gpusim.visualization.field_colors import corner_values, draw_field_colors, surface_field
+from gpusim.visualization.field_colors import corner_values, draw_field_colors
 from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.placement import Placement
 
@@ -70,7 +69,7 @@ class DrawnView(ViewState):
             if with_picture and base is not None:
                 self.picture.draw(recording, target, left, top, 1.0 / self.white)
                 if self.field_values is not None:
-                    self._draw_field(target, recording, self.field_values)
+                    self._draw_field(target, recording)
                 elif self.sharp is not None and self.shown["cameras"]:
                     colored = defocus_tint(self.sharp, base.view)
                     self._draw_colors(target, recording, *colored, shade=1.0, opacity=TINT)
@@ -82,17 +81,11 @@ class DrawnView(ViewState):
     def draw_over(self, overlay: Overlay) -> None:
         """Collect what stands over the picture."""
 
-    def _draw_field(self, target: Any, recording: Any, found: FieldValues) -> None:
+    def _draw_field(self, target: Any, recording: Any) -> None:
         """The colours of a field of the bodies over the picture."""
-        base = self.picture.base
-        assert base is not None and self.content is not None
-        if found.points is not None:
-            return
-        fields = [
-            surface_field(skin, values, found.field.place == "elements")
-            for skin, values in zip(self.content.skins, found.values, strict=True)
-        ]
-        scale, values = self.color_scale, corner_values(base.view, self.surfaces(), fields)
+        base, scale = self.picture.base, self.color_scale
+        assert base is not None
+        values = corner_values(base.view, self.surfaces(), self.surface_fields())
         self._draw_colors(target, recording, values, scale.limits, scale.colors)
 
     def _draw_colors(self, target: Any, recording: Any, *colored: Any, **look: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gpusim.view.body_marks import SIZE
-from gpusim.view.content.field_values import field_label, field_names
+from gpusim.view.content.field_values import field_names, field_of
 from gpusim.view.view_state import ViewState
 from gpusim.visualization.overlay import INK, PAPER, Overlay
 
@@ -45,7 +45,10 @@ def draw_field_list(
     count = min(len(names), max(int(most / ROW) - 2, 1))
     first = min(max(chosen - count // 2, 0), len(names) - count)
     shown = names[first : first + count]
-    labels = [field_label(content, name, viewer.seen_camera) for name in shown]
+    labels = [
+        field_of(content, name, viewer.seen_camera)[0].label() if name else "paint"
+        for name in shown
+    ]  # fmt: skip
     head = f"{chosen + 1} of {len(names)}; f, d or a click"
     wide = overlay.text_width("\n".join([head, *labels]), SIZE) + 1.4 * SIZE
     overlay.rectangle(left, round(top), round(wide), round((count + 1.5) * ROW), PAPER)

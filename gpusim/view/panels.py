@@ -7,7 +7,6 @@ import textwrap
 import numpy as np
 
 from gpusim.view.body_marks import SIZE, draw_body_marks, mark_selection
-from gpusim.view.content.field_values import field_label
 from gpusim.view.field_list import FieldRows, draw_field_list
 from gpusim.view.keys import help_lines
 from gpusim.view.view_state import ViewState
@@ -185,10 +184,9 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
 
 
 def _legend_title(viewer: ViewState) -> str:
-    assert viewer.content is not None
-    label = field_label(viewer.content, viewer.field, viewer.seen_camera)
+    assert viewer.field_values is not None
     kind = {"frame": "", "held": ", held", "frames": ", all frames"}[viewer.legend_range.kind]
-    return label + kind
+    return viewer.field_values.field.label() + kind
 
 
 def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:

@@ -103,11 +103,10 @@ def look_as_asked(
     if field is not None:
         viewer.show_field(field)
     if legend is not None:
-        found = viewer.field_values
-        require(found is not None, "view --legend", "no --field", "a field that it is of")
-        assert found is not None
-        viewer.legend_range.hold(found.field.unit, *legend)
-        viewer.show_field(field)
+        grows = -np.inf < legend[0] < legend[1] < np.inf
+        require(grows, "view --legend", "{:g} {:g}".format(*legend), "LOW HIGH, finite, growing")
+        require(field is not None, "view --legend", "no --field", "one that it is of")
+        viewer.hold_range(*legend)
     known = [*(one.key.replace(" ", "space") for one in KEYS), *ALIASES]
     for key in keys:
         require_one_of("view --keys", key, known)

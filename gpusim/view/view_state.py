@@ -28,6 +28,7 @@ from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
 from gpusim.visualization.color_scale import ColorScale
+from gpusim.visualization.field_colors import SurfaceField, surface_field
 from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.placement import Placement
 from gpusim.visualization.turntable import Turntable
@@ -216,6 +217,14 @@ class ViewState:
         """Px of the window's right and lower side where something stands over the picture."""
         return 0.0, 0.0
 
+    def surface_fields(self) -> list[SurfaceField]:
+        """The field on the surfaces of the bodies; none where it is of points."""
+        found, skins = self.field_values, self.content.skins if self.content is not None else []
+        if found is None or found.points is not None:
+            return []
+        by_cell = found.field.place == "elements"
+        return [surface_field(*one, by_cell) for one in zip(skins, found.values, strict=True)]
+
     def look_through(self, number: int | None) -> None:
         """See what a camera of the scene sees; None: what the mouse moved before."""
         if self.through is None:
@@ -263,6 +272,12 @@ class ViewState:
             self.field_values = found
             self.color_scale = self.legend_range.scale(found, of_all_frames, known_by)
         self.changed()
+
+    def hold_range(self, low: float, high: float) -> None:
+        """The legend of the field that is shown, and of all others of its unit."""
+        if self.field_values is not None:
+            self.legend_range.hold(self.field_values.field.unit, low, high)
+            self.show_field(self.field)
 
     def cut_at(self, cut: Cut | None) -> None:
         """Show what of the bodies is before a plane; None: all of them."""

@@ -144,9 +144,7 @@ class Viewer(DrawnView):
             return
         low, high = self.color_scale.limits
         middle = 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
-        low, high = (middle + factor * (end - middle) for end in (low, high))
-        self.legend_range.hold(self.field_values.field.unit, low, high)
-        self.show_field(self.field)
+        self.hold_range(*(middle + factor * (end - middle) for end in (low, high)))
 
     def play(self) -> None:
         """Frames in time, again and again, or no longer."""
@@ -194,19 +192,14 @@ class Viewer(DrawnView):
         """A button goes down: 1 left, 2 right, 3 middle."""
         pans = button == 3 or (button == 1 and "Shift" in modifiers)
         what = "pan" if pans else "orbit" if button == 1 else ""
-        row = self._row(x, y)
-        if button == 1 and row is not None:
-            self.show_field(row[0])
+        rows = self.listed if self.shown["fields"] else None
+        if button == 1 and rows is not None and (row := rows.at(x, y)) is not None:
+            self.show_field(rows.names[row])
             what = ""
         elif button == 1 and slider_frame(self, x, y) is not None:
             what = "slide"
         self._drag = {"what": what, "first": (x, y), "last": (x, y), "far": False}
         self._dragged(x, y)
-
-    def _row(self, x: float, y: float) -> tuple[str | None] | None:
-        """The field at a place of the list; None beside it."""
-        row = self.listed.at(x, y) if self.shown["fields"] and self.listed is not None else None
-        return None if row is None or self.listed is None else (self.listed.names[row],)
 
     def move(self, x: float, y: float) -> None:
         """The mouse moves."""
@@ -236,9 +229,6 @@ class Viewer(DrawnView):
 
     def wheel(self, steps: float, x: float, y: float) -> None:
         """The wheel turns by ``steps`` towards the user."""
-        if self._row(x, y) is not None:
-            self.step_field(int(np.sign(steps)))
-            return
         self.look(self.view.zoom(steps, x, y, *self.size))
 
     def select(self, x: float, y: float) -> None:

@@ -27,7 +27,6 @@ from gpusim.scene.frames import frame_word
 from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
-from gpusim.validation import require_one_of
 from gpusim.view.content.cut import Cut, cut_body
 from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
 from gpusim.view.content.measured_points import MeasuredPoints, Squares
@@ -235,19 +234,12 @@ class Content:
         return [crease_edges(surface) for surface in self.surfaces(0)] if self.parts else []
 
     def squares(self, points: MeasuredPoints, device: Device) -> Squares:
-        """Where points were measured.
-
-        Raises
-        ------
-        InputError
-            The camera that saw them isn't there.
-        """
-        names, objects = [camera.name for camera in self.cameras], self.objects
-        require_one_of(f"measure {points.name!r}: camera", points.camera, names)
-        assert objects is not None
+        """Where points were measured."""
+        assert self.objects is not None
         if points.name not in self._squares:
-            camera = self.cameras[names.index(points.camera)]
-            self._squares[points.name] = points.squares(objects.surfaces(0), camera, device)
+            camera = next(camera for camera in self.cameras if camera.name == points.camera)
+            surfaces = self.objects.surfaces(0)
+            self._squares[points.name] = points.squares(surfaces, camera, device)
         return self._squares[points.name]
 
     def outline(self, frame: int, scale: float) -> Float:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from gpusim.arrays.array_types import Bool, Float, Int
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.mesh import Faces, Mesh, boundary_faces
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
@@ -50,26 +49,6 @@ class Cut:
         return np.asarray((middle > self.place(bounds)) == self.beyond)
 
 
-class _SomeCells:
-    """Those of a mesh that are kept, as `boundary_faces` needs them."""
-
-    def __init__(self, mesh: Mesh, kept: Bool) -> None:
-        self.points, self.node_count, self.cell_count = (
-            mesh.points,
-            mesh.node_count,
-            int(kept.sum()),
-        )
-        self._blocks = [
-            (kind, cells[kept[first : first + len(cells)]]) for kind, first, cells in mesh.blocks()
-        ]
-
-    def blocks(self) -> Iterator[tuple[str, int, Int]]:
-        first = 0
-        for kind, cells in self._blocks:
-            yield kind, first, cells
-            first += len(cells)
-
-
 def cut_body(skin: Skin, surface: Surface, kept: Bool) -> tuple[Skin, Surface]:
     """Skin and surface at rest of a body's elements that are ``kept`` (M,); a face if none is.
 
@@ -79,7 +58,9 @@ def cut_body(skin: Skin, surface: Surface, kept: Bool) -> tuple[Skin, Surface]:
         return skin, surface
     faces = skin.faces[[0]]
     if kept.any():
-        some = boundary_faces(_SomeCells(skin.mesh, kept))
+        blocks = skin.mesh.blocks()
+        cells = {kind: cells[kept[first : first + len(cells)]] for kind, first, cells in blocks}
+        some = boundary_faces(Mesh.trusted(skin.mesh.points, cells))
         cell = np.flatnonzero(kept)[some.cell].astype(np.int32)
         faces = Faces(some.nodes, cell, some.local, some.points)
     own, whole = (8 * one.cell.astype(np.int64) + one.local for one in (faces, skin.faces))

@@ -24,20 +24,13 @@ LAYERS = ("depth", "flow", "displacement", "reference")
 class FieldValues:
     """A field in a frame: ``values`` of each body at its nodes or elements, or of ``points`` alone.
 
-    ``of``: the camera or the measurement that it is of, "" if of none. ``legend``: values that the
-    legend reaches over.
+    ``legend``: values that the legend reaches over.
     """
 
     field: Field
-    of: str
     values: list[Float]
     legend: list[Float]
     points: MeasuredPoints | None = None
-
-    @property
-    def title(self) -> str:
-        """Without the unit."""
-        return f"{self.of}: {self.field.title}" if self.of else self.field.title
 
 
 def field_names(content: Content | None) -> list[str]:
@@ -51,10 +44,8 @@ def field_names(content: Content | None) -> list[str]:
     return [*names, *(f"{one.name}/{name}" for one in content.measured for name in one.fields)]
 
 
-def field_of(
-    content: Content, name: str, camera: int = 0
-) -> tuple[Field, str, MeasuredPoints | None]:
-    """A field, the name of the camera or the measurement that it is of, and that measurement.
+def field_of(content: Content, name: str, camera: int = 0) -> tuple[Field, MeasuredPoints | None]:
+    """A field, whose title says what it is of, and the measurement if it is of one.
 
     ``camera``: whose truth it is.
 
@@ -66,19 +57,15 @@ def field_of(
     measure, _, column = name.rpartition("/")
     points = next((one for one in content.measured if one.name == measure), None)
     if points is not None and column in points.fields:
-        return points.fields[column], measure, points
+        return _named(points.fields[column], measure), points
     if name in TRUTH and content.cameras:
-        return replace(TRUTH[name], place="nodes"), content.cameras[camera].name, None
+        return _named(replace(TRUTH[name], place="nodes"), content.cameras[camera].name), None
     require_one_of("field", name, dict.fromkeys([*BODY, *field_names(content)]))
-    return BODY[name], "", None
+    return BODY[name], None
 
 
-def field_label(content: Content, name: str | None, camera: int = 0) -> str:
-    """What stands over the legend of a field, and in the list of fields."""
-    if name is None:
-        return "paint"
-    field, of, _ = field_of(content, name, camera)
-    return f"{of}: {field.label()}" if of else field.label()
+def _named(field: Field, of: str) -> Field:
+    return replace(field, title=f"{of}: {field.title}")
 
 
 def field_values(content: Content, name: str, frame: int, camera: int = 0) -> FieldValues:
@@ -89,13 +76,13 @@ def field_values(content: Content, name: str, frame: int, camera: int = 0) -> Fi
     InputError
         There is no such field, or a body hasn't it.
     """
-    field, of, points = field_of(content, name, camera)
+    field, points = field_of(content, name, camera)
     if points is not None:
         column = name.rpartition("/")[2]
         kind, _, quantity = column.partition("_")
         alike = [f"{one}_{quantity}" for one in KINDS] if kind in KINDS else [column]
         legend = [points.values(one, frame) for one in alike if one in points.fields]
-        return FieldValues(field, of, [points.values(column, frame)], legend, points)
+        return FieldValues(field, [points.values(column, frame)], legend, points)
     bodies = range(len(content.skins))
     if name in TRUTH:
         seen = content.cameras[camera]
@@ -103,7 +90,7 @@ def field_values(content: Content, name: str, frame: int, camera: int = 0) -> Fi
     else:
         solved = not name.startswith(STORED)
         values = [field.values(content.state(body, frame, solved)) for body in bodies]
-    return FieldValues(field, of, values, values)
+    return FieldValues(field, values, values)
 
 
 def _layers(content: Content, body: int, frame: int, camera: Camera) -> dict[str, Float]:

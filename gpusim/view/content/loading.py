@@ -137,7 +137,9 @@ def _run(folder: Path) -> Content:
     )  # fmt: skip
     if content.is_solvable:
         load_solution(content, solution)
-    content.measured = [one for one in map(measured_points, measured) if one is not None]
+    names = [camera.name for camera in content.cameras]
+    points = map(measured_points, measured)
+    content.measured = [one for one in points if one is not None and one.camera in names]
     return content
 
 
