@@ -2,31 +2,15 @@
 
 from __future__ import annotations
 
-import copy
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import gpusim as gs
 from gpusim.gpu import Device
-from gpusim.scene.toml_text import toml_text
 from gpusim.view.content.loading import load_content
 from gpusim.view.screenshot import screenshot
 from gpusim.view.viewer import Viewer
-from tests.support.small_scene import DOCUMENT
-
-
-@pytest.fixture(scope="module")
-def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """OUT of a run whose stress isn't written."""
-    document = copy.deepcopy(DOCUMENT)
-    document["output"]["stress"] = False
-    folder = tmp_path_factory.mktemp("panels")
-    (folder / "bar.toml").write_text(toml_text(document), encoding="utf-8")
-    gs.run(gs.load_scene(folder / "bar.toml"), folder / "out")
-    assert not (folder / "out" / "solution" / "stress.npz").exists()
-    return folder / "out"
 
 
 def test_frames_are_counted_from_one(run_folder: Path) -> None:

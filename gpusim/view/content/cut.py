@@ -56,13 +56,14 @@ def cut_body(skin: Skin, surface: Surface, kept: Bool) -> tuple[Skin, Surface]:
     """
     if kept.all():
         return skin, surface
-    faces = skin.faces[[0]]
-    if kept.any():
-        blocks = skin.mesh.blocks()
-        cells = {kind: cells[kept[first : first + len(cells)]] for kind, first, cells in blocks}
-        some = boundary_faces(Mesh.trusted(skin.mesh.points, cells))
-        cell = np.flatnonzero(kept)[some.cell].astype(np.int32)
-        faces = Faces(some.nodes, cell, some.local, some.points)
+    if not kept.any():
+        one = Skin(skin.mesh, skin.faces[[0]])
+        return one, one.surface({INSIDE: PAINT}, np.zeros(1, np.int32), {}, surface.name)
+    blocks = skin.mesh.blocks()
+    cells = {kind: cells[kept[first : first + len(cells)]] for kind, first, cells in blocks}
+    some = boundary_faces(Mesh.trusted(skin.mesh.points, cells))
+    cell = np.flatnonzero(kept)[some.cell].astype(np.int32)
+    faces = Faces(some.nodes, cell, some.local, some.points)
     own, whole = (8 * one.cell.astype(np.int64) + one.local for one in (faces, skin.faces))
     _, here, before = np.intersect1d(own, whole, assume_unique=True, return_indices=True)
     painted = np.empty(len(skin.faces), np.int32)

@@ -18,6 +18,7 @@ KINDS = ("measured", "true", "levelled")
 """How names of measured fields begin that share a legend."""
 LAYERS = ("depth", "flow", "displacement", "reference")
 """Truth that nodes have, whether or not a camera sees them."""
+SEEN = [name for layer in LAYERS for name in TRUTH if name.split("_")[1] == layer]
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ def field_names(content: Content | None) -> list[str]:
     solved = content.is_solvable and not content.unloaded
     names = [name for name in BODY if solved or name.startswith("displacement")]
     if content.cameras:
-        names += [name for layer in LAYERS for name in TRUTH if name.split("_")[1] == layer]
+        names += SEEN
     return [*names, *(f"{one.name}/{name}" for one in content.measured for name in one.fields)]
 
 
@@ -58,7 +59,7 @@ def field_of(content: Content, name: str, camera: int = 0) -> tuple[Field, Measu
     points = next((one for one in content.measured if one.name == measure), None)
     if points is not None and column in points.fields:
         return _named(points.fields[column], measure), points
-    if name in TRUTH and content.cameras:
+    if name in SEEN and content.cameras:
         return _named(replace(TRUTH[name], place="nodes"), content.cameras[camera].name), None
     require_one_of("field", name, dict.fromkeys([*BODY, *field_names(content)]))
     return BODY[name], None
@@ -84,7 +85,7 @@ def field_values(content: Content, name: str, frame: int, camera: int = 0) -> Fi
         legend = [points.values(one, frame) for one in alike if one in points.fields]
         return FieldValues(field, [points.values(column, frame)], legend, points)
     bodies = range(len(content.skins))
-    if name in TRUTH:
+    if name in SEEN:
         seen = content.cameras[camera]
         values = [field.values(_layers(content, body, frame, seen)) for body in bodies]
     else:

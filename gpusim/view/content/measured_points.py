@@ -4,12 +4,12 @@ are on the bodies."""
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -95,7 +95,15 @@ def measured_points(path: Path) -> MeasuredPoints | None:
             columns = {name: stored[name] for name in names}
         if any(one.shape != (len(frames), len(points)) for one in columns.values()):
             raise ValueError("columns of another length")
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        BadZipFile,
+    ) as error:
         expected = "what a run of this scene has written"
         raise InputError(f"{path}: damaged; got {error}; expected {expected}") from None
     return MeasuredPoints(path.stem, rest["cameras"][0], tuple(frames), columns)
