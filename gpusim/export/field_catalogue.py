@@ -2,7 +2,8 @@
 truth in pictures, and of what was measured, by the name that users write.
 
 A field is a row of a table: `BODY` (of a `gpusim.export.body_state.BodyState`), `TRUTH` (of a
-frame's truth layers), `PICTURE`, `SPACE`, `MAPPED` and `STRAIN` (of what a correlation gives).
+frame's truth layers), `PICTURE`, `SPACE`, `MAPPED` and `STRAIN` (of what a correlation gives); `point_fields` makes
+those of a table of a measurement.
 `VTU_ARRAYS` are whole vectors and tensors, in SI.
 """
 

@@ -41,7 +41,7 @@ def test_a_click_chooses(run_viewer: Viewer, size: tuple[int, int]) -> None:
     screenshot(viewer, size)
     rows = viewer.listed
     assert rows is not None
-    for number, name in enumerate(rows.names):
+    for number in range(len(rows.names)):
         x, y = rows.left + 5.0, rows.top + (number + 0.5) * 1.35 * 14
         assert rows.at(x, y) == number and rows.at(x - 10.0, y) is None
     view, x, y = viewer.view, rows.left + 9.0, rows.top + 4.0
