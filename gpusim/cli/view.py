@@ -15,6 +15,15 @@ from gpusim.printable import printable
 
 PORT = 60649
 
+Legend = Annotated[
+    tuple[float, float] | None,
+    typer.Option(metavar="LOW HIGH", help="Of the field's legend, in its unit, held."),
+]
+Unit = Annotated[
+    Literal["m", "cm", "mm", "um", "in"] | None,
+    typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
+]
+
 
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)[x×](\d+)", str(text))  # noqa: RUF001
@@ -40,17 +49,9 @@ def view(
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
-    legend: Annotated[
-        tuple[float, float] | None,
-        typer.Option(metavar="LOW HIGH", help="Of the field's legend, in its unit, held."),
-    ] = None,
-    keys: Annotated[
-        str, typer.Option(help='Press these keys of the window, once it is solved: "x g k PageUp".')
-    ] = "",
-    unit: Annotated[
-        Literal["m", "cm", "mm", "um", "in"] | None,
-        typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
-    ] = None,
+    legend: Legend = None,
+    keys: Annotated[str, typer.Option(help='Press these keys, once solved: "x g PageUp".')] = "",
+    unit: Unit = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")

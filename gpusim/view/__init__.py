@@ -5,8 +5,6 @@ What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``)
 
 - `picture`: Pictures of what is shown: coarse while it moves, exact when it is still.
 - `content`: What is shown, from files, and solved meanwhile.
-- `picking`: What is under a pixel: the body or prop, its element, node and field, and the material
-  point.
 - `camera_marks`: What is drawn while one looks through a camera of the scene: its frame, its
   middle, its lens.
 - `keys`: What keys and the mouse do, in one table.
@@ -19,7 +17,7 @@ What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``)
   it.
 - `panels`: What is written over the picture: title, fields, slider, progress, help, messages,
   faults.
-- `drawn_view`: How what is looked at is drawn, into whatever window.
+- `drawing`: How what is looked at is drawn, into whatever window.
 - `viewer`: How keys and the mouse change what is looked at.
 - `screenshot`: The window's picture without a window.
 - `window`: The window (rendercanvas and glfw).

@@ -10,7 +10,7 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
 from gpusim.view.camera_marks import draw_distortion, draw_image_frame, draw_principal_point
-from gpusim.view.picking import Pick
+from gpusim.view.content.picking import Pick
 from gpusim.view.view_state import ViewState
 from gpusim.visualization.color_scale import format_value, value_text
 from gpusim.visualization.mesh_edges import crease_edges, element_edges

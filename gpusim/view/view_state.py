@@ -23,8 +23,8 @@ from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.content.field_values import FieldValues, field_values
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
+from gpusim.view.content.picking import Pick
 from gpusim.view.legend_range import LegendRange
-from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
 from gpusim.visualization.color_scale import ColorScale

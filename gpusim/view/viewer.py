@@ -12,11 +12,11 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.view.content.cut import Cut
-from gpusim.view.drawn_view import DrawnView
+from gpusim.view.content.picking import pick
+from gpusim.view.drawing import ViewDrawing
 from gpusim.view.field_list import FieldRows, all_fields
 from gpusim.view.keys import ALIASES, KEYS
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
-from gpusim.view.picking import pick
 from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.placement import Placement
 from gpusim.visualization.turntable import camera_lines
@@ -28,7 +28,7 @@ AROUND = 4.0
 """Times as far as the selection alone would be: it is seen with what is round it."""
 
 
-class Viewer(DrawnView):
+class Viewer(ViewDrawing):
     """What a window shows, with its keys and its mouse.
 
     Examples

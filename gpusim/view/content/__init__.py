@@ -3,6 +3,8 @@
 - `depth_of_field`: Depths between which a camera is sharp.
 - `cut`: A plane through the bodies: elements beyond it aren't shown, so that one sees what is
   inside.
+- `picking`: What is under a pixel: the body or prop, its element, node and sets, and the material
+  point.
 - `measured_points`: What was measured at points of a camera's first picture, from OUT/measure, and
   where these points are on the bodies.
 - `content`: What is shown: surfaces by frame, cameras, lights, states of the bodies.

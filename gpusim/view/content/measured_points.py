@@ -24,7 +24,7 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.surface.surface import Surface
-from gpusim.view.picking import MaterialPoints, material_points
+from gpusim.view.content.picking import MaterialPoints, material_points
 
 PLACE = ("x_px", "y_px")
 """Columns of points in the first picture."""

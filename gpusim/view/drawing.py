@@ -20,7 +20,7 @@ EXPOSED = 0.995
 """Share of a lit picture's pixels that aren't white."""
 
 
-class DrawnView(ViewState):
+class ViewDrawing(ViewState):
     """Draws what is looked at, a part of it after another."""
 
     def _exposed(self) -> None:

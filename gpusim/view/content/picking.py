@@ -106,7 +106,7 @@ def pick(
 
     Examples
     --------
-    >>> from gpusim.view.picking import pick
+    >>> from gpusim.view.content.picking import pick
     >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
     >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
     >>> frame = gs.render([wall], camera, backend="numpy")
