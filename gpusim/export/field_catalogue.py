@@ -2,9 +2,9 @@
 truth in pictures, and of what was measured, by the name that users write.
 
 A field is a row of a table: `BODY` (of a `gpusim.export.body_state.BodyState`), `TRUTH` (of a
-frame's truth layers), `PICTURE`, `SPACE`, `MAPPED` and `STRAIN` (of what a correlation gives); `point_fields` makes
-those of a table of a measurement.
-`VTU_ARRAYS` are whole vectors and tensors, in SI.
+frame's truth layers), `PICTURE`, `SPACE`, `MAPPED` and `STRAIN` (of what a correlation gives);
+`point_fields` makes those of a measurement's table. `VTU_ARRAYS` are whole vectors and tensors, in
+SI.
 """
 
 from __future__ import annotations
