@@ -100,6 +100,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics.calibration.formats import read_calibration as read_calibration
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
     from gpusim.pipeline import run as run
+    from gpusim.pipeline.runner.explanation import explain as explain
     from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
@@ -129,6 +130,7 @@ _HOMES = {
     ),
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
     "gpusim.pipeline": "run",
+    "gpusim.pipeline.runner.explanation": "explain",
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",

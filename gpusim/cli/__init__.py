@@ -46,7 +46,7 @@ from gpusim.cli.console import (
     waiting,
 )
 from gpusim.cli.measuring import calibrate, dic
-from gpusim.cli.tables import print_deck
+from gpusim.cli.tables import print_deck, print_explanations
 from gpusim.cli.view import view
 from gpusim.errors import Fault, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder
@@ -197,6 +197,45 @@ def budget(
             out(report.to_json().rstrip())
         elif not quiet and report.budget is not None:
             _print_budget(report.budget, output)
+
+
+@app.command()
+def explain(
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE.toml", help="The scene file, or the folder of a run.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="OUT",
+            help="Where to; a run's own folder is the default.",
+            parser=folder_name,
+        ),
+    ] = None,
+    sets: Sets = None,
+    backend: BackendOption = "auto",
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Why DIC differs from the truth: run a scene with and without each effect, and map parts."""
+    with exit_codes():
+        with importing():
+            folder = output or (scene if scene.is_dir() else None)
+            if folder is None:
+                raise typer.BadParameter("got none for a scene file; expected -o OUT")
+            loaded = _load(scene / "scene.toml" if scene.is_dir() else scene, sets)
+            check_folder(folder)
+            from gpusim.pipeline.runner.explanation import explain as explain_fields
+
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            report = explain_fields(loaded, folder, backend=backend, progress=progress)
+        if as_json:
+            out(report.to_json().rstrip())
+        elif not quiet:
+            print_explanations(report.explanations)
+            out(f"Report: {folder / 'report.html'}")
 
 
 @app.command()

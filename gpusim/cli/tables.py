@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gpusim.cli.console import out
 
 if TYPE_CHECKING:
-    from gpusim.report import Report
+    from gpusim.report import Explanation, Report
 
 
 def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
@@ -79,3 +79,16 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
         out(f"read over: {', '.join(report['ignored'])}")
     out()
     out(f"Results: {folder / 'solution.pvd'}, {folder / 'displacements.npz'}")
+
+
+def print_explanations(explanations: Sequence[Explanation]) -> None:
+    """The parts of each measure's error, and what they say."""
+    for one in explanations:
+        out()
+        head = f"{one.unit}, RMS", "share", "microstrain", "share"
+        out(f"{one.measure:<28}" + "".join(f"{title:>13}" for title in head))
+        for name, (moved, share, strain, own) in one.rows().items():
+            out(f"{name:<28}{moved:13.3g}{share:11.1f} %{strain:13.3g}{own:11.1f} %")
+        for text in one.remarks:
+            out(text)
+    out()

@@ -16,7 +16,7 @@ from gpusim.arrays.array_types import Float
 from gpusim.display import notebook_html, plotted
 from gpusim.field_summary import field_summary
 from gpusim.printable import printable
-from gpusim.report.findings import Budget, Mechanics, MeshSummary, Published
+from gpusim.report.findings import Budget, Explanation, Mechanics, MeshSummary, Published
 from gpusim.report.text import plain_data
 from gpusim.validation import require
 
@@ -252,6 +252,7 @@ class Report:
     meshes: tuple[MeshSummary, ...] = ()
     published: tuple[Published, ...] = ()
     budget: Budget | None = None
+    explanations: tuple[Explanation, ...] = ()
 
     description: str = ""
     failure: str = ""
@@ -299,6 +300,7 @@ class Report:
             "measurements": self.measurements,
             "published": self.published,
             "budget": self.budget,
+            "explanations": self.explanations,
             "warnings": ([self.failure] if self.failure else []) + list(self.warnings),
             "facts": self.facts,
         }

@@ -7,7 +7,7 @@ and the true places of the same material points, as a tester aligns them by mark
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,14 @@ from gpusim.pipeline.measurements.dic.correlating import (
     correlate_pictures,
     points_within,
 )
+from gpusim.pipeline.measurements.dic.geometric_error import (
+    Gauge,
+    known_errors,
+    readings_of_one,
+    readings_of_pair,
+)
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
 from gpusim.pipeline.measurements.kinds import Kind, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
@@ -123,11 +130,17 @@ class _Single:
             table[frame] = columns | {"zncc": one.zncc, "sigma_px": one.sigma}
             raw.append([one.displacement - true])
             rest.append([one.displacement - smooth])
+        readings = {} if scale is None else readings_of_one(
+            field.motion.camera(field.camera), field.motion.position(field.material, 0),
+            field.motion.displacement(field.material, self.frames[-1]), scale.mapping, scale.axes,
+            spec.plane_pose is not None,
+        )  # fmt: skip
+        known = known_errors(readings, _gauge(spec, found[-1], _gauge_strain))
         axes = ("the picture's x", "the picture's y") if scale is None else scale.names
         calibration = np.nan if scale is None else scale.calibration_px
         return _result(
-            self, table, axes, np.array(raw), np.array(rest), levelled.slope, levelled.contrast,
-            calibration,
+            self, table, axes, known, np.array(raw), np.array(rest), levelled.slope,
+            levelled.contrast, calibration,
         )  # fmt: skip
 
 
@@ -189,6 +202,22 @@ def _gauge_strain(spec: m.DicTable, found: measure.DicResult, places: Float, mov
     return strain_tensor(gradient, kind)
 
 
+def _surface_gauge_strain(
+    spec: m.DicTable, found: measure.StereoResult, places: Float, moved: Float
+) -> Float:
+    """The same in the surface of points in space, (M, 3)."""
+    kind: Any = spec.strain
+    expected = Moved(found.points, _where(found.ok, moved), found.subset, places, found.ok)
+    return measure.surface_strain(expected, window=spec.strain_window, kind=kind).tensor
+
+
+def _gauge(spec: m.DicTable, found: Any, strain: Callable[..., Float]) -> Gauge | None:
+    """How strains are taken of what was ``found``."""
+    if spec.strain == "none":
+        return None
+    return lambda places, moved: _components(strain(spec, found, places, moved))
+
+
 class _Pair(_Single):
     """Two calibrated cameras. Lengths are along the world's axes, strains in the surface."""
 
@@ -196,8 +225,8 @@ class _Pair(_Single):
         """All frames."""
         spec, field, points = self.spec, self.field, self.field.points
         motion, (left, right) = field.motion, spec.views
-        _, calibration = calibrated(spec, self.scene, self.sources.corners)
-        rig = calibration.cameras[0], calibration.cameras[1]
+        cameras = motion.camera(left), motion.camera(right)
+        rig, calibration_px = calibrated_rig(spec, self.scene, self.sources, cameras)
         region = region_of_second_camera(motion, field.roi, left, right)
         found = correlate_pairs(
             spec, self.sources, points, (field.roi.mask, region.mask), rig, self.frames
@@ -210,7 +239,6 @@ class _Pair(_Single):
             one.levelled(self.sources.image(one.camera, 0), self.frames, spec)
             for one in (field, second)
         ]
-        cameras = motion.camera(left), motion.camera(right)
         place = MM * motion.position(field.material, 0)
         laid = self._laid(found, place)
         table, raw, rest = dict[int, Columns](), [], []
@@ -227,23 +255,27 @@ class _Pair(_Single):
             moved = one.displacement @ laid.rotation.T
             columns |= _compared(("U_mm", "V_mm", "W_mm"), moved, true, smooth)
             if spec.strain != "none":
-                options: Any = {"window": spec.strain_window, "kind": spec.strain}
-                expected = Moved(points, _where(one.ok, smooth), one.subset, place, one.ok)
-                tensors = (
-                    measure.surface_strain(one, **options).tensor,
+                columns |= _strain_columns(
+                    _surface_gauge_strain(spec, one, one.shape, one.displacement),
                     field.surface_strain(frame, spec.strain),
-                    measure.surface_strain(expected, **options).tensor,
+                    _surface_gauge_strain(spec, one, place, smooth),
                 )
-                columns |= _strain_columns(*tensors)
             sigma, in_picture = _uncertainty(one, rig, laid.rotation)
             columns |= {f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)}
             table[frame] = columns | {"sigma_picture_px": in_picture, "residual_px": one.residual}
             now = place + true
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
+        before, after = (
+            np.array([_where(found[-1].ok, motion.pixels(field.material, camera, frame))
+                      for camera in (left, right)])
+            for frame in (0, self.frames[-1])
+        )  # fmt: skip
+        readings = readings_of_pair(rig_of(cameras), rig, (before, after), place)
+        known = known_errors(readings, _gauge(spec, found[-1], _surface_gauge_strain))
         return _result(
-            self, table, ("+x", "+y", "+z"), np.array(raw), np.array(rest), levels[0].slope,
-            levels[0].contrast, calibration.rms,
+            self, table, ("+x", "+y", "+z"), known, np.array(raw), np.array(rest), levels[0].slope,
+            levels[0].contrast, calibration_px,
         )  # fmt: skip
 
     def _laid(self, found: Iterable[measure.StereoResult], place: Float) -> measure.Alignment:
@@ -261,19 +293,12 @@ class _Pair(_Single):
 def _seen_by(cameras: tuple[Camera, Camera], views: list[tuple[Float, Float]]) -> Float:
     """Displacements (M, 3) mm, in the world, of points that two true cameras see at places (M, 2)
     px and then moved by (M, 2) px."""
-    first = np.linalg.inv(cameras[0].camera_from_world)
-    rig = []
-    for camera in cameras:
-        pose = camera.camera_from_world @ first
-        size = camera.width, camera.height
-        rig.append(
-            measure.rig_camera(size, camera.K, camera.distortion, pose[:3, :3], MM * pose[:3, 3])
-        )
+    rig = rig_of(cameras)
     before, after = (
         measure.triangulate(rig, np.array([place + share * moved for place, moved in views])).points
         for share in (0.0, 1.0)
     )
-    return np.asarray((after - before) @ first[:3, :3].T)
+    return np.asarray((after - before) @ cameras[0].camera_from_world[:3, :3])
 
 
 def _in_picture(camera: Camera, place: Float, error: Float) -> Float:
@@ -316,8 +341,12 @@ def _compared(names: tuple[str, ...], *values: Float) -> Columns:
 
 def _strain_columns(*tensors: Float) -> Columns:
     """The same of strains (M, 2, 2)."""
-    parts = [np.stack([one[:, i, j] for i, j in STRAINS.values()], axis=1) for one in tensors]
-    return _compared(tuple(STRAINS), *parts)
+    return _compared(tuple(STRAINS), *map(_components, tensors))
+
+
+def _components(tensor: Float) -> Float:
+    """(M, 3): those of `STRAINS`."""
+    return np.stack([tensor[:, i, j] for i, j in STRAINS.values()], axis=1)
 
 
 def _where(ok: Bool, values: Float) -> Float:
@@ -329,9 +358,11 @@ def _result(
     single: _Single,
     table: dict[int, Columns],
     axes: tuple[str, ...],
+    known: dict[str, Float],
     *arrays: Any,
 ) -> FullFieldResult:
-    """With the settings; ``arrays``: raw, rest, slope, contrast, calibration_px."""
+    """With the settings; ``known``: as `known_errors` has it; ``arrays``: raw, rest, slope,
+    contrast, calibration_px."""
     spec, field = single.spec, single.field
     digits = len(str(len(field.points)))
     names = [f"p{number:0{digits}d}" for number in range(1, len(field.points) + 1)]
@@ -341,7 +372,8 @@ def _result(
         subset_px=spec.subset_px, step_px=spec.step_px, shape=spec.shape, strain=spec.strain,
         strain_window=spec.strain_window, blur_px=spec.blur_px, formats=spec.formats,
         pixel_mm=MM * field.resolution(), calibration_px=float(calibration),
-        raw_px=raw, rest_px=rest, slope=slope, contrast=contrast,
+        known_names=tuple(known), known_errors=np.array([*known.values()]), raw_px=raw,
+        rest_px=rest, slope=slope, contrast=contrast,
     )  # fmt: skip
 
 

@@ -1,0 +1,185 @@
+"""The error of a measured field in parts that add up, and what they say in words.
+
+What faults of calibration, scale, lens and motion along the axis do is known without any matching
+(`geometric_error`); the rest of an error came about in the pictures. Of that an effect's part is
+the mean of what it adds to pictures without any effect and of what goes with it from pictures with
+all of them: where effects act on each other in pairs, each has half of what they do together, and
+the parts still add up (Shapley's values in a game of pairs).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.pipeline.measurements.dic.geometric_error import CAUSE
+from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.statistics import rms
+from gpusim.scene.description.table import name_and_unit
+
+NOTABLE = 0.1
+"""Share of the error from which on a part, or what parts do together, is told of."""
+RIGID = 1e-6
+"""Strain up to which a true motion counts as rigid."""
+BENT = 0.05
+"""Share of a map's variance beyond its plane from which on it is a parabola, not a tilt."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorParts:
+    """Errors (M, Q) of displacements, the first ``lengths`` columns, and strains at M points in the
+    last frame of ``result``: the ``whole``, its ``parts`` by name, what ``together`` does beside
+    what each effect does alone, and the ``causes`` of a part "calibration"."""
+
+    result: FullFieldResult
+    whole: Float
+    parts: Mapping[str, Float]
+    together: Mapping[str, Float]
+    causes: Mapping[str, Float]
+
+    @property
+    def lengths(self) -> int:
+        """How many of the quantities are displacements."""
+        return len(self.result.displacements)
+
+    @property
+    def missing(self) -> Float:
+        """What the parts don't add up to."""
+        return np.asarray(self.whole - sum(self.parts.values()))
+
+    def size(self, part: Float) -> tuple[float, ...]:
+        """RMS displacement of a part, its share of the whole, RMS strain, its share."""
+        told = []
+        for columns in (slice(None, self.lengths), slice(self.lengths, None)):
+            own, whole = part[:, columns], self.whole[:, columns]
+            squares = np.nansum(whole**2)
+            told += [rms(own), float(np.nansum(own * whole) / squares) if squares else np.nan]
+        return tuple(told)
+
+
+def error_parts(
+    whole: FullFieldResult,
+    none: FullFieldResult,
+    only: Mapping[str, FullFieldResult],
+    no: Mapping[str, FullFieldResult],
+    others: Sequence[FullFieldResult] = (),
+) -> ErrorParts:
+    """The parts of the ``whole``, from what was measured with none of some effects, with each of
+    them alone, with all but each, and with none in ``others`` of the random patterns.
+
+    Examples
+    --------
+    Of a measurement without pictures' effects, only what matching does is left::
+
+        error_parts(whole, whole, {}, {}).parts
+    """
+    known = dict(zip(whole.known_names, whole.known_errors, strict=True))
+    causes = {
+        name.removeprefix(CAUSE): known.pop(name) for name in [*known] if name.startswith(CAUSE)
+    }
+    parts, together = dict(known), dict[str, Float]()
+    bare, full = _in_pictures(none), _in_pictures(whole)
+    for name in only:
+        added, taken = _in_pictures(only[name]) - bare, full - _in_pictures(no[name])
+        parts[name], together[name] = 0.5 * (added + taken), 0.5 * (taken - added)
+    parts["settings"] = _errors(none, "levelled")
+    rest = [_in_pictures(one) - _errors(one, "levelled") for one in (none, *others)]
+    matching = np.mean(rest, axis=0)
+    if others:
+        parts["speckle"] = rest[0] - matching
+    parts["matching"] = matching
+    error = _errors(whole, "measured")
+    fine = np.isfinite(error) & np.all([np.isfinite(one) for one in parts.values()], axis=0)
+
+    def kept(maps: Mapping[str, Float]) -> dict[str, Float]:
+        return {name: np.where(fine, one, np.nan) for name, one in maps.items()}
+
+    return ErrorParts(whole, np.where(fine, error, np.nan), kept(parts), kept(together),
+                      kept(causes))  # fmt: skip
+
+
+def _errors(result: FullFieldResult, kind: str) -> Float:
+    """(M, Q) less the truth, in the last frame."""
+    names = [*result.displacements, *result.strains]
+    return np.asarray((result.values(kind, names) - result.values("true", names))[-1])
+
+
+def _in_pictures(result: FullFieldResult) -> Float:
+    """The error without what is known to come from elsewhere."""
+    known = [
+        one for name, one in zip(result.known_names, result.known_errors, strict=True)
+        if not name.startswith(CAUSE)
+    ]  # fmt: skip
+    return np.asarray(_errors(result, "measured") - sum(known))
+
+
+def remarks(found: ErrorParts) -> list[str]:
+    """What the parts say, in sentences."""
+    sizes = {name: found.size(one) for name, one in found.parts.items()}
+    most = max(sizes, key=lambda name: sizes[name][1])
+    told = [f"The largest part of the error of displacements is {most}: {sizes[most][1]:.0%}."]
+    told += [
+        _rigid_motion(found, name, found.parts[name])
+        for name in found.parts
+        if name in found.result.known_names and abs(sizes[name][1]) >= NOTABLE
+    ]
+    if causes := {name: found.size(one)[1] for name, one in found.causes.items()}:
+        share = sizes["calibration"][1]
+        causes = {name: one for name, one in causes.items() if abs(one) >= NOTABLE * share}
+        words = "; ".join(f"{name} ({one / share:+.0%})" for name, one in causes.items())
+        told += [f"What calibration does comes from: {words}."] * (share >= NOTABLE)
+    return [one for one in told if one] + [_sum(found)]
+
+
+def _rigid_motion(found: ErrorParts, name: str, part: Float) -> str:
+    """How a part of the error looks if nothing is really strained; else nothing."""
+    result, count = found.result, found.lengths
+    true = result.values("true", [*result.displacements, *result.strains])[-1]
+    if not result.strains or not np.nanmax(np.abs(true[:, count:])) <= RIGID:
+        return ""
+    x, y = (result.table[f"{axis}_px"][-1] for axis in "xy")
+    place = np.stack([x - x.mean(), y - y.mean()]) / max(np.ptp(x), np.ptp(y), 1.0)
+    plane = np.vstack([np.ones_like(x), place])
+    degrees = plane, np.vstack([plane, place**2, place[0] * place[1]])
+    spread = np.nanstd(part[:, :count], axis=0)
+    bent = []
+    for quantity, values, own in zip(
+        result.displacements, part.T, spread.tolist(), strict=False
+    ):
+        flat, curved = (_unfitted(values, terms) for terms in degrees)
+        if flat > BENT > curved / flat and own > NOTABLE * float(spread.max()):
+            bent.append(name_and_unit(quantity)[0])
+    shape = f"a parabola in {' and '.join(bent)}" if bent else "a stretch or tilt"
+    unit = name_and_unit(result.displacements[0])[1]
+    moved, wrong = (
+        float(np.nanmax(np.linalg.norm(one[:, :count], axis=1))) for one in (true, part)
+    )
+    strain = 1e6 * np.nanmax(np.abs(part[:, count:]))
+    return (
+        f"A rigid motion of {moved:.3g} {unit} reads as {shape}, by {name}: up to {wrong:.2g} "
+        f"{unit} and {strain:.0f} microstrain, where there is no strain."
+    )
+
+
+def _unfitted(values: Float, terms: Float) -> float:
+    """The share of the variance that no combination of ``terms`` (K, M) explains."""
+    fine = np.isfinite(values)
+    known, basis = values[fine], terms[:, fine].T
+    left = known - basis @ np.linalg.lstsq(basis, known)[0]
+    return float(np.var(left) / max(np.var(known), 1e-300))
+
+
+def _sum(found: ErrorParts) -> str:
+    """Whether the parts add up, and which of them act on each other."""
+    of_whole = found.size(found.whole)[0]
+    miss = found.size(found.missing)[0] / of_whole if of_whole else 0.0
+    acting = [
+        name for name, one in found.together.items() if found.size(one)[0] > NOTABLE * of_whole
+    ]
+    words = f"The parts add up to the error but for {miss:.1%} of it (RMS of displacements)."
+    if acting:
+        words += f" What {', '.join(acting)} do depends on the other effects: half of it is theirs."
+    return words

@@ -1,0 +1,117 @@
+"""What is read off places that are exactly right: errors of calibration, scale, lens, and motion
+along the axis.
+
+A *reading* is what a measurement would make of points if matching found them where they really are
+in the pictures. Readings that have one fault after the other differ by what this fault does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gpusim import measure
+from gpusim.arrays.array_types import Float
+from gpusim.optics.camera.pinhole import Camera
+from gpusim.pipeline.measurements.dic.rig import Rig
+
+MM = 1e3
+CAUSE = "calibration: "
+"""How the name of an error begins that is a part of another one."""
+Reading = tuple[Float, Float]
+"""Places (M, K) mm, and displacements (M, K) mm."""
+Gauge = Callable[[Float, Float], Float]
+"""Strains (M, S) of places and displacements, by the windows of the measurement."""
+
+
+def readings_of_one(
+    camera: Camera, position: Float, moved: Float, mapping: Callable[[Float], Float], axes: Float,
+    on_plane: bool,
+) -> dict[str, Reading]:  # fmt: skip
+    """What one ``camera`` reads of points at a ``position`` that ``moved``, (M, 3) m: the truth,
+    then with one fault more each.
+
+    ``mapping``: of its pixels to mm along ``axes`` (2, 3); ``on_plane``: it undoes the lens.
+    """
+    forward = camera.camera_from_world[2, :3]
+    within = moved - np.outer(moved @ forward, forward)
+    ideal = camera if on_plane else camera.without_distortion()
+
+    def read(lens: Camera, shift: Float) -> Reading:
+        before, after = (mapping(lens.project(position + s)) for s in (0.0 * shift, shift))
+        return before, after - before
+
+    found = {
+        "truth": (MM * position @ axes.T, MM * moved @ axes.T),
+        "calibration" if on_plane else "scale and perspective": read(ideal, within),
+        "out-of-plane motion": read(ideal, moved),
+    }
+    return found if on_plane else found | {"distortion": read(camera, moved)}
+
+
+def readings_of_pair(
+    true: Rig, calibrated: Rig, seen: tuple[Float, Float], place: Float
+) -> dict[str, Reading]:
+    """What a pair reads of points ``seen`` (2, M, 2) px before and after they moved, laid on their
+    true ``place`` (M, 3) mm: by the ``true`` rig, by the ``calibrated`` one, and by the true one
+    with one wrong group of parameters."""
+
+    def read(rig: Rig) -> Reading:
+        before, after = (measure.triangulate(rig, pixels).points for pixels in seen)
+        laid = measure.align(before, place)
+        return laid.apply(before), (after - before) @ laid.rotation.T
+
+    found = {"truth": read(true), "calibration": read(calibrated)}
+    for number in (0, 1):
+        for name, changed in _wrong(true[number], calibrated[number]).items():
+            rig = (changed, true[1]) if number == 0 else (true[0], changed)
+            found[f"{CAUSE}{name}"] = read(rig)
+    return found
+
+
+def _wrong(
+    true: measure.CalibratedCamera, found: measure.CalibratedCamera
+) -> dict[str, measure.CalibratedCamera]:
+    """The true camera with each group of parameters as it was found, by what is wrong with it."""
+
+    def with_K(rows: list[int], columns: list[int]) -> tuple[Float, Any]:
+        K = true.K.copy()
+        K[rows, columns] = found.K[rows, columns]
+        return K, (K - true.K)[rows, columns]
+
+    focal, (fx, fy) = with_K([0, 1], [0, 1])
+    principal, (cx, cy) = with_K([0, 1], [2, 2])
+    turn = found.camera_from_rig[:3, :3] @ true.camera_from_rig[:3, :3].T
+    turned, shifted = true.camera_from_rig.copy(), true.camera_from_rig.copy()
+    turned[:3, :3], shifted[:3, 3] = found.camera_from_rig[:3, :3], found.camera_from_rig[:3, 3]
+    angle = np.degrees(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
+    apart = np.linalg.norm((shifted - true.camera_from_rig)[:3, 3])
+    of = f"of camera {true.name}"
+    return {
+        f"focal length {of}, off by ({fx:+.3g}, {fy:+.3g}) px": replace(true, K=focal),
+        f"principal point {of}, off by ({cx:+.3g}, {cy:+.3g}) px": replace(true, K=principal),
+        f"distortion {of}": replace(true, distortion=found.distortion),
+        f"orientation {of}, off by {angle:.2g} deg": replace(true, camera_from_rig=turned),
+        f"position {of}, off by {apart:.2g} mm": replace(true, camera_from_rig=shifted),
+    }
+
+
+def known_errors(readings: Mapping[str, Reading], gauge: Gauge | None) -> dict[str, Float]:
+    """What each fault adds to displacements and strains, (M, Q), by its name; `CAUSE`: what such a
+    part alone adds to the truth."""
+    values = {
+        name: moved if gauge is None else np.column_stack([moved, gauge(places, moved)])
+        for name, (places, moved) in readings.items()
+    }
+    errors = dict[str, Float]()
+    for name, now in values.items():
+        if name == "truth":
+            truth = before = now
+        elif name.startswith(CAUSE):
+            errors[name] = now - truth
+        else:
+            errors[name], before = now - before, now
+    return errors
