@@ -9,6 +9,7 @@ In the order in which data passes:
 - `style`: One look for all figures.
 - `figures`: Deflection line, convergence, tracked markers, errors.
 - `measurement_figures`: A rig and its points in space, its calibration; states compared.
+- `field_maps`: Measured fields beside true ones: maps, and their differences.
 - `html`: report.html: one self-contained page.
 - `write`: report.json, figures and report.html in the output folder.
 - `correlation`: The summary of a correlation, and a page with it.

@@ -76,17 +76,19 @@ def draw_error_parts(
     title: str,
     path: PathLike,
 ) -> Figure:
-    """A row of maps for each part (M, Q) of an error, a column for each of the ``quantities``; the
-    maps of a row have one scale."""
-    rows = []
-    for name, values in parts.items():
-        most = max(np.abs(_range(values.ravel())))
-        rows.append([
-            (FieldMap(column, f"{name}: {quantity}"), (-most, most))
+    """A row of maps for each part (M, Q) of an error, a column for each of the ``quantities``."""
+    rows = [
+        [
+            (FieldMap(column, f"{name}: {quantity}"), _range(column))
             for column, quantity in zip(values.T, quantities, strict=True)
-        ])  # fmt: skip
+        ]
+        for name, values in parts.items()
+    ]
     _draw_panels(picture, points, rows, path)
-    caption = "Each part of the error in a scale of its own; together they make the whole."
+    caption = (
+        "Every map has a scale of its own, red and blue about zero where it has both signs; parts "
+        "add up to the whole."
+    )
     return Figure(Path(path), title, caption, photo=True)
 
 

@@ -172,7 +172,8 @@ class Explanation:
 
     ``parts``: name -> RMS displacement (``unit``), its share of the error, RMS strain (1), its
     share; shares (projections on the whole, 1) add up where the parts do. ``error``: the same of
-    the whole, ``missing``: of what the parts don't add up to. ``remarks``: what it says in words.
+    the whole, ``missing``: of what the parts don't add up to. ``remarks``: what it says in words; ``figures``: maps, to be
+    drawn.
     """
 
     measure: str
@@ -182,6 +183,11 @@ class Explanation:
     error: tuple[float, ...]
     missing: tuple[float, ...]
     remarks: tuple[str, ...] = ()
+    figures: tuple[Any, ...] = ()
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        return {key: value for key, value in vars(self).items() if key != "figures"}
 
     def rows(self) -> dict[str, tuple[float, ...]]:
         """All, the whole error last; strains are microstrain and shares percent."""

@@ -195,10 +195,12 @@ class FigureSet:
     overlays: tuple[Figure, ...] = ()
     convergence: tuple[Figure, ...] = ()
     other: tuple[Figure, ...] = ()
+    explanations: tuple[Figure, ...] = ()
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        return (*self.series, *self.overlays, *self.errors, *self.convergence, *self.other)
+        return (*self.explanations, *self.series, *self.overlays, *self.errors, *self.convergence,
+                *self.other)  # fmt: skip
 
 
 def render_html(report: Report, figures: FigureSet, folder: Path) -> str:

@@ -33,7 +33,7 @@ DOCUMENT: dict[str, Any] = {
     ],
     "sensor": {"bits": 12, "exposure": "auto"},
     "calibration": {"board": "board", "pose": [
-        {"position_mm": [0.0, 0.0, 2.0]},
+        {"position_mm": [0.0, 0.0, 4.0]},
         *({"position_mm": [15.0 * (-1) ** k, 6.0 - 3.0 * k, 12.0 - 5.0 * k], "rotation_deg": tilt}
           for k, tilt in enumerate(_TILTS)),
     ]},

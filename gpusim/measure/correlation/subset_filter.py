@@ -41,11 +41,13 @@ _LONGEST = 400.0
 class FilteredField:
     """Displacements as subsets see them: ``displacement`` (F, M, 2) px of F fields at M points, NaN
     where a subset can't tell; of the subsets' grey values, in shares of the picture's range, the
-    RMS ``slope`` (M,) per px along an axis, and the standard deviation ``contrast`` (M,)."""
+    RMS ``slope`` (M,) per px along an axis, and the standard deviation ``contrast`` (M,);
+    ``spread`` (M, 2): standard uncertainties of u and v over the larger one, which results have."""
 
     displacement: Float
     slope: Float
     contrast: Float
+    spread: Float
 
 
 @one_blas_thread()
@@ -72,6 +74,7 @@ def filtered_by_subsets(
     pair = Pair(spline, spline, check_mask(first.good, first.image, blur_px))
     displacement = np.full((len(fields), len(points), 2), np.nan)
     slope, contrast = np.full((2, len(points)), np.nan)
+    spread = np.full((len(points), 2), np.nan)
     # where u and v of the centre are among the unknowns
     centre = [0, 1 if shape in ("translation", "rigid") else COEFFICIENTS[shape]]
     chunk = max(1, CHUNK // settings.window.size)
@@ -88,11 +91,16 @@ def filtered_by_subsets(
             right = np.einsum("ubn,bn->bu", weighted, by_x * u + by_y * v)
             found = solve(subsets.factor[good], right)
             displacement[number, rows] = found[:, centre]
+        # the inverse of the normal equations is L^-T L^-1
+        factor = subsets.factor[good]
+        half = np.linalg.solve(factor, np.eye(factor.shape[-1])[None, :, centre])
+        lengths = np.linalg.norm(half, axis=1)
+        spread[rows] = lengths / lengths.max(axis=1, keepdims=True, initial=1e-300)
         total, weight = subsets.total[good], subsets.weight[good]
         squares = np.einsum("bn,bn->b", weight, by_x**2 + by_y**2)
         slope[rows] = np.sqrt(0.5 * squares / total)
         contrast[rows] = np.sqrt(subsets.energy[good] / total)
-    return FilteredField(displacement, slope, contrast)
+    return FilteredField(displacement, slope, contrast, spread)
 
 
 def subset_transfer(period: Float, subset: int, shape: Shape = "affine") -> Float:

@@ -18,6 +18,7 @@ in which data passes:
 - `marker_measurement`: Markers over frames and cameras: what every kind that follows them shares.
 - `deflection`: The kind "deflection": displacements in the image of one camera.
 - `stereo`: The kind "stereo": points in space from several cameras.
+- `dic`: The kind "dic": displacements and strains of surfaces by digital image correlation.
 - `damage`: The kind "damage": deflection lines of the variants compared, and where their slope
   changes.
 """

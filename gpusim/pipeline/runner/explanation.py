@@ -79,8 +79,7 @@ def explain(
         write_text(path, _table(found))
         report = replace(
             report,
-            explanations=(*report.explanations, _explanation(found)),
-            figures=(*report.figures, *_figures(scene, execution, found)),
+            explanations=(*report.explanations, _explanation(scene, execution, found)),
             links=(*report.links, Link(f"Parts of the error of {spec.name}", path)),
         )
     write_report(report, execution.out)
@@ -117,12 +116,14 @@ def _parts(execution: Execution, measure: str, effects: Sequence[str], redrawn: 
     return error_parts(whole, read("none", ""), only, no, others)
 
 
-def _explanation(found: ErrorParts) -> Explanation:
+def _explanation(scene: Scene, execution: Execution, found: ErrorParts) -> Explanation:
+    """Numbers, words and maps."""
     result = found.result
     return Explanation(
         result.name, result.table.frames[-1], name_and_unit(result.displacements[0])[1],
         {name: found.size(one) for name, one in found.parts.items()},
         found.size(found.whole), found.size(found.missing), tuple(remarks(found)),
+        _figures(scene, execution, found),
     )  # fmt: skip
 
 
@@ -138,7 +139,7 @@ def _table(found: ErrorParts) -> str:
     return csv_text([result.table.what, "x_px", "y_px", *head], rows)
 
 
-def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> list[Drawing]:
+def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> tuple[Drawing, ...]:
     """Maps of displacements and of strains."""
     result, count = found.result, found.lengths
     picture = image_path(scene, execution.out, result.cameras[0], 0)
@@ -149,7 +150,7 @@ def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> list[Draw
         "displacements": (slice(None, count), 1.0, [f"{name} ({unit})" for name, unit in units]),
         "strains": (slice(count, None), 1e6, [f"{name} (microstrain)" for name in result.strains]),
     }
-    return [
+    return tuple(
         partial(
             draw_error_parts, picture, points,
             {name: factor * one[:, columns] for name, one in maps.items()}, titles,
@@ -157,4 +158,4 @@ def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> list[Draw
             inside(execution.out, "figures", f"{safe_name(result.name)}-parts-{what}.png"),
         )
         for what, (columns, factor, titles) in kinds.items() if titles
-    ]  # fmt: skip
+    )  # fmt: skip

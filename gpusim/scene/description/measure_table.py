@@ -27,8 +27,9 @@ class MeasureTable(Table):
     A subclass gives ``type`` the kind's name (``type: Literal["mean_grey"]``), adds its keys, and
     says what they need:
 
-    - ``references``: keys that name what has to be there: "camera", "variant", "markers paint on a
-      body", "markers paint on a prop", or "measure of a <type>";
+    - ``references``: keys ("roi.paint": in a table of it) that name what has to be there: "camera",
+      "variant", "paint", "markers paint on a body", "markers paint on a prop", or
+      "measure of a <type>";
     - ``uses_calibration`` (a property): whether it needs the board's corners of [calibration];
     - ``correlates``: whether it correlates pictures, which is done on the device if there is one;
     - ``compares_variants``: whether it compares what other measures have found in the variants: no

@@ -152,7 +152,9 @@ class DicTable(MeasureTable):
     """
 
     type: Literal["dic"]
-    references: ClassVar[Mapping[str, str]] = {"camera": "camera", "cameras": "camera"}
+    references: ClassVar[Mapping[str, str]] = {
+        "camera": "camera", "cameras": "camera", "roi.paint": "paint",
+    }  # fmt: skip
     correlates = True
 
     camera: Name | None = None
@@ -246,7 +248,7 @@ class DicTable(MeasureTable):
     def faults(
         cls, entry: Mapping[str, Any], document: Mapping[str, Any]
     ) -> Iterator[MeasureFault]:
-        """A calibration where one is needed, with that pose; frames and paints that there are."""
+        """A calibration where one is needed, with that pose; frames that there are."""
         calibration, pose = document.get("calibration"), entry.get("plane_pose")
         pair = "cameras" in entry and "calibration" not in entry
         if (pair or pose is not None) and calibration is None:
@@ -260,17 +262,6 @@ class DicTable(MeasureTable):
         if isinstance(poses, list) and isinstance(pose, int) and not pose < len(poses):
             yield ("plane_pose",), "no such pose", pose, f"less than {len(poses)}"
         yield from _missing_frames(entry, document)
-        region = entry.get("roi")
-        named = region.get("paint") if isinstance(region, dict) else None
-        paints = [
-            paint.get("name") for key in ("body", "prop") for _, thing in tables_of(document, key)
-            for _, paint in tables_of(thing, "paint")
-        ]  # fmt: skip
-        if isinstance(named, str) and named not in paints and all(map(_is_text, paints)):
-            expected = (
-                f"one of {', '.join(map(str, paints))}" if paints else "a paint, but there is none"
-            )
-            yield ("roi", "paint"), "no such paint", named, expected
 
 
 class DamageTable(MeasureTable):
@@ -306,10 +297,6 @@ def _missing_frames(
     for place, frame in enumerate(frames):
         if isinstance(instants, list) and isinstance(frame, int) and not frame < len(instants):
             yield ("frames", place), "no such frame", frame, f"from 1 to {len(instants) - 1}"
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
 
 
 def _numbers(value: Any) -> list[float] | None:

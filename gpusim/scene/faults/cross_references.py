@@ -160,6 +160,13 @@ class _Checks:
             "body": _names(self.bodies),
             "prop": _names(self.props),
             "variant": _names(self.variants),
+            "paint": _names(
+                [
+                    paint
+                    for _, thing in (*self.bodies, *self.props)
+                    for paint in tables_of(thing, "paint")
+                ]
+            ),
             "markers paint on a body": _marker_names(self.bodies),
             "markers paint on a prop": _marker_names(self.props),
         }
@@ -173,7 +180,9 @@ class _Checks:
                     named = _names_of_type(self.measures, what.removeprefix(_OF_TYPE))
                 else:
                     named = names[what]
-                self.refer_each((*at, key), measure.get(key), named, what)
+                *outer, last = key.split(".")
+                holder = _table(measure, outer[0]) or {} if outer else measure
+                self.refer_each((*at, *outer, last), holder.get(last), named, what)
             for keys, *fault in table.faults(measure, self.document):
                 self.add((*at, *keys), *fault)
 

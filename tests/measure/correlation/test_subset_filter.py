@@ -132,4 +132,5 @@ def test_efficiency_is_the_published_one_and_that_of_noisy_pictures(
     # central differences lose some of the slopes of short waves
     assert slope == pytest.approx(g, rel=0.15) and slope > g
     measured = np.nanstd(errors) * spatial_resolution(31, shape)
+    assert (field.spread.max(axis=1) == 1.0).all() and 0.8 < np.median(field.spread) < 1.0
     assert measured == pytest.approx(theory * noise / slope, rel=0.06)

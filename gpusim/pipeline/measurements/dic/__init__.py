@@ -7,9 +7,10 @@ In the order in which data passes:
 - `rig`: A pair of cameras as it was calibrated, by pictures or in a file, and as it really is.
 - `geometric_error`: What is read off places that are exactly right: errors of calibration, scale,
   lens, and motion along the axis.
+- `point_fields`: Fields at points over frames, measured and true, and how they were measured.
+- `statistics`: What the differences between measured and true fields say, in numbers.
 - `result`: Displacements and strains at points over frames, measured and true: tables, files, what
   the report says.
-- `statistics`: What the differences between measured and true fields say, in numbers.
 - `error_parts`: The error of a measured field in parts that add up, and what they say in words.
 - `measuring`: Displacements and strains measured in pictures of one camera or of a pair, with their
   truth.

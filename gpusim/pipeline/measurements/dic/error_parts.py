@@ -146,9 +146,7 @@ def _rigid_motion(found: ErrorParts, name: str, part: Float) -> str:
     degrees = plane, np.vstack([plane, place**2, place[0] * place[1]])
     spread = np.nanstd(part[:, :count], axis=0)
     bent = []
-    for quantity, values, own in zip(
-        result.displacements, part.T, spread.tolist(), strict=False
-    ):
+    for quantity, values, own in zip(result.displacements, part.T, spread.tolist(), strict=False):
         flat, curved = (_unfitted(values, terms) for terms in degrees)
         if flat > BENT > curved / flat and own > NOTABLE * float(spread.max()):
             bent.append(name_and_unit(quantity)[0])
@@ -174,12 +172,20 @@ def _unfitted(values: Float, terms: Float) -> float:
 
 def _sum(found: ErrorParts) -> str:
     """Whether the parts add up, and which of them act on each other."""
-    of_whole = found.size(found.whole)[0]
-    miss = found.size(found.missing)[0] / of_whole if of_whole else 0.0
+    missing = _over_whole(found, found.missing)
+    kinds = ("displacements", "strains")[: len(missing)]
+    told = " and ".join(f"{one:.1%} of {kind}" for one, kind in zip(missing, kinds, strict=True))
+    words = f"The parts add up to the error but for {told} (RMS)."
     acting = [
-        name for name, one in found.together.items() if found.size(one)[0] > NOTABLE * of_whole
+        name for name, one in found.together.items() if max(_over_whole(found, one)) > NOTABLE
     ]
-    words = f"The parts add up to the error but for {miss:.1%} of it (RMS of displacements)."
     if acting:
         words += f" What {', '.join(acting)} do depends on the other effects: half of it is theirs."
     return words
+
+
+def _over_whole(found: ErrorParts, part: Float) -> list[float]:
+    """RMS of a part over that of the whole error, of displacements and, if there are any, strains;
+    0 of nothing."""
+    sizes = zip(found.size(part)[::2], found.size(found.whole)[::2], strict=True)
+    return [one / whole if whole > 0.0 else 0.0 for one, whole in sizes if not np.isnan(whole)]

@@ -7,7 +7,7 @@ and the true places of the same material points, as a tester aligns them by mark
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import GpusimError
 from gpusim.measure.correlation.strain import strain_tensor
+from gpusim.measure.correlation.subset_filter import FilteredField
 from gpusim.measure.targets.plumb_lines import field_slope
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.dic.correlating import (
@@ -106,7 +107,7 @@ class _Single:
         table, raw, rest = dict[int, Columns](), [], []
         for frame, one, smooth in zip(self.frames, found, levelled.displacement, strict=True):
             true = field.shift(frame)
-            columns = _places(field, frame, one.status, [field])
+            columns = _places([field], frame, one.status)
             columns |= _compared(("u_px", "v_px"), one.displacement, true, smooth)
             places, shifts = (points, points), (one.displacement, smooth)
             if scale is not None:
@@ -130,17 +131,37 @@ class _Single:
             table[frame] = columns | {"zncc": one.zncc, "sigma_px": one.sigma}
             raw.append([one.displacement - true])
             rest.append([one.displacement - smooth])
+        axes = ("the picture's x", "the picture's y") if scale is None else scale.names
+        calibration = np.nan if scale is None else scale.calibration_px
         readings = {} if scale is None else readings_of_one(
             field.motion.camera(field.camera), field.motion.position(field.material, 0),
             field.motion.displacement(field.material, self.frames[-1]), scale.mapping, scale.axes,
             spec.plane_pose is not None,
         )  # fmt: skip
         known = known_errors(readings, _gauge(spec, found[-1], _gauge_strain))
-        axes = ("the picture's x", "the picture's y") if scale is None else scale.names
-        calibration = np.nan if scale is None else scale.calibration_px
-        return _result(
-            self, table, axes, known, np.array(raw), np.array(rest), levelled.slope,
-            levelled.contrast, calibration,
+        return self.kept(table, axes, np.array([raw, rest]), levelled, calibration, known)
+
+    def kept(
+        self,
+        table: dict[int, Columns],
+        axes: tuple[str, ...],
+        errors: Float,
+        level: FilteredField,
+        calibration_px: float,
+        known: dict[str, Float],
+    ) -> FullFieldResult:
+        """The result with the settings; ``errors`` (2, F, C, M, 2) px less the truth and less the
+        levelled truth; ``known``: as `known_errors` has it."""
+        spec, count = self.spec, len(self.field.points)
+        names = [f"p{number:0{len(str(count))}d}" for number in range(1, count + 1)]
+        keys = "subset_px step_px shape strain strain_window blur_px formats"
+        settings: dict[str, Any] = {key: getattr(spec, key) for key in keys.split()}
+        return FullFieldResult(
+            spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
+            pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
+            known_names=tuple(known), known_errors=np.array([*known.values()]),
+            raw_px=errors[0], rest_px=errors[1],
+            slope=level.slope, contrast=level.contrast, spread=level.spread,
         )  # fmt: skip
 
 
@@ -187,13 +208,12 @@ def _scale_of(single: _Single, found: measure.DicResult) -> _Scale | None:
 def _gauge_strain(spec: m.DicTable, found: measure.DicResult, places: Float, moved: Float) -> Float:
     """Strain (M, 2, 2) of points that are at ``places`` (M, 2) and ``moved`` (M, 2), along the axes
     of these. Windows are those of the picture's grid, however a mapping bends it."""
-    slopes = [
-        measure.strain(
-            Moved(found.points, _where(found.ok, values), found.subset, places, found.ok),
-            window=spec.strain_window,
-            kind="small",
-        ).gradient
+    fields = (
+        Moved(found.points, _where(found.ok, values), found.subset, places, found.ok)
         for values in (places, moved)
+    )
+    slopes = [
+        measure.strain(one, window=spec.strain_window, kind="small").gradient for one in fields
     ]
     known = np.isfinite(slopes).all(axis=(0, 2, 3))
     gradient = np.full_like(slopes[0], np.nan)
@@ -207,8 +227,8 @@ def _surface_gauge_strain(
 ) -> Float:
     """The same in the surface of points in space, (M, 3)."""
     kind: Any = spec.strain
-    expected = Moved(found.points, _where(found.ok, moved), found.subset, places, found.ok)
-    return measure.surface_strain(expected, window=spec.strain_window, kind=kind).tensor
+    one = Moved(found.points, _where(found.ok, moved), found.subset, places, found.ok)
+    return measure.surface_strain(one, window=spec.strain_window, kind=kind).tensor
 
 
 def _gauge(spec: m.DicTable, found: Any, strain: Callable[..., Float]) -> Gauge | None:
@@ -228,28 +248,25 @@ class _Pair(_Single):
         cameras = motion.camera(left), motion.camera(right)
         rig, calibration_px = calibrated_rig(spec, self.scene, self.sources, cameras)
         region = region_of_second_camera(motion, field.roi, left, right)
-        found = correlate_pairs(
-            spec, self.sources, points, (field.roi.mask, region.mask), rig, self.frames
-        )
+        masks = field.roi.mask, region.mask
+        found = correlate_pairs(spec, self.sources, points, masks, rig, self.frames)
         # where the second camera sees the points is known to the truth
-        second = TrueField(
-            motion, right, region, motion.pixels(field.material, right, 0), field.material
-        )
+        seen = motion.pixels(field.material, right, 0)
+        views = field, TrueField(motion, right, region, seen, field.material)
+        images = self.sources.image(left, 0), self.sources.image(right, 0)
         levels = [
-            one.levelled(self.sources.image(one.camera, 0), self.frames, spec)
-            for one in (field, second)
+            view.levelled(image, self.frames, spec)
+            for view, image in zip(views, images, strict=True)
         ]
         place = MM * motion.position(field.material, 0)
         laid = self._laid(found, place)
+        before = np.array([view.points for view in views])
         table, raw, rest = dict[int, Columns](), [], []
         for k, frame in enumerate(self.frames):
             one = found[k]
             true = MM * motion.displacement(field.material, frame)
-            smooth = _seen_by(cameras, [
-                (each.points, level.displacement[k])
-                for each, level in zip((field, second), levels, strict=True)
-            ])  # fmt: skip
-            columns = _places(field, frame, one.status, [field, second])
+            smooth = _seen_by(cameras, before, np.array([one.displacement[k] for one in levels]))
+            columns = _places(views, frame, one.status)
             for axis, now, real in zip("XYZ", laid.apply(one.shape).T, place.T, strict=True):
                 columns |= {f"measured_{axis}_mm": now, f"true_{axis}_mm": real}
             moved = one.displacement @ laid.rotation.T
@@ -266,17 +283,14 @@ class _Pair(_Single):
             now = place + true
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
-        before, after = (
-            np.array([_where(found[-1].ok, motion.pixels(field.material, camera, frame))
-                      for camera in (left, right)])
-            for frame in (0, self.frames[-1])
-        )  # fmt: skip
-        readings = readings_of_pair(rig_of(cameras), rig, (before, after), place)
+        axes = ("+x", "+y", "+z")
+        ok, last = found[-1].ok, self.frames[-1]
+        now = [motion.pixels(field.material, camera, last) for camera in (left, right)]
+        pixels = [np.array([_where(ok, one) for one in each]) for each in (before, now)]
+        readings = readings_of_pair(rig_of(cameras), rig, (pixels[0], pixels[1]), place)
         known = known_errors(readings, _gauge(spec, found[-1], _surface_gauge_strain))
-        return _result(
-            self, table, ("+x", "+y", "+z"), known, np.array(raw), np.array(rest), levels[0].slope,
-            levels[0].contrast, calibration_px,
-        )  # fmt: skip
+        errors = np.array([raw, rest])
+        return self.kept(table, axes, errors, levels[0], calibration_px, known)
 
     def _laid(self, found: Iterable[measure.StereoResult], place: Float) -> measure.Alignment:
         """The rigid motion from the rig's axes to the structure's, from the points' places in the
@@ -290,15 +304,12 @@ class _Pair(_Single):
         )
 
 
-def _seen_by(cameras: tuple[Camera, Camera], views: list[tuple[Float, Float]]) -> Float:
-    """Displacements (M, 3) mm, in the world, of points that two true cameras see at places (M, 2)
-    px and then moved by (M, 2) px."""
+def _seen_by(cameras: tuple[Camera, Camera], before: Float, moved: Float) -> Float:
+    """Displacements (M, 3) mm, in the world, of points that two true cameras see at places
+    ``before`` (2, M, 2) px and then ``moved`` (2, M, 2) px."""
     rig = rig_of(cameras)
-    before, after = (
-        measure.triangulate(rig, np.array([place + share * moved for place, moved in views])).points
-        for share in (0.0, 1.0)
-    )
-    return np.asarray((after - before) @ cameras[0].camera_from_world[:3, :3])
+    start, end = (measure.triangulate(rig, one).points for one in (before, before + moved))
+    return np.asarray((end - start) @ cameras[0].camera_from_world[:3, :3])
 
 
 def _in_picture(camera: Camera, place: Float, error: Float) -> Float:
@@ -320,13 +331,13 @@ def _uncertainty(
 
 
 def _places(
-    field: TrueField, frame: int, status: npt.NDArray[np.int8], views: list[TrueField]
+    views: Sequence[TrueField], frame: int, status: npt.NDArray[np.int8]
 ) -> dict[str, npt.NDArray[Any]]:
     """Columns that a table begins with: what became of the points, whether they are ``hidden`` from
     any of the cameras in a frame, and where they are in the reference picture."""
-    seen = [field.motion.visible(field.material, one.camera, frame) for one in views]
+    seen = [one.motion.visible(one.material, one.camera, frame) for one in views]
     words = np.array([one.name for one in measure.Status])
-    x, y = field.points.T
+    x, y = views[0].points.T
     return {"status": words[status], "hidden": ~np.all(seen, axis=0), "x_px": x, "y_px": y}
 
 
@@ -352,29 +363,6 @@ def _components(tensor: Float) -> Float:
 def _where(ok: Bool, values: Float) -> Float:
     """NaN where nothing was measured."""
     return np.where(ok[:, None], values, np.nan)
-
-
-def _result(
-    single: _Single,
-    table: dict[int, Columns],
-    axes: tuple[str, ...],
-    known: dict[str, Float],
-    *arrays: Any,
-) -> FullFieldResult:
-    """With the settings; ``known``: as `known_errors` has it; ``arrays``: raw, rest, slope,
-    contrast, calibration_px."""
-    spec, field = single.spec, single.field
-    digits = len(str(len(field.points)))
-    names = [f"p{number:0{digits}d}" for number in range(1, len(field.points) + 1)]
-    raw, rest, slope, contrast, calibration = arrays
-    return FullFieldResult(
-        name=spec.name, table=PointTable.of("point", names, table), cameras=spec.views, axes=axes,
-        subset_px=spec.subset_px, step_px=spec.step_px, shape=spec.shape, strain=spec.strain,
-        strain_window=spec.strain_window, blur_px=spec.blur_px, formats=spec.formats,
-        pixel_mm=MM * field.resolution(), calibration_px=float(calibration),
-        known_names=tuple(known), known_errors=np.array([*known.values()]), raw_px=raw,
-        rest_px=rest, slope=slope, contrast=contrast,
-    )  # fmt: skip
 
 
 register(Kind(m.DicTable, FullFieldResult, measure_dic))

@@ -9,36 +9,30 @@ subset: a larger one has less noise and resolves less.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.measure.correlation.matching import MIN_BLUR, SLOPE_NOISE
-from gpusim.measure.correlation.subset_filter import (
-    metrological_efficiency,
-    spatial_resolution,
-)
+from gpusim.measure.correlation.subset_filter import metrological_efficiency, spatial_resolution
+from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.report import Measurement
 from gpusim.scene.description.table import name_and_unit
 
-if TYPE_CHECKING:
-    from gpusim.pipeline.measurements.dic.result import FullFieldResult
-
-MICROSTRAIN = 1e6
+MICROSTRAIN, MICRO_UNIT = 1e6, "um/m"
 GOAL = 1e-2
 """Relative error up to which the largest displacement counts as good."""
-
-
 LEAST_MEAN = 0.1
-"""Share of the RMS strain from which on a mean strain has a relative error."""
+"""Share of the RMS strain from which on a mean strain is told: near zero it says nothing."""
+BEYOND = ", beyond the subsets' smoothing"
+
+Row = tuple[str, str, float, float]
+"""What it is, its unit, measured, true (zero of what should be zero, NaN where there is none)."""
 
 
 def rms(values: Float) -> float:
     """Root mean square of what is finite; NaN of nothing."""
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+    return float(np.sqrt(mean(values**2)))
 
 
 def mean(values: Float) -> float:
@@ -47,129 +41,104 @@ def mean(values: Float) -> float:
     return float(np.mean(known)) if known.size else float("nan")
 
 
-def rows(result: FullFieldResult) -> list[Measurement]:
+def measurements(result: PointFields) -> list[Measurement]:
     """The last frame's numbers, the main one first."""
-    return [*_motion(result), *_errors(result), *_noise(result), *_filters(result),
+    rows = [*_motion(result), *_errors(result), *_noise(result), *_filters(result),
             *_strains(result)]  # fmt: skip
+    return [
+        Measurement.compare(
+            f"{result.name}: {what}", unit, measured, true,
+            tolerance_relative=None if number else GOAL,
+        )
+        for number, (what, unit, measured, true) in enumerate(rows)
+    ]  # fmt: skip
 
 
-def _motion(result: FullFieldResult) -> Iterator[Measurement]:
+def _motion(result: PointFields) -> Iterator[Row]:
     """The displacement where it is largest, and how many points were lost."""
     names = result.displacements
-    unit = name_and_unit(names[0])[1]
-    measured, true = (
-        np.linalg.norm(result.values(kind, names)[-1], axis=1) for kind in ("measured", "true")
+    lengths = (
+        np.linalg.norm(result.values(one, names)[-1], axis=1) for one in ("measured", "true")
     )
-    known = np.isfinite(measured) & np.isfinite(true)
-    most = int(np.argmax(np.where(known, true, -1.0)))
-    yield Measurement.compare(
-        f"{result.name}: largest displacement", unit, float(measured[most]), float(true[most]),
-        tolerance_relative=GOAL,
-    )  # fmt: skip
+    measured, true = lengths
+    most = int(np.argmax(np.where(np.isfinite(measured), true, -1.0)))
+    unit = name_and_unit(names[0])[1]
+    yield "largest displacement", unit, float(measured[most]), float(true[most])
     lost = result.reasons(-1)
     told = f" ({', '.join(f'{count} {why}' for why, count in lost.items())})" if lost else ""
-    count = float(sum(lost.values()))
-    yield Measurement.noise(f"{result.name}: points lost of {len(known)}{told}", "1", count)
+    yield f"points lost of {len(true)}{told}", "1", float(sum(lost.values())), 0.0
 
 
-def _errors(result: FullFieldResult) -> Iterator[Measurement]:
+def _errors(result: PointFields) -> Iterator[Row]:
     """Of displacements, less the truth and less the levelled truth."""
-    name = result.name
     lengths = [one for one in result.displacements if one.endswith("_mm")]
-    if lengths:
-        measured = result.values("measured", lengths)[-1]
-        for kind, told in (("true", ""), ("levelled", ", beyond the subsets' smoothing")):
-            difference = measured - result.values(kind, lengths)[-1]
-            yield Measurement.noise(
-                f"{name}: RMS error of displacements{told}", "mm", rms(difference)
-            )
-    for errors, told in ((result.raw_px, ""), (result.rest_px, ", beyond the subsets' smoothing")):
-        last = errors[-1]
-        yield Measurement.noise(f"{name}: RMS error in the picture{told}", "px", rms(last))
-        biases = np.array([[mean(axis) for axis in one.T] for one in last])
-        spread = rms(last - biases[:, None])
-        yield Measurement.noise(f"{name}: standard deviation{told}", "px", spread)
-        largest = biases.flat[np.argmax(np.abs(np.nan_to_num(biases)))]
-        yield Measurement.noise(f"{name}: bias{told}", "px", float(largest))
+    for kind, told in (("true", ""), ("levelled", BEYOND)) if lengths else ():
+        difference = result.values("measured", lengths)[-1] - result.values(kind, lengths)[-1]
+        yield f"RMS error of displacements{told}", "mm", rms(difference), 0.0
+    for errors, told in ((result.raw_px[-1], ""), (result.rest_px[-1], BEYOND)):
+        yield f"RMS error in the picture{told}", "px", rms(errors), 0.0
+        biases = np.array([[mean(axis) for axis in one.T] for one in errors])
+        yield f"standard deviation{told}", "px", rms(errors - biases[:, None]), 0.0
+        largest = np.argmax(np.abs(np.nan_to_num(biases)))
+        yield f"bias{told}", "px", float(biases.flat[largest]), 0.0
 
 
-def _noise(result: FullFieldResult) -> Iterator[Measurement]:
+def _noise(result: PointFields) -> Iterator[Row]:
     """The noise floor, and whether differences are as large as it lets expect."""
-    name, table = result.name, result.table
-    units = {"sigma_px": "px", "sigma_mm": "mm"}
-    units |= {f"sigma_{one}": "mm" for one in result.displacements}
-    for column, unit in units.items():
-        if column in table.columns:
-            known = table[column][-1][result.ok[-1]]
-            if known.size:
-                what = column.removeprefix("sigma_").removesuffix(f"_{unit}")
-                along = f" along {what}" if what != unit else ""
-                floor = float(np.median(known))
-                yield Measurement.noise(f"{name}: noise floor (median sigma){along}", unit, floor)
-    still = [
-        k for k, one in enumerate(result.values("true", result.displacements)) if not one.any()
-    ]
+    for name, sigma in result.table.columns.items():
+        if name.startswith("sigma_") and result.ok[-1].any():
+            what, unit = name_and_unit(name.removeprefix("sigma_"))
+            along, unit = (f" along {what}", unit) if unit else ("", what)
+            floor = float(np.median(sigma[-1][result.ok[-1]]))
+            yield f"noise floor (median sigma){along}", unit, floor, 0.0
+    moved = result.values("true", result.displacements)
+    still = [place for place, one in enumerate(moved) if not one.any()]
     if still:
-        spread = rms(result.raw_px[still])
-        yield Measurement.noise(f"{name}: noise floor (frames at rest)", "px", spread)
-    chi = mean(scores(result)[-1] ** 2)
-    yield Measurement.compare(f"{name}: mean square of error over sigma", "1", chi, 1.0)
+        yield "noise floor (frames at rest)", "px", rms(result.raw_px[still]), 0.0
+    yield "mean square of error over sigma", "1", mean(scores(result)[-1] ** 2), 1.0
 
 
-def scores(result: FullFieldResult) -> Float:
+def scores(result: PointFields) -> Float:
     """Measured less levelled displacements over their standard uncertainty, (F, M, K)."""
     table, names = result.table, result.displacements
     if "sigma_px" in table.columns:
-        sigma = table["sigma_px"][..., None]
-        difference = result.rest_px[:, 0]
+        sigma, difference = table["sigma_px"][..., None] * result.spread, result.rest_px[:, 0]
     else:
         sigma = np.stack([table[f"sigma_{one}"] for one in names], axis=-1)
         difference = result.values("measured", names) - result.values("levelled", names)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.where(sigma > 0.0, difference / sigma, np.nan))
+    return np.asarray(difference / np.where(sigma > 0.0, sigma, np.nan))
 
 
-def _filters(result: FullFieldResult) -> Iterator[Measurement]:
+def _filters(result: PointFields) -> Iterator[Row]:
     """What the settings resolve, and how near noise times resolution is to the least there is."""
-    name, subset, unknown = result.name, result.subset_px, float("nan")
-    shape: Any = result.shape
-    period = spatial_resolution(subset, shape)
-    gauge = spatial_resolution(subset, shape, result.step_px, result.strain_window)
-    for what, value in (("displacements", period), ("strains", gauge)):
-        if what == "strains" and not result.strains:
-            continue
-        told = f"{name}: spatial resolution of {what} (10 % loss)"
-        yield Measurement(told, "px", value, unknown, unknown, unknown)
-        yield Measurement(told, "mm", value * result.pixel_mm, unknown, unknown, unknown)
-    if "zncc" not in result.table.columns:
+    subset, shape = result.subset_px, result.shape
+    periods = {"displacements": spatial_resolution(subset, shape)}
+    if result.strains:
+        window = result.step_px, result.strain_window
+        periods["strains"] = spatial_resolution(subset, shape, *window)
+    for what, period in periods.items():
+        told = f"spatial resolution of {what} (10 % loss)"
+        yield told, "px", period, float("nan")
+        yield told, "mm", period * result.pixel_mm, float("nan")
+    ok = result.ok[-1]
+    if "zncc" not in result.table.columns or not ok.any():
         return
     noise = result.contrast * np.sqrt(np.maximum(1.0 - result.table["zncc"][-1], 0.0))
     # the noise of a pixel steepens the slopes that are seen
     own = SLOPE_NOISE if result.blur_px < MIN_BLUR else 0.0
     slope = np.sqrt(np.maximum(result.slope**2 - own * noise**2, 1e-30))
-    ok = result.ok[-1]
-    if ok.any():
-        best = metrological_efficiency(subset, shape) * float(np.median((noise / slope)[ok]))
-        found = period * float(np.median(result.table["sigma_px"][-1][ok]))
-        told = f"{name}: noise x resolution, beside the least of such subsets"
-        yield Measurement.compare(told, "px^2", found, best)
+    best = metrological_efficiency(subset, shape) * float(np.median((noise / slope)[ok]))
+    found = periods["displacements"] * float(np.median(result.table["sigma_px"][-1][ok]))
+    yield "noise x resolution, beside the least of such subsets", "px^2", found, best
 
 
-def _strains(result: FullFieldResult) -> Iterator[Measurement]:
+def _strains(result: PointFields) -> Iterator[Row]:
     """Of strains, at the points themselves and through the same subsets and windows."""
     for name in result.strains:
-        measured = result.table[f"measured_{name}"][-1]
+        kinds = "measured", "levelled", "true"
+        measured, smooth, true = (MICROSTRAIN * result.table[f"{one}_{name}"][-1] for one in kinds)
         known = np.isfinite(measured)
-        average = [
-            mean(result.table[f"{kind}_{name}"][-1][known]) for kind in ("measured", "levelled")
-        ]
-        one = Measurement.compare(
-            f"{result.name}: mean {name}", "1e-6", *(MICROSTRAIN * one for one in average)
-        )
-        # of a mean near zero a relative error says nothing
-        large = abs(average[1]) > LEAST_MEAN * rms(result.table[f"true_{name}"][-1][known])
-        yield one if large else replace(one, error_relative=float("nan"))
-        for kind, told in (("true", "at the points"), ("levelled", "beyond smoothing")):
-            error = measured - result.table[f"{kind}_{name}"][-1]
-            what = f"{result.name}: error of {name} {told}, RMS"
-            yield Measurement.noise(what, "1e-6", MICROSTRAIN * rms(error))
+        if abs(mean(smooth[known])) > LEAST_MEAN * rms(true[known]):
+            yield f"mean {name}", MICRO_UNIT, mean(measured), mean(smooth[known])
+        yield f"error of {name} at the points, RMS", MICRO_UNIT, rms(measured - true), 0.0
+        yield f"error of {name} beyond smoothing, RMS", MICRO_UNIT, rms(measured - smooth), 0.0

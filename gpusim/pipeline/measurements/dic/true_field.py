@@ -6,7 +6,7 @@ that what is left of a difference isn't the smoothing of the settings.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -63,7 +63,7 @@ class TrueField:
             for first in range(0, len(frames), together)
         ]  # fmt: skip
         moved = np.concatenate([part.displacement for part in parts])
-        return FilteredField(moved, parts[0].slope, parts[0].contrast)
+        return replace(parts[0], displacement=moved)
 
     def surface_strain(self, frame: int, kind: StrainKind) -> Float:
         """Strain (M, 2, 2) at the points themselves, axes as `gpusim.measure.surface_strain`."""

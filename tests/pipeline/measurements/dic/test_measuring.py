@@ -1,0 +1,163 @@
+"""Digital image correlation asked for in a scene: what it finds in the scene's own pictures, beside
+the truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy
+
+import gpusim as gs
+from gpusim.errors import SceneError
+from gpusim.pipeline.measurements.dic import FullFieldResult
+from gpusim.pipeline.measurements.dic.statistics import rms, scores
+from gpusim.plan.plan import make_plan
+from tests.support.speckled_plate import speckled_plate
+
+PAIR = {"cameras": ["left", "right"], "lens": "pinhole"}
+MEASURES: tuple[dict[str, Any], ...] = (
+    {"camera": "right"},
+    {"camera": "right", "mm_per_px": 0.25, "strain": "none"},
+    {"camera": "right", "plane_pose": 0, "lens": "pinhole", "roi": {"where": {"x_max_mm": 1.0}}},
+    {**PAIR, "formats": ["csv", "h5", "mat"]},
+)
+Get = Callable[[int], FullFieldResult]
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
+    out = tmp_path_factory.mktemp("dic") / "out"
+    # noise of about 12 of 4095 levels
+    noise = {"bits": 12, "exposure": "auto", "full_well_e": 20_000.0, "read_noise_e": 20.0}
+    return gs.run(speckled_plate(*MEASURES, sensor=noise), out), out
+
+
+@pytest.fixture
+def found(done: tuple[gs.Report, Path]) -> Get:
+    return lambda number: FullFieldResult.read(done[1] / "measure", f"field{number}")
+
+
+def errors(result: FullFieldResult, names: list[str], truth: str = "levelled") -> np.ndarray:
+    return result.values("measured", names)[-1] - result.values(truth, names)[-1]
+
+
+def test_one_camera_measures_in_pixels(found: Get) -> None:
+    result = found(0)
+    assert result.quantities == ["u_px", "v_px", "exx", "eyy", "exy"]
+    assert result.ok.mean() > 0.98
+    # from the finite elements: the plate gets longer by 1.5 px, and thinner
+    assert 1.2 < np.ptp(result.values("true", ["u_px"])) < 1.7
+    assert rms(errors(result, ["u_px", "v_px"])) < 4e-3
+    assert np.abs(np.nanmean(errors(result, ["u_px", "v_px"]), axis=0)).max() < 1e-3
+    raw = rms(errors(result, ["u_px", "v_px"], "true"))
+    assert raw == pytest.approx(rms(result.raw_px), rel=1e-12) and raw > rms(result.rest_px)
+
+
+def test_noise_is_what_the_uncertainties_say(found: Get) -> None:
+    for number in (0, 3):
+        assert 0.8 < np.nanmean(scores(found(number)) ** 2) < 1.2, number
+
+
+def test_lengths_of_one_camera(found: Get) -> None:
+    scaled, laid, pixels = found(1), found(2), found(0)
+    assert scaled.axes == ("+x", "-y") and not scaled.strains
+    both = scaled.ok & pixels.ok
+    assert np.array_equal(
+        scaled.table["measured_u_mm"][both], 0.25 * pixels.table["measured_u_px"][both]
+    )
+    # the target lies on the plate, which gets thinner by a few um
+    assert rms(errors(laid, ["u_mm", "v_mm"])) < 1.5e-3
+    assert np.abs(np.nanmean(errors(laid, laid.strains), axis=0)).max() < 2.5e-5
+
+
+def test_a_pair_measures_shape_displacement_and_strain(found: Get) -> None:
+    result = found(3)
+    assert result.displacements == ["U_mm", "V_mm", "W_mm"]
+    assert result.rest_px.shape == (1, 2, len(result.table.points), 2)
+    assert rms(result.rest_px) < 4e-3
+    assert np.abs(np.nanmean(result.rest_px, axis=(0, 2))).max() < 1e-3
+    # the free end moves by F L / (E A) and a little more for the hole
+    stretch = 50e3 * 0.12 / (70e9 * 0.06 * 0.004)
+    assert 1.0 < np.nanmax(result.table["measured_U_mm"]) / (1e3 * stretch) < 1.3
+    assert np.abs(np.nanmean(errors(result, ["exx", "eyy", "exy"]), axis=0)).max() < 2.5e-5
+    place = result.table["measured_Z_mm"][0] - result.table["true_Z_mm"][0]
+    assert rms(place) < 0.02
+    assert result.table["true_Z_mm"][0] == pytest.approx(4.0, abs=1e-9)
+
+
+def test_files_hold_the_maps_on_their_grid(done: tuple[gs.Report, Path], found: Get) -> None:
+    result, folder = found(3), done[1] / "measure"
+    rows = (folder / "field3.csv").read_text().splitlines()
+    assert rows[0].split(",")[:5] == ["point", "status", "hidden", "x_px", "y_px"]
+    assert len(rows) == 1 + len(result.table.points)
+    stored = scipy.io.loadmat(folder / "field3.mat")
+    with h5py.File(folder / "field3.h5") as file:
+        assert file["measured_W_mm"].attrs["unit"] == "mm"
+        maps = {name: data[...] for name, data in file.items()}
+    assert {"true_exx", "levelled_U_mm", "difference_V_mm", "measured_X_mm"} <= set(maps)
+    column, row = maps["column_px"], maps["row_px"]
+    k = 777
+    x, y = (result.table[f"{one}_px"][0, k] for one in "xy")
+    at = 0, int(np.searchsorted(row, y)), int(np.searchsorted(column, x))
+    assert column[at[2]] == x and row[at[1]] == y
+    for name in ("true_exx", "levelled_U_mm"):
+        assert maps[name][at] == result.table[name][0, k] == stored[name][at]
+    assert np.isnan(maps["true_exx"]).any()  # the hole
+    assert not (folder / "field0.h5").exists()
+
+
+def test_the_report_says_what_was_measured(done: tuple[gs.Report, Path], found: Get) -> None:
+    report, out = done
+    told = {item.name: item for item in reversed(report.measurements)}
+    first = next(item for item in report.measurements if item.name.startswith("field3"))
+    assert first.name == "field3: largest displacement" and first.verdict == "good"
+    assert told["field3: RMS error of displacements"].unit == "mm"
+    assert told["field0: noise x resolution, beside the least of such subsets"].error_relative < 0.3
+    resolution = told["field0: spatial resolution of displacements (10 % loss)"]
+    assert resolution.measured == pytest.approx(3.99 * 21, rel=3e-3)
+    numbers = json.loads((out / "report.json").read_text())
+    assert sum(row["name"].startswith("field3") for row in numbers["measurements"]) > 10
+    page = (out / "report.html").read_text()
+    assert "field3: displacement in frame 1" in page and "field0: strain in frame 1" in page
+
+
+@pytest.mark.parametrize(
+    ("measure", "text"),
+    [
+        ({}, "how many cameras measure; got neither"),
+        ({"camera": "left", "cameras": ["left", "right"]}, "how many cameras measure; got both"),
+        ({"camera": "left", "subset_px": 20}, "subset_px: even; got 20"),
+        ({**PAIR, "mm_per_px": 0.1}, "mm_per_px: of one camera, but cameras are given"),
+        ({"camera": "left", "mm_per_px": 0.1, "plane_pose": 0}, "lengths are told twice"),
+        (
+            {"camera": "left", "plane_pose": 9},
+            "plane_pose: no such pose; got 9; expected less than",
+        ),
+        ({"camera": "left", "frames": [1, 4]}, "no such frame; got 4; expected from 1 to 1"),
+        ({"camera": "left", "roi": {"paint": "speckles"}}, "no such paint"),
+        ({**PAIR, "strain": "small"}, "not of a surface in space"),
+        ({"camera": "middle"}, "no such camera"),
+    ],
+)
+def test_what_cannot_be_measured_is_told_before_any_work(
+    measure: dict[str, Any], text: str
+) -> None:
+    with pytest.raises(SceneError, match=text):
+        speckled_plate(measure)
+
+
+def test_a_pair_needs_a_target() -> None:
+    with pytest.raises(SceneError, match=r"needs images of a target; got no \[calibration\]"):
+        scene = speckled_plate(PAIR).document
+        gs.Scene.from_document({k: v for k, v in scene.items() if k != "calibration"})
+
+
+def test_plans_know_what_is_needed() -> None:
+    plan = make_plan(speckled_plate({"camera": "left"}, PAIR))
+    assert "measure" in {stage.name for stage in plan.stages}
