@@ -40,20 +40,22 @@ from gpusim.cli.console import (
     folder_name,
     importing,
     out,
-    size_text,
     starting,
-    time_text,
     waiting,
 )
 from gpusim.cli.measuring import calibrate, dic
-from gpusim.cli.tables import print_deck, print_explanations
+from gpusim.cli.tables import (
+    print_budget,
+    print_deck,
+    print_explanations,
+    print_plan,
+    print_report,
+)
 from gpusim.cli.view import view
 from gpusim.errors import Fault, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
-    from gpusim.plan.plan import Plan
-    from gpusim.report import Budget, Report
     from gpusim.scene import Scene
 
 __all__ = ["app", "main"]
@@ -172,7 +174,7 @@ def run(
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet:
-            _print_report(report, output)
+            print_report(report, output)
 
 
 @app.command()
@@ -196,7 +198,7 @@ def budget(
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet and report.budget is not None:
-            _print_budget(report.budget, output)
+            print_budget(report.budget, output)
 
 
 @app.command()
@@ -316,7 +318,7 @@ def plan(
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
-            _print_plan(made)
+            print_plan(made)
 
 
 @app.command()
@@ -365,60 +367,3 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
             raise SceneError("--set", [Fault("--set", "no value", entry, "KEY=VALUE")])
         overrides[key.strip()] = parse_value(value.strip())
     return load_scene(path, overrides)
-
-
-def _print_plan(made: Plan) -> None:
-    from gpusim.report.stage_rows import stage_rows
-
-    rows = stage_rows(made.stages)
-    wide = max(len(name) for name, _ in rows) + 2
-    out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
-    for name, stages in rows:
-        memory = size_text(max(stage.memory_bytes for stage in stages))
-        seconds = time_text(sum(stage.seconds for stage in stages))
-        pictures = f"{len(stages)} pictures" if len(stages) > 1 else ""
-        shared = set.intersection(*(set(stage.detail.split(", ")) for stage in stages))
-        detail = ", ".join(word for word in stages[0].detail.split(", ") if word in shared)
-        why = "; ".join(word for word in (stages[0].reason, pictures, detail) if word)
-        out(f"{name:<{wide}}{stages[0].state:<9}{memory:>8}{seconds:>9}  {why}")
-    out()
-    total = time_text(made.seconds) or "no time"
-    for warning in made.warnings:
-        out(f"warning: {warning}")
-    if made.busy >= 1.5:
-        out(f"This machine is busy: everything takes about {made.busy:.2g} times as long now.")
-    out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
-
-
-def _print_report(report: Report, folder: Path) -> None:
-    if report.measurements:
-        out()
-        wide = max(len(item.name) for item in report.measurements) + 2
-        out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
-        for item in report.measurements:
-            # of a truth that is zero but for rounding no share says anything
-            known = abs(item.error_relative) < 1e3
-            relative = f"{100 * item.error_relative:+.3f} %" if known else ""
-            out(
-                f"{item.name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
-                f"{item.unit:<4}{relative:>12}"
-            )
-    for warning in report.warnings:
-        out(f"warning: {warning}")
-    out()
-    out(f"Report: {folder / 'report.html'}")
-
-
-def _print_budget(budget: Budget, folder: Path) -> None:
-    """One column for each error, one line for each state of the images."""
-    names = [f"{name} / {unit}" if unit else name for name, unit in budget.quantities]
-    for number, name in enumerate(names, start=1):
-        out(f"({number}) {name}")
-    columns = range(1, len(names) + 1)
-    out(f"{'images with':<28}" + "".join(f"{f'({number})':>12}" for number in columns))
-    words = {"all": "everything", "none": "none of the effects"}
-    for row in budget.rows:
-        label = words.get(row.state) or f"{row.state} {row.source}"
-        out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
-    out()
-    out(f"Report: {folder / 'report.html'}")

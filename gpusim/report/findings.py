@@ -172,8 +172,8 @@ class Explanation:
 
     ``parts``: name -> RMS displacement (``unit``), its share of the error, RMS strain (1), its
     share; shares (projections on the whole, 1) add up where the parts do. ``error``: the same of
-    the whole, ``missing``: of what the parts don't add up to. ``remarks``: what it says in words; ``figures``: maps, to be
-    drawn.
+    the whole, ``missing``: of what the parts don't add up to. ``remarks``: what it says in words;
+    ``figures``: maps, to be drawn.
     """
 
     measure: str

@@ -79,8 +79,9 @@ def run_states(
     states: States,
     backend: str,
     progress: Progress | None,
+    draws: bool = True,
 ) -> Execution:
-    """Run ``scene`` into ``out``, and its states into a ``folder`` there."""
+    """Run ``scene`` into ``out``, and its states into a ``folder`` there, with figures or not."""
     scenes = {"": scene}
     for (state, name), changed in states.items():
         place = place_of(folder, state, name)
@@ -90,7 +91,8 @@ def run_states(
     options = RunOptions(chosen_backend("run", backend))
     with claim(out) as claimed:
         check_folders(scene, claimed)
-        execution = Execution(scene, scenes, claimed, options, progress or silent)
+        execution = Execution(scene, scenes, claimed, options, progress or silent,
+                              draws=draws)  # fmt: skip
         work_off(execution)
     return execution
 

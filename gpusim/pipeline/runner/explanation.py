@@ -14,7 +14,7 @@ from gpusim.files.atomic_files import safe_name, write_text
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.dic.error_parts import ErrorParts, error_parts, remarks
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
-from gpusim.pipeline.measurements.results import csv_text
+from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.pipeline.runner.error_budget import State, place_of, run_states, states_of_effects
 from gpusim.pipeline.runner.execution import Execution
@@ -71,7 +71,7 @@ def explain(
         bare = with_only(document, [KEPT])
         for number, name in enumerate(PATTERNS, 1):
             states["none", name] = with_other_patterns(bare, number)
-    execution = run_states(scene, out, FOLDER, states, backend, progress)
+    execution = run_states(scene, out, FOLDER, states, backend, progress, draws=False)
     report = execution.reports[""]
     for spec in measures:
         found = _parts(execution, spec.name, effects, ("none", PATTERNS[0]) in states)
@@ -129,14 +129,13 @@ def _explanation(scene: Scene, execution: Execution, found: ErrorParts) -> Expla
 
 def _table(found: ErrorParts) -> str:
     """A row for each point, a column for each part of each quantity."""
-    result = found.result
-    names = [*result.displacements, *result.strains]
-    maps = {"error": found.whole, **found.parts}
-    head = [f"{part.replace(' ', '-')}_{name}" for part in maps for name in names]
-    places = [result.table[f"{axis}_px"][-1] for axis in "xy"]
-    values = np.column_stack([*places, *maps.values()]).tolist()
-    rows = [[name, *row] for name, row in zip(result.table.points, values, strict=True)]
-    return csv_text([result.table.what, "x_px", "y_px", *head], rows)
+    result, maps = found.result, {"error": found.whole, **found.parts}
+    columns = {f"{axis}_px": result.table[f"{axis}_px"][-1] for axis in "xy"}
+    for part, values in maps.items():
+        head = f"{part.replace(' ', '-')}_{{}}"
+        columns |= vector_columns(head, [*result.displacements, *result.strains], values)
+    table = result.table
+    return PointTable.of(table.what, table.points, {table.frames[-1]: columns}).csv()
 
 
 def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> tuple[Drawing, ...]:

@@ -144,11 +144,11 @@ def _rigid_motion(found: ErrorParts, name: str, part: Float) -> str:
     place = np.stack([x - x.mean(), y - y.mean()]) / max(np.ptp(x), np.ptp(y), 1.0)
     plane = np.vstack([np.ones_like(x), place])
     degrees = plane, np.vstack([plane, place**2, place[0] * place[1]])
-    spread = np.nanstd(part[:, :count], axis=0)
+    spread = np.nanstd(part[:, :count], axis=0).tolist()
     bent = []
-    for quantity, values, own in zip(result.displacements, part.T, spread.tolist(), strict=False):
+    for quantity, values, own in zip(result.displacements, part.T, spread, strict=False):
         flat, curved = (_unfitted(values, terms) for terms in degrees)
-        if flat > BENT > curved / flat and own > NOTABLE * float(spread.max()):
+        if flat > BENT > curved / flat and own > NOTABLE * max(spread):
             bent.append(name_and_unit(quantity)[0])
     shape = f"a parabola in {' and '.join(bent)}" if bent else "a stretch or tilt"
     unit = name_and_unit(result.displacements[0])[1]
@@ -167,7 +167,8 @@ def _unfitted(values: Float, terms: Float) -> float:
     fine = np.isfinite(values)
     known, basis = values[fine], terms[:, fine].T
     left = known - basis @ np.linalg.lstsq(basis, known)[0]
-    return float(np.var(left) / max(np.var(known), 1e-300))
+    spread = float(np.var(known))
+    return float(np.var(left)) / spread if spread > 0.0 else 0.0
 
 
 def _sum(found: ErrorParts) -> str:

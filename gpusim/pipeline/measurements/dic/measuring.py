@@ -33,9 +33,9 @@ from gpusim.pipeline.measurements.dic.geometric_error import (
     readings_of_pair,
 )
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
-from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of
+from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of, rig_of_file
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
-from gpusim.pipeline.measurements.kinds import Kind, register
+from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
 from gpusim.pipeline.measurements.region_of_interest import region_of_interest
 from gpusim.pipeline.measurements.results import Columns, PointTable
@@ -365,4 +365,11 @@ def _where(ok: Bool, values: Float) -> Float:
     return np.where(ok[:, None], values, np.nan)
 
 
-register(Kind(m.DicTable, FullFieldResult, measure_dic))
+def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
+    """A calibration file that doesn't fit is told before any picture."""
+    if spec.calibration not in (None, "true"):
+        rig_of_file(spec, scene)
+    return []
+
+
+register(Kind(m.DicTable, FullFieldResult, measure_dic, _checks))

@@ -33,27 +33,26 @@ def calibrated_rig(
     spec: m.DicTable, scene: Scene, sources: Sources, cameras: Sequence[Camera]
 ) -> tuple[Rig, float]:
     """The pair that ``spec`` measures with, and the RMS error (px) of its calibration, NaN if
-    nothing is known of that; ``cameras``: as they are.
-
-    Raises
-    ------
-    InputError
-        A file without two cameras of these pictures, or no usable pictures of a target.
-    GpusimError
-        A camera that can't be calibrated.
-    """
+    nothing is known of that; ``cameras``: as they are. Raises as `rig_of_file`, and GpusimError for
+    a camera whose pictures of the target don't calibrate it."""
     if spec.calibration is None:
         _, found = calibrated(spec, scene, sources.corners)
         return (found.cameras[0], found.cameras[1]), found.rms
-    if spec.calibration == "true":
-        return rig_of(cameras), float("nan")
+    return rig_of(cameras) if spec.calibration == "true" else rig_of_file(spec, scene), float("nan")
+
+
+def rig_of_file(spec: m.DicTable, scene: Scene) -> Rig:
+    """What the calibration file of ``spec`` has, cameras by their names or else in its order.
+    Raises InputError for a file without two cameras of such pictures."""
+    assert spec.calibration is not None
     what = f"measure {spec.name!r} calibration {spec.calibration}"
-    sizes = [(camera.width, camera.height) for camera in cameras]
+    by_name = {camera.name: camera.resolution for camera in scene.cameras}
+    sizes = [by_name[name] for name in spec.views]
     given = read_calibration(scene.input(spec.calibration), sizes[0])
-    by_name = {camera.name: camera for camera in given}
-    if set(spec.views) <= set(by_name):
-        given = [by_name[name] for name in spec.views]
+    named = {camera.name: camera for camera in given}
+    if set(spec.views) <= set(named):
+        given = [named[name] for name in spec.views]
     require(len(given) >= 2, what, f"{len(given)} cameras", "two")
     got = [(camera.width, camera.height) for camera in given[:2]]
     require(got == sizes, what, f"pictures of {got} px", f"{sizes}")
-    return rig_of(given[:2]), float("nan")
+    return rig_of(given[:2])
