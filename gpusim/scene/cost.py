@@ -69,7 +69,10 @@ def describe(scene: Scene) -> dict[str, str]:
         "solve": f"{size}{_SOLVER[scene.solver.method]}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
-        "measure": f"{_markers(scene)} markers",
+        "measure": " and ".join(
+            [f"{_markers(scene)} markers"] * any(not one.correlates for one in scene.measures)
+            + ["image correlation"] * any(one.correlates for one in scene.measures)
+        ),
         "export": ", ".join(wanted),
     }
 
@@ -145,6 +148,8 @@ def estimate(scene: Scene) -> Cost:
     layers = len(scene.output.truth)
     steps = len(scene.analysis.load_factors)
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
+    # what every pixel sees, its spline and its subsets
+    of_pixel = 300 if any(one.correlates for one in scene.measures) else 12
     return {
         "mesh": (200 * nodes, 0.05 + 2e-6 * nodes),
         "model": (100 * nodes, 0.5 + 1e-6 * nodes),
@@ -152,7 +157,7 @@ def estimate(scene: Scene) -> Cost:
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
         "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
-        "measure": (12 * pixels, 0.3 + measuring),
+        "measure": (of_pixel * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
         "report": (6 * pixels, 1.0 + 2e-8 * pixels),

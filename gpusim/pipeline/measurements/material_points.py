@@ -10,6 +10,7 @@ to the pictures counts as error of what is measured in them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
@@ -61,12 +62,13 @@ class MaterialPoints:
 class TrueMotion:
     """How material points of the scene that ``objects`` are of move from frame to frame.
 
-    Frames are numbers, None is unloaded; cameras are known by their names.
+    Frames are numbers, None is unloaded; cameras are known by their names. ``first``: the surfaces
+    in frame 0, where no more is known yet.
     """
 
-    def __init__(self, objects: SceneObjects) -> None:
+    def __init__(self, objects: SceneObjects, first: Sequence[Surface] = ()) -> None:
         self.objects, self.scene = objects, objects.scene
-        self._surfaces: dict[int | None, list[Surface]] = {}
+        self._surfaces: dict[int | None, Sequence[Surface]] = {0: first} if first else {}
         self._views: dict[tuple[str, int | None], PointLocation] = {}
 
     def camera(self, name: str) -> Camera:
@@ -74,7 +76,7 @@ class TrueMotion:
         (spec,) = (one for one in self.scene.cameras if one.name == name)
         return build_camera(spec, self.scene.input)
 
-    def surfaces(self, frame: int | None) -> list[Surface]:
+    def surfaces(self, frame: int | None) -> Sequence[Surface]:
         """All surfaces in a frame, bodies first."""
         if frame not in self._surfaces:
             self._surfaces[frame] = self.objects.surfaces(frame)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -18,10 +19,17 @@ from gpusim.errors import InputError
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.scene.description import model as m
 
+LEAST_SHARE = 0.5
+"""Of a subset, within the region: less of it, as in a corner, tells little."""
+
 
 def points_within(what: str, mask: Bool, spec: m.DicTable) -> Float:
-    """Places (M, 2) px ``step_px`` apart within a ``mask`` (H, W), whose subsets are in the
-    picture. Raises InputError if there are none."""
+    """Places (M, 2) px ``step_px`` apart within a ``mask`` (H, W), whose subsets are in the picture
+    and at least half in the mask. Raises InputError if there are none."""
+    got = f"a region without room for a subset of {spec.subset_px} px"
+    none = InputError(f"{what}: roi; got {got}; expected a larger one, or smaller subsets")
+    if not mask.any():
+        raise none
     height, width = mask.shape
     half = spec.subset_px // 2
     row, column = np.nonzero(mask)
@@ -32,10 +40,11 @@ def points_within(what: str, mask: Bool, spec: m.DicTable) -> Float:
         grid = np.arange(start, high + 1, spec.step_px)
         places.append(grid[(grid >= half) & (grid < size - half)])
     x, y = (axis.ravel() for axis in np.meshgrid(*places))
-    kept = mask[y, x]
+    size = spec.subset_px, spec.subset_px
+    share = cv2.boxFilter(mask.astype(np.float64), -1, size, borderType=cv2.BORDER_CONSTANT)
+    kept = mask[y, x] & (share[y, x] >= LEAST_SHARE)
     if not kept.any():
-        got = f"a region without a whole subset of {spec.subset_px} px"
-        raise InputError(f"{what}: roi; got {got}; expected room for one in the picture")
+        raise none
     return np.stack([x[kept], y[kept]], axis=1).astype(np.float64)
 
 

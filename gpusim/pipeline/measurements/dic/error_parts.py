@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.errors import GpusimError
 from gpusim.pipeline.measurements.dic.geometric_error import CAUSE
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.statistics import rms
@@ -93,6 +94,12 @@ def error_parts(
     parts["matching"] = matching
     error = _errors(whole, "measured")
     fine = np.isfinite(error) & np.all([np.isfinite(one) for one in parts.values()], axis=0)
+
+    if not fine[:, 0].any():
+        raise GpusimError(
+            f"measure {whole.name!r}: got no point in frame {whole.table.frames[-1]} that is found "
+            "with every effect and without; expected some"
+        )
 
     def kept(maps: Mapping[str, Float]) -> dict[str, Float]:
         return {name: np.where(fine, one, np.nan) for name, one in maps.items()}

@@ -7,7 +7,7 @@ in the pictures. Readings that have one fault after the other differ by what thi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -53,7 +53,7 @@ def readings_of_one(
 
 
 def readings_of_pair(
-    true: Rig, calibrated: Rig, seen: tuple[Float, Float], place: Float
+    true: Rig, calibrated: Rig, seen: Sequence[Float], place: Float
 ) -> dict[str, Reading]:
     """What a pair reads of points ``seen`` (2, M, 2) px before and after they moved, laid on their
     true ``place`` (M, 3) mm: by the ``true`` rig, by the ``calibrated`` one, and by the true one

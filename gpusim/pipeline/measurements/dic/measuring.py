@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gpusim import measure
 from gpusim.arrays.array_types import Bool, Float
-from gpusim.errors import GpusimError
+from gpusim.errors import GpusimError, InputError
 from gpusim.measure.correlation.strain import strain_tensor
 from gpusim.measure.correlation.subset_filter import FilteredField
 from gpusim.measure.targets.plumb_lines import field_slope
@@ -47,7 +47,9 @@ from gpusim.scene.description import model as m
 
 MM = 1e3
 STRAINS = {"exx": (0, 0), "eyy": (1, 1), "exy": (0, 1)}
-LEAST_ALIGNED = 3
+LEAST_ALIGNED, MOST_ALIGNED = 3, 10_000
+COARSE = 8
+"""Pixels of which one is looked at before there are pictures."""
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
 
@@ -197,9 +199,10 @@ def _scale_of(single: _Single, found: measure.DicResult) -> _Scale | None:
             f"{field.camera!r} doesn't find the target; expected another pose"
         )
     mapping = measure.plane_mapping(calibration.cameras[0], pose)
-    place = np.column_stack([mapping(points), np.zeros(len(points))])
-    position = MM * field.motion.position(field.material, 0)
-    laid = measure.align(place, position)
+    some = slice(None, None, -(-len(field.roi.points) // MOST_ALIGNED))
+    place = mapping(np.argwhere(field.roi.mask)[some, ::-1].astype(np.float64))
+    position = MM * field.motion.position(field.roi.points[some], 0)
+    laid = measure.align(np.column_stack([place, np.zeros(len(place))]), position)
     slope = field_slope(mapping, points)
     names = ("the target's x", "the target's y")
     return _Scale(mapping, laid.rotation.T[:2], names, slope, calibration.rms)
@@ -279,7 +282,10 @@ class _Pair(_Single):
                 )
             sigma, in_picture = _uncertainty(one, rig, laid.rotation)
             columns |= {f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)}
-            table[frame] = columns | {"sigma_picture_px": in_picture, "residual_px": one.residual}
+            table[frame] = columns | {
+                "sigma_each_camera_px": in_picture,
+                "residual_px": one.residual,
+            }
             now = place + true
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
@@ -287,7 +293,8 @@ class _Pair(_Single):
         ok, last = found[-1].ok, self.frames[-1]
         now = [motion.pixels(field.material, camera, last) for camera in (left, right)]
         pixels = [np.array([_where(ok, one) for one in each]) for each in (before, now)]
-        readings = readings_of_pair(rig_of(cameras), rig, (pixels[0], pixels[1]), place)
+        enough = np.count_nonzero(ok) >= LEAST_ALIGNED
+        readings = readings_of_pair(rig_of(cameras), rig, pixels, place) if enough else {}
         known = known_errors(readings, _gauge(spec, found[-1], _surface_gauge_strain))
         errors = np.array([raw, rest])
         return self.kept(table, axes, errors, levels[0], calibration_px, known)
@@ -366,9 +373,20 @@ def _where(ok: Bool, values: Float) -> Float:
 
 
 def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
-    """A calibration file that doesn't fit is told before any picture."""
+    """There is something to measure, with a calibration that fits; raises InputError if not."""
+    what, camera = f"measure {spec.name!r}", spec.views[0]
     if spec.calibration not in (None, "true"):
         rig_of_file(spec, scene)
+    if not unloaded.strict:
+        return []
+    for name in spec.views:
+        if name in unloaded.blind:
+            raise InputError(f"{what}: {unloaded.blind[name]}")
+    motion = TrueMotion(SceneObjects(scene, (), unloaded.bodies), unloaded.surfaces)
+    try:
+        region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
+    except InputError:  # it may be smaller than that
+        region_of_interest(what, spec.roi, motion, camera)
     return []
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gpusim.arrays.array_types import Float
+from gpusim.errors import GpusimError
 from gpusim.pipeline.measurements.dic import FullFieldResult
 from gpusim.pipeline.measurements.dic.error_parts import error_parts, remarks
 from gpusim.pipeline.measurements.results import PointTable
@@ -119,3 +120,5 @@ def test_points_that_one_state_lost_count_nowhere() -> None:
     found = error_parts(fields(error), fields(lost), {}, {})
     assert np.isnan(found.whole[3]).all() and np.isnan(found.parts["matching"][3]).all()
     assert np.isfinite(found.size(found.whole)).all()
+    with pytest.raises(GpusimError, match="got no point in frame 1 that is found"):
+        error_parts(fields(error), fields(np.full_like(error, np.nan)), {}, {})

@@ -14,7 +14,8 @@ import pytest
 import scipy
 
 import gpusim as gs
-from gpusim.errors import SceneError
+from gpusim.errors import InputError, SceneError
+from gpusim.pipeline.checks.warnings import build_objects, geometry_warnings
 from gpusim.pipeline.measurements.dic import FullFieldResult
 from gpusim.pipeline.measurements.dic.statistics import rms, scores
 from gpusim.plan.plan import make_plan
@@ -156,6 +157,23 @@ def test_a_pair_needs_a_target() -> None:
     with pytest.raises(SceneError, match=r"needs images of a target; got no \[calibration\]"):
         scene = speckled_plate(PAIR).document
         gs.Scene.from_document({k: v for k, v in scene.items() if k != "calibration"})
+
+
+@pytest.mark.parametrize(
+    ("measure", "changes", "text"),
+    [
+        ({"camera": "left", "roi": {"polygon_px": [[1, 1], [9, 1], [9, 9]]}}, {},
+         "roi; got no pixel of camera 'left' in frame 0"),
+        ({"camera": "left"}, {"target_mm": [0.0, 0.0, 900.0]}, "camera 'left' sees no surface"),
+    ],
+)  # fmt: skip
+def test_a_region_that_is_not_seen_is_told_before_any_work(
+    measure: dict[str, Any], changes: dict[str, Any], text: str
+) -> None:
+    first, *rest = speckled_plate().document["camera"]
+    scene = speckled_plate(measure, camera=[{**first, **changes}, *rest])
+    with pytest.raises(InputError, match=text):
+        geometry_warnings(build_objects(scene))
 
 
 def test_plans_know_what_is_needed() -> None:
