@@ -77,13 +77,14 @@ def draw_error_parts(
     path: PathLike,
 ) -> Figure:
     """A row of maps for each part (M, Q) of an error, a column for each of the ``quantities``."""
-    rows = [
-        [
-            (FieldMap(column, f"{name}: {quantity}"), _range(column))
-            for column, quantity in zip(values.T, quantities, strict=True)
-        ]
-        for name, values in parts.items()
-    ]
+    rows = []
+    for name, values in parts.items():
+        scales = [_range(column) for column in values.T]
+        rows.append([
+            (FieldMap(column, f"{name}: {quantity}"),
+             (-max(-low, high), max(-low, high)) if low < 0.0 < high else (low, high))
+            for column, quantity, (low, high) in zip(values.T, quantities, scales, strict=True)
+        ])  # fmt: skip
     _draw_panels(picture, points, rows, path)
     caption = (
         "Every map has a scale of its own, red and blue about zero where it has both signs; parts "

@@ -143,11 +143,11 @@ def _figures(scene: Scene, execution: Execution, found: ErrorParts) -> tuple[Dra
     result, count = found.result, found.lengths
     picture = image_path(scene, execution.out, result.cameras[0], 0)
     points = np.stack([result.table[f"{axis}_px"][-1] for axis in "xy"], axis=1)
-    maps = {"whole error": found.whole, **found.parts, "what the parts miss": found.missing}
+    maps = {"whole error": found.whole, **found.parts, "missing": found.missing}
     units = [name_and_unit(name) for name in result.displacements]
     kinds = {
         "displacements": (slice(None, count), 1.0, [f"{name} ({unit})" for name, unit in units]),
-        "strains": (slice(count, None), 1e6, [f"{name} (microstrain)" for name in result.strains]),
+        "strains": (slice(count, None), 1e6, [f"{name} (1e-6)" for name in result.strains]),
     }
     return tuple(
         partial(
