@@ -83,7 +83,7 @@ def test_json_is_exactly_the_documented_shape() -> None:
         ],
         "published": [],
         "budget": None,
-            "explanations": [],
+        "explanations": [],
         "warnings": ["ä < b"],
         "facts": {},
     }

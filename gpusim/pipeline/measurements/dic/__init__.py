@@ -4,13 +4,18 @@ In the order in which data passes:
 
 - `correlating`: The pictures of a scene correlated: points, masks, and what was found at them.
 - `true_field`: The true displacement of all that a region of interest sees, as subsets see it.
-- `rig`: A pair of cameras as it was calibrated, by pictures or in a file, and as it really is.
-- `geometric_error`: What is read off places that are exactly right: errors of calibration, scale,
-  lens, and motion along the axis.
 - `point_fields`: Fields at points over frames, measured and true, and how they were measured.
 - `statistics`: What the differences between measured and true fields say, in numbers.
 - `result`: Displacements and strains at points over frames, measured and true: tables, files, what
   the report says.
+- `field_measurement`: What both ways of measuring a field share: columns of its table, and the
+  result they end in.
+- `rig`: A pair of cameras as it was calibrated, by pictures or in a file, and as it really is.
+- `geometric_error`: What is read off places that are exactly right: errors of calibration, scale,
+  lens, and motion along the axis.
+- `one_camera`: A field measured by one camera, in px and in mm.
+- `camera_pair`: A field measured by two calibrated cameras: shape and displacement in space, strain
+  in the surface.
 - `error_parts`: The error of a measured field in parts that add up, and what they say in words.
 - `measuring`: Displacements and strains measured in pictures of one camera or of a pair, with their
   truth.

@@ -16,15 +16,13 @@ import numpy as np
 from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.pipeline.measurements.dic.field_measurement import MM, strain_components
 from gpusim.pipeline.measurements.dic.rig import Rig
 
-MM = 1e3
 CAUSE = "calibration: "
 """How the name of an error begins that is a part of another one."""
 Reading = tuple[Float, Float]
 """Places (M, K) mm, and displacements (M, K) mm."""
-Gauge = Callable[[Float, Float], Float]
-"""Strains (M, S) of places and displacements, by the windows of the measurement."""
 
 
 def readings_of_one(
@@ -99,11 +97,16 @@ def _wrong(
     }
 
 
-def known_errors(readings: Mapping[str, Reading], gauge: Gauge | None) -> dict[str, Float]:
-    """What each fault adds to displacements and strains, (M, Q), by its name; `CAUSE`: what such a
-    part alone adds to the truth."""
+def known_errors(
+    readings: Mapping[str, Reading], strain: Callable[[Float, Float], Float] | None
+) -> dict[str, Float]:
+    """What each fault adds to displacements and strains, (M, Q), by its name; ``strain`` (M, 2, 2)
+    is taken of places and displacements; `CAUSE`: what such a
+    part alone adds to the truth, if anything."""
     values = {
-        name: moved if gauge is None else np.column_stack([moved, gauge(places, moved)])
+        name: moved
+        if strain is None
+        else np.column_stack([moved, strain_components(strain(places, moved))])
         for name, (places, moved) in readings.items()
     }
     errors = dict[str, Float]()
@@ -111,7 +114,8 @@ def known_errors(readings: Mapping[str, Reading], gauge: Gauge | None) -> dict[s
         if name == "truth":
             truth = before = now
         elif name.startswith(CAUSE):
-            errors[name] = now - truth
+            if np.nansum(np.abs(now - truth)) > 0.0:
+                errors[name] = now - truth
         else:
             errors[name], before = now - before, now
     return errors
