@@ -52,7 +52,7 @@ from gpusim.cli.tables import (
     print_report,
 )
 from gpusim.cli.view import view
-from gpusim.errors import Fault, NotConverged, SceneError
+from gpusim.errors import Fault, InputError, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def explain(
         with importing():
             folder = output or (scene if scene.is_dir() else None)
             if folder is None:
-                raise typer.BadParameter("got none for a scene file; expected -o OUT")
+                raise InputError("explain -o; got none for a scene file; expected -o OUT")
             loaded = _load(scene / "scene.toml" if scene.is_dir() else scene, sets)
             check_folder(folder)
             from gpusim.pipeline.runner.explanation import explain as explain_fields

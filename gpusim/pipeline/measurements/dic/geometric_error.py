@@ -100,9 +100,9 @@ def _wrong(
 def known_errors(
     readings: Mapping[str, Reading], strain: Callable[[Float, Float], Float] | None
 ) -> dict[str, Float]:
-    """What each fault adds to displacements and strains, (M, Q), by its name; ``strain`` (M, 2, 2)
-    is taken of places and displacements; `CAUSE`: what such a
-    part alone adds to the truth, if anything."""
+    """What each fault adds to displacements and strains, (M, Q), by its name; `CAUSE`: what such
+    a part alone adds to the truth, if anything. ``strain`` (M, 2, 2): of places and displacements,
+    if any is measured."""
     values = {
         name: moved
         if strain is None
