@@ -186,6 +186,7 @@ class DicTable(MeasureTable):
     """"updated": against a frame before where the first one no longer matches, and steps added up:
     for large strains and turns."""
     strain: Literal["green-lagrange", "hencky", "small", "none"] = "green-lagrange"
+    """Which strain is taken from the displacements; "small" of one camera alone."""
     strain_window: Annotated[int, Field(ge=3, le=101)] = 5
     """Points across the window of the virtual strain gauge, odd."""
     mm_per_px: Length | None = None
