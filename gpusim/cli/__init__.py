@@ -80,6 +80,12 @@ Sets = Annotated[
         help="Change a key of the scene: camera.front.focal_mm=35 (repeatable).",
     ),
 ]
+EarlierOutput = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", metavar="OUT", help="Folder of an earlier run.", parser=folder_name
+    ),
+]
 Only = Annotated[
     list[str] | None,
     typer.Option("--only", metavar="EFFECT", help="Leave other effects out: noise (repeatable)."),
@@ -203,19 +209,8 @@ def budget(
 
 @app.command()
 def explain(
-    scene: Annotated[
-        Path, typer.Argument(metavar="SCENE.toml", help="The scene file, or the folder of a run.")
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="OUT",
-            help="Where to; a run's own folder is the default.",
-            parser=folder_name,
-        ),
-    ] = None,
+    scene: Annotated[Path, typer.Argument(help="A scene file, or the folder of a run.")],
+    output: EarlierOutput = None,
     sets: Sets = None,
     backend: BackendOption = "auto",
     quiet: Quiet = False,
@@ -276,12 +271,7 @@ app.command()(view)
 @app.command()
 def plan(
     scene: ScenePath,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="OUT", help="Folder of an earlier run.", parser=folder_name
-        ),
-    ] = None,
+    output: EarlierOutput = None,
     sets: Sets = None,
     backend: BackendOption = "auto",
     fresh: Fresh = False,

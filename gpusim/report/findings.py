@@ -170,32 +170,22 @@ class Budget:
 class Explanation:
     """What the error of a measured field is made of, in a ``frame``.
 
-    ``parts``: name -> RMS displacement (``unit``), its share of the error, RMS strain (1), its
-    share; shares (projections on the whole, 1) add up where the parts do. ``error``: the same of
-    the whole, ``missing``: of what the parts don't add up to. ``remarks``: what it says in words;
-    ``figures``: maps, to be drawn.
+    ``parts``: name -> RMS displacement (``unit``), its share of the error (percent), RMS strain
+    (microstrain), its share; then "missing", what the parts don't add up to, and "measured less
+    true", the error. Shares are projections on the error: they add up. ``remarks``: what it says in
+    words; ``figures``: maps, to be drawn.
     """
 
     measure: str
     frame: int
     unit: str
     parts: Mapping[str, tuple[float, ...]]
-    error: tuple[float, ...]
-    missing: tuple[float, ...]
     remarks: tuple[str, ...] = ()
     figures: tuple[Any, ...] = ()
 
     def content(self) -> dict[str, Any]:
         """For report.json."""
         return {key: value for key, value in vars(self).items() if key != "figures"}
-
-    def rows(self) -> dict[str, tuple[float, ...]]:
-        """All, the whole error last; strains are microstrain and shares percent."""
-        every = {**self.parts, "what they miss": self.missing, "measured less true": self.error}
-        return {
-            name: (moved, 100.0 * share, 1e6 * strain, 100.0 * own)
-            for name, (moved, share, strain, own) in every.items()
-        }
 
 
 def _differences(one: Sequence[float], other: Sequence[float]) -> tuple[float, ...]:

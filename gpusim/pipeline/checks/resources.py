@@ -104,17 +104,7 @@ def check_field(field: Field, times: tuple[float, ...]) -> None:
 
 
 _FILES = ("report.html", "report.json", "scene.toml", "truth.h5")
-_FOLDERS = (
-    INNER,
-    "budget",
-    "explain",
-    "figures",
-    "images",
-    "measure",
-    "solution",
-    "stl",
-    "variants",
-)
+_FOLDERS = INNER, *"budget explain figures images measure solution stl variants".split()
 
 
 def check_folders(scene: Scene, out: Path) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 from gpusim.files.atomic_files import safe_name, write_text
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.dic.error_parts import ErrorParts, error_parts, remarks
-from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.results import PointTable, vector_columns
 from gpusim.pipeline.pictures.file_names import image_path
 from gpusim.pipeline.runner.error_budget import State, place_of, run_states, states_of_effects
@@ -104,16 +103,16 @@ def _with_true_cameras(document: dict[str, Any]) -> dict[str, Any]:
 def _parts(execution: Execution, measure: str, effects: Sequence[str], redrawn: bool) -> ErrorParts:
     """Of one measure."""
 
-    def read(state: State, name: str) -> FullFieldResult:
-        (found,) = read_results(execution.decision, place_of(FOLDER, state, name), measure)
-        assert isinstance(found, FullFieldResult)
+    def read(place: str) -> Any:
+        (found,) = read_results(execution.decision, place, measure)
         return found
 
-    (whole,) = read_results(execution.decision, "", measure)
-    assert isinstance(whole, FullFieldResult)
-    only, no = ({name: read(state, name) for name in effects} for state in ("only", "no"))
-    others = [read("none", name) for name in PATTERNS if redrawn]
-    return error_parts(whole, read("none", ""), only, no, others)
+    def states(state: State, names: Sequence[str]) -> dict[str, Any]:
+        return {name: read(place_of(FOLDER, state, name)) for name in names}
+
+    others = states("none", PATTERNS if redrawn else ()).values()
+    none = read(place_of(FOLDER, "none", ""))
+    return error_parts(read(""), none, states("only", effects), states("no", effects), [*others])
 
 
 def _explanation(scene: Scene, execution: Execution, found: ErrorParts) -> Explanation:
@@ -121,9 +120,7 @@ def _explanation(scene: Scene, execution: Execution, found: ErrorParts) -> Expla
     result = found.result
     return Explanation(
         result.name, result.table.frames[-1], name_and_unit(result.displacements[0])[1],
-        {name: found.size(one) for name, one in found.parts.items()},
-        found.size(found.whole), found.size(found.missing), tuple(remarks(found)),
-        _figures(scene, execution, found),
+        found.sizes(), tuple(remarks(found)), _figures(scene, execution, found),
     )  # fmt: skip
 
 

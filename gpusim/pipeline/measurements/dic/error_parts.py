@@ -1,6 +1,6 @@
 """The error of a measured field in parts that add up, and what they say in words.
 
-What faults of calibration, scale, lens and motion along the axis do is known without any matching
+What faults of calibration, scale, lens and out-of-plane motion do is known without any matching
 (`geometric_error`); the rest of an error came about in the pictures. Of that an effect's part is
 the mean of what it adds to pictures without any effect and of what goes with it from pictures with
 all of them: where effects act on each other in pairs, each has half of what they do together, and
@@ -16,13 +16,13 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
-from gpusim.pipeline.measurements.dic.geometric_error import CAUSE
+from gpusim.pipeline.measurements.dic.geometric_error import CALIBRATION, CAUSE
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.statistics import rms
 from gpusim.scene.description.table import name_and_unit
 
-NOTABLE = 0.1
-"""Share of the error from which on a part, or what parts do together, is told of."""
+NOTABLE = 10.0
+"""Percent of the error from which on a part, or what parts do together, is told of."""
 RIGID = 1e-6
 """Strain up to which a true motion counts as rigid."""
 BENT = 0.05
@@ -52,13 +52,20 @@ class ErrorParts:
         return np.asarray(self.whole - sum(self.parts.values()))
 
     def size(self, part: Float) -> tuple[float, ...]:
-        """RMS displacement of a part, its share of the whole, RMS strain, its share."""
+        """RMS displacement of a part, its share of the whole in percent, RMS strain in microstrain,
+        its share."""
         told = []
-        for columns in (slice(None, self.lengths), slice(self.lengths, None)):
+        for columns, unit in ((slice(None, self.lengths), 1.0), (slice(self.lengths, None), 1e6)):
             own, whole = part[:, columns], self.whole[:, columns]
             squares = np.nansum(whole**2)
-            told += [rms(own), float(np.nansum(own * whole) / squares) if squares else np.nan]
+            share = float(np.nansum(own * whole) / squares) if squares else np.nan
+            told += [unit * rms(own), 100.0 * share]
         return tuple(told)
+
+    def sizes(self) -> dict[str, tuple[float, ...]]:
+        """Of all parts, what they miss, and the whole."""
+        every = {**self.parts, "missing": self.missing, "measured less true": self.whole}
+        return {name: self.size(one) for name, one in every.items()}
 
 
 def error_parts(
@@ -71,11 +78,7 @@ def error_parts(
     """The parts of the ``whole``, from what was measured with none of some effects, with each of
     them alone, with all but each, and with none in ``others`` of the random patterns.
 
-    Examples
-    --------
-    Of a measurement without pictures' effects, only what matching does is left::
-
-        error_parts(whole, whole, {}, {}).parts
+    Raises GpusimError if there is no point that all of them have.
     """
     known = dict(zip(whole.known_names, whole.known_errors, strict=True))
     causes = {
@@ -93,8 +96,7 @@ def error_parts(
         parts["speckle"] = rest[0] - matching
     parts["matching"] = matching
     error = _errors(whole, "measured")
-    fine = np.isfinite(error) & np.all([np.isfinite(one) for one in parts.values()], axis=0)
-
+    fine = np.all(np.isfinite([error, *parts.values()]), axis=0)
     if not fine[:, 0].any():
         raise GpusimError(
             f"measure {whole.name!r}: got no point in frame {whole.table.frames[-1]} that is found "
@@ -125,20 +127,24 @@ def _in_pictures(result: FullFieldResult) -> Float:
 
 def remarks(found: ErrorParts) -> list[str]:
     """What the parts say, in sentences."""
-    sizes = {name: found.size(one) for name, one in found.parts.items()}
-    most = max(sizes, key=lambda name: sizes[name][1])
-    told = [f"The largest part of the error of displacements is {most}: {sizes[most][1]:.0%}."]
-    told += [
-        _rigid_motion(found, name, found.parts[name])
-        for name in found.parts
-        if name in found.result.known_names and abs(sizes[name][1]) >= NOTABLE
-    ]
-    if causes := {name: found.size(one)[1] for name, one in found.causes.items()}:
-        share = sizes["calibration"][1]
-        causes = {name: one for name, one in causes.items() if abs(one) >= NOTABLE * share}
-        words = "; ".join(f"{name} ({one / share:+.0%})" for name, one in causes.items())
-        told += [f"What calibration does comes from: {words}."] * (share >= NOTABLE)
+    shares = {name: found.size(one)[1] for name, one in found.parts.items()}
+    most = max(shares, key=lambda name: shares[name])
+    told = [f"The largest part of the error of displacements is {most}: {shares[most]:.0f} %."]
+    for name in found.result.known_names:
+        if abs(shares.get(name, 0.0)) >= NOTABLE:
+            told += [_rigid_motion(found, name, found.parts[name]), _causes(found, name)]
     return [one for one in told if one] + [_sum(found)]
+
+
+def _causes(found: ErrorParts, name: str) -> str:
+    """Which parameters a part comes from, by their projections on it; nothing if none are known."""
+    part = found.parts[name][:, : found.lengths]
+    shares = {
+        cause: 100.0 * np.nansum(one[:, : found.lengths] * part) / np.nansum(part**2)
+        for cause, one in found.causes.items() if name == CALIBRATION
+    }  # fmt: skip
+    told = [f"{cause} ({one:+.0f} %)" for cause, one in shares.items() if abs(one) >= NOTABLE]
+    return f"What {name} does comes from: {'; '.join(told)}." if told else ""
 
 
 def _rigid_motion(found: ErrorParts, name: str, part: Float) -> str:
@@ -155,7 +161,7 @@ def _rigid_motion(found: ErrorParts, name: str, part: Float) -> str:
     bent = []
     for quantity, values, own in zip(result.displacements, part.T, spread, strict=False):
         flat, curved = (_unfitted(values, terms) for terms in degrees)
-        if flat > BENT > curved / flat and own > NOTABLE * max(spread):
+        if flat > BENT > curved / flat and own > 0.1 * max(spread):
             bent.append(name_and_unit(quantity)[0])
     shape = f"a parabola in {' and '.join(bent)}" if bent else "a stretch or tilt"
     unit = name_and_unit(result.displacements[0])[1]
@@ -182,7 +188,7 @@ def _sum(found: ErrorParts) -> str:
     """Whether the parts add up, and which of them act on each other."""
     missing = _over_whole(found, found.missing)
     kinds = ("displacements", "strains")[: len(missing)]
-    told = " and ".join(f"{one:.1%} of {kind}" for one, kind in zip(missing, kinds, strict=True))
+    told = " and ".join(f"{one:.1f} % of {kind}" for one, kind in zip(missing, kinds, strict=True))
     words = f"The parts add up to the error but for {told} (RMS)."
     acting = [
         name for name, one in found.together.items() if max(_over_whole(found, one)) > NOTABLE
@@ -193,7 +199,9 @@ def _sum(found: ErrorParts) -> str:
 
 
 def _over_whole(found: ErrorParts, part: Float) -> list[float]:
-    """RMS of a part over that of the whole error, of displacements and, if there are any, strains;
-    0 of nothing."""
+    """RMS of a part in percent of that of the whole error, of displacements and, if there are any,
+    strains; 0 of nothing."""
     sizes = zip(found.size(part)[::2], found.size(found.whole)[::2], strict=True)
-    return [one / whole if whole > 0.0 else 0.0 for one, whole in sizes if not np.isnan(whole)]
+    return [
+        100.0 * one / whole if whole > 0.0 else 0.0 for one, whole in sizes if not np.isnan(whole)
+    ]

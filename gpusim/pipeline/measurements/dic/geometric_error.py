@@ -1,5 +1,5 @@
 """What is read off places that are exactly right: errors of calibration, scale, lens, and motion
-along the axis.
+out of the plane.
 
 A *reading* is what a measurement would make of points if matching found them where they really are
 in the pictures. Readings that have one fault after the other differ by what this fault does.
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -19,8 +18,10 @@ from gpusim.optics.camera.pinhole import Camera
 from gpusim.pipeline.measurements.dic.field_measurement import MM, strain_components
 from gpusim.pipeline.measurements.dic.rig import Rig
 
-CAUSE = "calibration: "
-"""How the name of an error begins that is a part of another one."""
+CALIBRATION, CAUSE = "calibration", "calibration: "
+"""Name of an error, and how names of those begin that are its causes."""
+ROUNDING = 1e-9
+"""mm, over all points."""
 Reading = tuple[Float, Float]
 """Places (M, K) mm, and displacements (M, K) mm."""
 
@@ -34,8 +35,7 @@ def readings_of_one(
 
     ``mapping``: of its pixels to mm along ``axes`` (2, 3); ``on_plane``: it undoes the lens.
     """
-    forward = camera.camera_from_world[2, :3]
-    within = moved - np.outer(moved @ forward, forward)
+    within = moved @ axes.T @ axes
     ideal = camera if on_plane else camera.without_distortion()
 
     def read(lens: Camera, shift: Float) -> Reading:
@@ -44,7 +44,7 @@ def readings_of_one(
 
     found = {
         "truth": (MM * position @ axes.T, MM * moved @ axes.T),
-        "calibration" if on_plane else "scale and perspective": read(ideal, within),
+        CALIBRATION if on_plane else "scale and perspective": read(ideal, within),
         "out-of-plane motion": read(ideal, moved),
     }
     return found if on_plane else found | {"distortion": read(camera, moved)}
@@ -62,7 +62,7 @@ def readings_of_pair(
         laid = measure.align(before, place)
         return laid.apply(before), (after - before) @ laid.rotation.T
 
-    found = {"truth": read(true), "calibration": read(calibrated)}
+    found = {"truth": read(true), CALIBRATION: read(calibrated)}
     for number in (0, 1):
         for name, changed in _wrong(true[number], calibrated[number]).items():
             rig = (changed, true[1]) if number == 0 else (true[0], changed)
@@ -74,27 +74,21 @@ def _wrong(
     true: measure.CalibratedCamera, found: measure.CalibratedCamera
 ) -> dict[str, measure.CalibratedCamera]:
     """The true camera with each group of parameters as it was found, by what is wrong with it."""
-
-    def with_K(rows: list[int], columns: list[int]) -> tuple[Float, Any]:
-        K = true.K.copy()
-        K[rows, columns] = found.K[rows, columns]
-        return K, (K - true.K)[rows, columns]
-
-    focal, (fx, fy) = with_K([0, 1], [0, 1])
-    principal, (cx, cy) = with_K([0, 1], [2, 2])
-    turn = found.camera_from_rig[:3, :3] @ true.camera_from_rig[:3, :3].T
-    turned, shifted = true.camera_from_rig.copy(), true.camera_from_rig.copy()
-    turned[:3, :3], shifted[:3, 3] = found.camera_from_rig[:3, :3], found.camera_from_rig[:3, 3]
-    angle = np.degrees(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
-    apart = np.linalg.norm((shifted - true.camera_from_rig)[:3, 3])
     of = f"of camera {true.name}"
-    return {
-        f"focal length {of}, off by ({fx:+.3g}, {fy:+.3g}) px": replace(true, K=focal),
-        f"principal point {of}, off by ({cx:+.3g}, {cy:+.3g}) px": replace(true, K=principal),
-        f"distortion {of}": replace(true, distortion=found.distortion),
-        f"orientation {of}, off by {angle:.2g} deg": replace(true, camera_from_rig=turned),
-        f"position {of}, off by {apart:.2g} mm": replace(true, camera_from_rig=shifted),
-    }
+    result = {f"distortion {of}": replace(true, distortion=found.distortion)}
+    for name, columns in (("focal length", [0, 1]), ("principal point", [2, 2])):
+        K = true.K.copy()
+        K[[0, 1], columns] = found.K[[0, 1], columns]
+        x, y = (K - true.K)[[0, 1], columns]
+        result[f"{name} {of}, off by ({x:+.3g}, {y:+.3g}) px"] = replace(true, K=K)
+    for name, columns in (("orientation", [0, 1, 2]), ("position", [3])):
+        pose = true.camera_from_rig.copy()
+        pose[:3, columns] = found.camera_from_rig[:3, columns]
+        off = np.linalg.norm(pose - true.camera_from_rig)
+        # a turn by a small angle changes its matrix by sqrt(2) times that
+        size = f"{np.degrees(off / np.sqrt(2.0)):.2g} deg" if name[0] == "o" else f"{off:.2g} mm"
+        result[f"{name} {of}, off by {size}"] = replace(true, camera_from_rig=pose)
+    return result
 
 
 def known_errors(
@@ -114,7 +108,7 @@ def known_errors(
         if name == "truth":
             truth = before = now
         elif name.startswith(CAUSE):
-            if np.nansum(np.abs(now - truth)) > 0.0:
+            if np.nansum(np.abs(now - truth)) > ROUNDING:
                 errors[name] = now - truth
         else:
             errors[name], before = now - before, now

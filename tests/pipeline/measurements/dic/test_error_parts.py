@@ -60,9 +60,9 @@ def test_effects_that_act_on_each_other_in_pairs_add_up() -> None:
     assert found.parts["noise"] == pytest.approx(expected, abs=1e-15)
     assert found.parts["settings"][:, 0] == pytest.approx(1e-5, abs=1e-15)
     shares = [found.size(one)[1] for one in found.parts.values()]
-    assert sum(shares) == pytest.approx(1.0, abs=1e-12)
+    assert sum(shares) == pytest.approx(100.0, abs=1e-10)
     told = remarks(found)[-1]
-    assert "but for 0.0% of displacements and 0.0% of strains" in told
+    assert "but for 0.0 % of displacements and 0.0 % of strains" in told
     assert "What noise, psf do depends on the other effects" in told
 
 
@@ -76,7 +76,7 @@ def test_what_three_do_together_is_missing() -> None:
     assert found.missing == pytest.approx(
         -0.5 * together + [-1e-5, 0, 0, 0, 0] + [1e-5, 0, 0, 0, 0]
     )
-    assert "light" in remarks(found)[-1] and "but for 50.0%" in remarks(found)[-1]
+    assert "light" in remarks(found)[-1] and "but for 50.0 %" in remarks(found)[-1]
 
 
 def test_patterns_are_told_from_what_all_of_them_have() -> None:
@@ -102,10 +102,10 @@ def test_a_rigid_motion_that_reads_as_something_is_named() -> None:
         fields(bent, true, calibration=bent, **cause), fields(0 * bent, true), {}, {}
     )
     words = remarks(found)
-    assert words[0] == "The largest part of the error of displacements is calibration: 100%."
+    assert words[0] == "The largest part of the error of displacements is calibration: 100 %."
     assert words[1].startswith("A rigid motion of 5 mm reads as a parabola in u, by calibration")
     assert "0.056 mm and 160 microstrain" in words[1]
-    assert words[2] == "What calibration does comes from: focal length of camera front (+70%)."
+    assert words[2] == "What calibration does comes from: focal length of camera front (+70 %)."
     flat = error_parts(fields(tilt, true, calibration=tilt), fields(0 * tilt, true), {}, {})
     assert "reads as a stretch or tilt, by calibration" in remarks(flat)[1]
     strained = true + np.array([0.0, 0.0, 1e-3, 0.0, 0.0])
