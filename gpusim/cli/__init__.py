@@ -6,9 +6,14 @@ them, so that help and plan are quick.
 
 The other commands are below. Its modules:
 
+- `help`: What the help of commands says of options and of effects, and how words are listed.
 - `console`: Options, messages, progress, and errors as one message with an exit code.
 - `tables`: Tables that commands print of what applications have found.
+- `init`: ``gpusim init``: a first scene, of a part of the user's own or from a template.
+- `scene_templates`: Commented scenes made from templates.
+- `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
+- `rendering`: ``gpusim render``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -21,6 +26,7 @@ import json
 import logging
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,7 +49,11 @@ from gpusim.cli.console import (
     starting,
     waiting,
 )
+from gpusim.cli.help import CommandLine, EffectCommand, effect_names
+from gpusim.cli.init import init
+from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic
+from gpusim.cli.rendering import render
 from gpusim.cli.tables import (
     print_budget,
     print_deck,
@@ -60,12 +70,11 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
+app = CommandLine(
     name="gpusim",
     cls=PrintableGroup,
     help="From a loaded structure to camera images, measured and compared with the truth.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.add_typer(bench_app, name="bench")
@@ -88,11 +97,21 @@ EarlierOutput = Annotated[
 ]
 Only = Annotated[
     list[str] | None,
-    typer.Option("--only", metavar="EFFECT", help="Leave other effects out: noise (repeatable)."),
+    typer.Option(
+        "--only",
+        metavar="EFFECT",
+        autocompletion=effect_names,
+        help="Leave other effects out: noise (repeatable).",
+    ),
 ]
 No = Annotated[
     list[str] | None,
-    typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
+    typer.Option(
+        "--no",
+        metavar="EFFECT",
+        autocompletion=effect_names,
+        help="Leave an effect out: distortion (repeatable).",
+    ),
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
 StoreOption = Annotated[
@@ -144,7 +163,7 @@ def _app(
     """See the help of each command."""
 
 
-@app.command()
+@app.command(cls=EffectCommand)
 def run(
     scene: ScenePath,
     output: Output,
@@ -265,7 +284,9 @@ def solve(
 
 app.command()(dic)
 app.command()(calibrate)
+app.command()(render)
 app.command()(view)
+app.command()(init)
 
 
 @app.command()
@@ -286,22 +307,26 @@ def plan(
             check_folder(output)
         with importing():
             loaded = _load(scene, sets)
-            from gpusim.pipeline.checks.resources import check_files, memory_fault
+            from gpusim.pipeline.checks.resources import check_files, memory_fault, waits_for_cad
             from gpusim.pipeline.checks.warnings import scene_warnings
             from gpusim.plan.machine_speed import Speed
             from gpusim.plan.plan import make_plan
+            from gpusim.scene.cost import Counts
 
         strange = check_files(loaded) if loaded.reads_files else []
         speed = Speed.read(backend).measured()
-        made = make_plan(
-            loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
+        planned = partial(
+            make_plan, loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
+        made, waits = planned(), waits_for_cad(loaded)
         beforehand: list[str] = []
+        counts: Counts = {}
         # a part that needs no mesh any more is left alone
-        if not loaded.has_cad or any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            with waiting("meshing CAD with Gmsh" if loaded.has_cad else ""):
-                beforehand = scene_warnings(loaded)
+        if not waits or any(s.runs and s.name.endswith("mesh") for s in made.stages):
+            with waiting("meshing CAD with Gmsh" if waits else ""):
+                beforehand = scene_warnings(loaded, counts)
+        made = planned(made=counts) if counts else made
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))
@@ -312,12 +337,27 @@ def plan(
 
 
 @app.command()
-def schema() -> None:
-    """Print the JSON schema of a scene file: every key with its type, range and meaning."""
+def schema(
+    table: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="TABLE",
+            autocompletion=table_names,
+            help="A table or key, in words: camera, body.load.force, focal_mm.",
+        ),
+    ] = None,
+) -> None:
+    """Print what a table or a key of a scene file means; without one the JSON schema, for editors.
+
+    docs/scene.md has all of it on one page.
+    """
     with exit_codes():
         from gpusim.scene import json_schema
 
-        out(json.dumps(json_schema(), indent=2))
+        if table is None:
+            out(json.dumps(json_schema(), indent=2))
+        else:
+            print_tables(table)
 
 
 @app.command()

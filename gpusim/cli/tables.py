@@ -37,6 +37,18 @@ def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
         out(f"warning: {warning}")
 
 
+def print_advice(report: Mapping[str, Any], folder: Path | None) -> None:
+    """The pattern, the settings with their reason, and the command that uses them."""
+    size, slope, noise = (report["pattern"][name] for name in ("speckle_px", "slope", "noise"))
+    out(f"speckles {size:.1f} px, slopes {slope:.3g} levels per px, noise {noise:.3g} levels")
+    for text in report["warnings"]:
+        out(f"warning: {text}")
+    words = (f"{name.replace('_', ' ')} {value}" for name, value in report["settings"].items())
+    out(f"\n{', '.join(words)}\n{report['reason']}\n\nNext: {report['command']}")
+    if folder is not None:
+        out(f"Report: {folder / 'report.html'}")
+
+
 def print_calibration(report: Report, missed: Sequence[str], folder: Path) -> None:
     """What the report has on top, parameters of the cameras, pictures that weren't used."""
     for label, (value, note) in report.highlights.items():

@@ -7,10 +7,14 @@ In the order in which data passes:
 - `targets`: Markers and boards, found in images, and the fits of their borders.
 - `calibration`: Calibration of cameras and rigs.
 - `correlation`: Digital image correlation.
+- `advice`: Advice on the settings of a correlation, from the picture that is to be correlated.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
+from gpusim.measure.advice.gauge_filter import gauge_filter
+from gpusim.measure.advice.image_noise import ImageNoise
+from gpusim.measure.advice.settings_advice import Advice, advise
 from gpusim.measure.calibration.calibration import (
     CalibratedCamera,
     Calibration,
@@ -62,6 +66,7 @@ from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
 
 __all__ = [
+    "Advice",
     "Alignment",
     "CalibratedCamera",
     "Calibration",
@@ -73,6 +78,7 @@ __all__ = [
     "DicResult",
     "Displacement3D",
     "Dots",
+    "ImageNoise",
     "MappedResult",
     "MarkerStatus",
     "Markers",
@@ -89,6 +95,7 @@ __all__ = [
     "TargetStatistics",
     "TrackResult",
     "Triangulated",
+    "advise",
     "align",
     "calibrate",
     "circle_centres",
@@ -104,6 +111,7 @@ __all__ = [
     "find_dots",
     "find_markers",
     "fit_crossings",
+    "gauge_filter",
     "grid_points",
     "lens_mapping",
     "locate_markers",

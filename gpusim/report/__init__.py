@@ -13,6 +13,8 @@ In the order in which data passes:
 - `html`: report.html: one self-contained page.
 - `write`: report.json, figures and report.html in the output folder.
 - `correlation`: The summary of a correlation, and a page with it.
+- `advice`: Advice on settings: what it says in words and numbers, the curves it comes from, and a
+  page.
 """
 
 from __future__ import annotations
@@ -22,6 +24,8 @@ from gpusim.report.findings import (
     Budget,
     BudgetRow,
     Explanation,
+    FieldPicture,
+    LoadPath,
     Mechanics,
     MeshSummary,
     Published,
@@ -48,9 +52,11 @@ __all__ = [
     "BudgetRow",
     "Drawing",
     "Explanation",
+    "FieldPicture",
     "Figure",
     "FramePair",
     "Link",
+    "LoadPath",
     "Measurement",
     "Mechanics",
     "MeshSummary",

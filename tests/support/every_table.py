@@ -89,7 +89,7 @@ def everything() -> dict[str, Any]:
              "roi": {"where": {"normal": "-y"}}, "subset_px": 21, "step_px": 15,
              "formats": ["csv", "h5"]},
         ],
-        "output": {"vtu": True, "stl": True, "stress": True,
+        "output": {"vtu": True, "stl": True, "stress": True, "calibration": ["opencv", "vic"],
                    "truth": ["reference", "displacement", "depth", "flow", "region", "element",
                              "visibility", "normal", "cameras"]},
     }  # fmt: skip
