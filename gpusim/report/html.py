@@ -265,14 +265,8 @@ class FigureSet:
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        parts = (
-            self.explanations,
-            self.series,
-            self.overlays,
-            self.errors,
-            self.load_path,
-            self.convergence,
-        )
+        first = self.explanations, self.series, self.overlays
+        parts = *first, self.errors, self.load_path, self.convergence
         return (*(figure for part in parts for figure in part), *self.other)
 
 
