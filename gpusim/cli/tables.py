@@ -160,7 +160,7 @@ def print_explanations(explanations: Sequence[Explanation]) -> None:
         head = f"{one.unit}, RMS", "share", "microstrain", "share"
         out(f"{one.measure:<28}" + "".join(f"{title:>13}" for title in head))
         for name, (moved, share, strain, own) in one.parts.items():
-            out(f"{name:<28}{moved:13.3g}{share:11.1f} %{strain:13.3g}{own:11.1f} %")
+            out(f"{name:<28}{moved:13.3g}{share:z11.1f} %{strain:13.3g}{own:z11.1f} %")
         for text in one.remarks:
             out(text)
     out()
