@@ -12,6 +12,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 )
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.rig import rig_of_file
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
@@ -50,8 +51,10 @@ def measure_dic(
 
 
 def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
-    """There is something to measure; raises InputError if not."""
+    """There is something to measure, with a calibration that fits; raises InputError if not."""
     what, camera = f"measure {spec.name!r}", spec.views[0]
+    if spec.calibration not in (None, "true"):
+        rig_of_file(spec, scene)
     if not unloaded.strict:
         return []
     for name in spec.views:
