@@ -3,16 +3,14 @@ are on the bodies."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
-import numpy.typing as npt
 import scipy
 
 from gpusim.arrays.array_types import Float, Long
@@ -23,6 +21,7 @@ from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.rendering.local_origin import local_view
+from gpusim.pipeline.measurements.results import PointTable, stored_table
 from gpusim.surface.surface import Surface
 from gpusim.view.content.picking import MaterialPoints, material_points
 
@@ -42,40 +41,40 @@ class Squares(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPoints:
-    """Fields that were measured at P points in F frames: ``columns`` (F, P) by name."""
+    """Fields that were measured at points of the first picture of a ``camera``."""
 
     name: str
     camera: str
-    frames: tuple[int, ...]
-    columns: Mapping[str, npt.NDArray[Any]]
+    table: PointTable
 
     @cached_property
     def fields(self) -> Fields:
         """By the names of their columns."""
         return point_fields(
-            name for name, one in self.columns.items()
+            name for name, one in self.table.columns.items()
             if one.dtype.kind == "f" and name not in PLACE
         )  # fmt: skip
 
     def values(self, name: str, frame: int) -> Float:
         """(P,) in a frame, in the field's unit; NaN where nothing was measured."""
-        every = self.fields[name].values(self.columns)
-        here = frame in self.frames
-        return np.asarray(
-            every[self.frames.index(frame)] if here else np.full_like(every[0], np.nan)
-        )
+        every: Float = self.fields[name].values(self.table.columns)
+        frames = self.table.frames
+        return every[frames.index(frame)] if frame in frames else np.full_like(every[0], np.nan)
 
     def squares(self, surfaces: Sequence[Surface], camera: Camera, device: Device) -> Squares:
         """Where the points are on ``surfaces`` as the ``camera`` saw them in the first frame."""
-        at = np.stack([self.columns[name][0] for name in PLACE], axis=1)
-        apart = np.asarray(scipy.spatial.cKDTree(at).query(at, 2)[0])
+        at = np.stack([self.table[name][0] for name in PLACE], axis=1)
+        pixel = np.rint(at)
+        point = np.flatnonzero(((pixel >= 0) & (pixel < [camera.width, camera.height])).all(axis=1))
+        column, row = pixel[point].astype(int).T
         view = local_view(surfaces, camera, lit=False)
-        column, row = np.rint(at).astype(int).T
-        inside = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
-        point = np.flatnonzero(inside)
-        triangle = Frame(view, device).ids()[row[point], column[point]].astype(np.int64) - 1
+        triangle = Frame(view, device).ids()[row, column].astype(np.int64) - 1
         point, triangle = point[triangle >= 0], triangle[triangle >= 0]
-        pixels = at[point, None] + float(np.median(apart[:, 1])) * CORNERS
+        step = 0.0
+        if len(point) > 1:
+            apart = np.asarray(scipy.spatial.cKDTree(at[point]).query(at[point], 2)[0])
+            step = float(np.median(apart[:, 1]))
+        pixels = at[point, None] + step * CORNERS
         return Squares(point, material_points(view, surfaces, triangle, pixels))
 
 
@@ -88,22 +87,10 @@ def measured_points(path: Path) -> MeasuredPoints | None:
         The file is damaged.
     """
     try:
-        with np.load(read_input(path).stream(), allow_pickle=False) as stored:
-            (_, frames, points, names), rest = json.loads(str(stored["rest"]))
-            if not {*PLACE} <= {*names} or not rest.get("cameras") or len(points) < 2:
-                return None
-            columns = {name: stored[name] for name in names}
-        if any(one.shape != (len(frames), len(points)) for one in columns.values()):
-            raise ValueError("columns of another length")
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        BadZipFile,
-    ) as error:
+        table, rest = stored_table(read_input(path))
+    except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
         expected = "what a run of this scene has written"
         raise InputError(f"{path}: damaged; got {error}; expected {expected}") from None
-    return MeasuredPoints(path.stem, rest["cameras"][0], tuple(frames), columns)
+    if not {*PLACE} <= {*table.columns} or not rest.get("cameras") or len(table.points) < 2:
+        return None
+    return MeasuredPoints(path.stem, rest["cameras"][0], table)

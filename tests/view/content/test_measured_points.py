@@ -12,7 +12,7 @@ import gpusim as gs
 from gpusim.gpu import Device
 from gpusim.pipeline.measurements.results import PointTable
 from gpusim.view.content.loading import load_content
-from gpusim.view.content.measured_points import measured_points
+from gpusim.view.content.measured_points import MeasuredPoints, measured_points
 from gpusim.view.screenshot import screenshot
 from gpusim.view.viewer import Viewer
 from tests.support.measured_fields import FieldResult
@@ -40,7 +40,7 @@ def measured_run(run_folder: Path, tmp_path: Path) -> Path:
 def test_points_are_where_the_camera_saw_them(measured_run: Path, device: Device) -> None:
     content = load_content(measured_run)
     (points,) = content.measured
-    assert (points.name, points.camera, points.frames) == ("dic", "side", (1,))
+    assert (points.name, points.camera, points.table.frames) == ("dic", "side", (1,))
     point, places = content.squares(points, device)
     assert len(point) == len(X)
     camera, surface = content.cameras[0], content.surfaces(0)[0]
@@ -93,6 +93,22 @@ def test_measured_true_and_their_difference(measured_run: Path, device: Device) 
     screenshot(viewer)
     assert viewer.fault == ""
     viewer.close()
+
+
+def test_points_beside_the_bodies_are_left_out(run_folder: Path, device: Device) -> None:
+    """In the background, out of the picture, nowhere; a single one is too small to be seen."""
+    content = load_content(run_folder)
+    for x, y, shown in (
+        ([100.0, 110.0, 120.0, 100.0, -3.0, np.nan], [60.0, 60.0, 60.0, 5.0, 60.0, 1.0], [0, 1, 2]),
+        ([100.0, 451.0], [60.0, 60.0], [0]),
+        ([9.0, 451.0], [3.0, 60.0], []),
+    ):  # fmt: skip
+        names = tuple(f"p{k}" for k in range(len(x)))
+        columns = {"x_px": np.array([x]), "y_px": np.array([y]), "zncc": np.ones((1, len(x)))}
+        points = MeasuredPoints("dic", "side", PointTable("point", (1,), names, columns))
+        found = points.squares(content.surfaces(0), content.cameras[0], device)
+        assert found.point.tolist() == shown
+        assert np.isfinite(found.places.weights).all()
 
 
 def test_a_click_tells_the_nearest_point(measured_run: Path, device: Device) -> None:
