@@ -37,7 +37,7 @@ def draw_body_marks(viewer: ViewState, overlay: Overlay) -> None:
         for ends in content.creases:
             symbols.lines(ends, "#00000090", 1.0)
     if shown["undeformed"]:
-        for _, surface in content.at_rest:
+        for _, surface in content.whole:
             symbols.lines(crease_edges(surface, eye=camera.eye), GHOST, 1.4, pale=0.45)
     _draw_models(viewer, symbols)
     if shown["cameras"]:
