@@ -14,6 +14,7 @@ from benchmarks.faces import camera_of
 from benchmarks.identical_cases.arrays import Arrays, Case, fields, radiance_of
 from benchmarks.identical_cases.images import BROWN, PAINTS, tilted
 from gpusim import measure
+from gpusim.measure.correlation.subset_filter import filtered_by_subsets
 
 
 def waves(shift: tuple[float, float], strain: float = 0.0) -> npt.NDArray[np.uint8]:
@@ -39,6 +40,15 @@ def correlated(backend: str) -> Arrays:
     result = measure.dic(first, second, subset=21, step=12, backend=backend)
     found = fields(result, "points", "displacement", "gradient", "zncc", "sigma", "status")
     return {**found, **fields(measure.strain(result), "tensor", "residual")}
+
+
+def levelled() -> Arrays:
+    """A field as subsets see it."""
+    picture, (row, column) = waves((0.0, 0.0)), np.indices((180, 200))
+    field = np.stack([np.sin(column / 9.0), np.cos(row / 7.0)], axis=2)
+    points = measure.grid_points(picture.shape, subset=21, step=12)
+    found = filtered_by_subsets(picture, points, [field], subset=21, shape="quadratic")
+    return fields(found, "displacement", "slope", "contrast", "spread")
 
 
 def tracked() -> Arrays:
@@ -79,6 +89,7 @@ def calibrated() -> Arrays:
 CASES: dict[str, Case] = {
     "measure/dic": partial(correlated, "gpu"),
     "measure/dic-numpy": partial(correlated, "numpy"),
+    "measure/levelled": levelled,
     "measure/track": tracked,
     "measure/targets": targets,
     "measure/calibration": calibrated,

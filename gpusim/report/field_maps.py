@@ -59,7 +59,7 @@ def draw_compared_fields(
                 f"{one.title}: measured": one.measured,
                 "true": one.true,
                 "measured less true": one.measured - one.true,
-                "smoothing by the settings": one.levelled - one.true,
+                "smoothing": one.levelled - one.true,
             }
             own = _range(np.concatenate([one.measured[known], one.true[known]]))
             most = max(np.abs(_range(maps["measured less true"])))

@@ -38,6 +38,7 @@ CONCEPTS = {
     "parallel": "child_process copies helper_processes",
     "pipeline": "analyses cad_plans elements",
     "pipeline/measurements": "developed_pictures frames",
+    "pipeline/measurements/dic": "large_motion",
     "pipeline/pictures": "target_window",
     "pipeline/runner": "output_reuse reuse",
     "pipeline/scene_objects": "refusals",

@@ -85,7 +85,7 @@ def everything() -> dict[str, Any]:
              "lens": "pinhole"},
             {"name": "tip", "type": "deflection", "camera": "left", "groups": ["side"],
              "direction": "-z"},
-            {"name": "field", "type": "dic", "cameras": ["left", "right"], "lens": "pinhole",
+            {"name": "field", "type": "dic", "camera": "left", "plane_pose": 0, "lens": "pinhole",
              "roi": {"where": {"normal": "-y"}}, "subset_px": 21, "step_px": 15,
              "formats": ["csv", "h5"]},
         ],

@@ -8,6 +8,11 @@ In the order in which data passes:
 - `statistics`: What the differences between measured and true fields say, in numbers.
 - `result`: Displacements and strains at points over frames, measured and true: tables, files, what
   the report says.
+- `field_measurement`: What both ways of measuring a field share: columns of its table, and the
+  result they end in.
+- `one_camera`: A field measured by one camera, in px and in mm.
+- `camera_pair`: A field measured by two calibrated cameras: shape and displacement in space, strain
+  in the surface.
 - `measuring`: Displacements and strains measured in pictures of one camera or of a pair, with their
   truth.
 """

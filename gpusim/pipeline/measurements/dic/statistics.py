@@ -88,9 +88,11 @@ def _noise(result: PointFields) -> Iterator[Row]:
     for name, sigma in result.table.columns.items():
         if name.startswith("sigma_") and result.ok[-1].any():
             what, unit = name_and_unit(name.removeprefix("sigma_"))
-            along, unit = (f" along {what}", unit) if unit else ("", what)
+            whose, unit = (f" of {what.replace('_', ' ')}", unit) if unit else ("", what)
             floor = float(np.median(sigma[-1][result.ok[-1]]))
-            yield f"noise floor (median sigma){along}", unit, floor, 0.0
+            yield f"noise floor (median sigma){whose}", unit, floor, 0.0
+    if np.isfinite(result.calibration_px):
+        yield "calibration, reprojection error", "px", result.calibration_px, 0.0
     moved = result.values("true", result.displacements)
     still = [place for place, one in enumerate(moved) if not one.any()]
     if still:
