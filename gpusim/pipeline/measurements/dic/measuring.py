@@ -5,6 +5,8 @@ What is measured comes from pictures and calibrations alone (`correlating`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
 from gpusim.pipeline.measurements.dic.correlating import (
@@ -44,20 +46,36 @@ def measure_dic(
     roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
     points = points_within(what, roi.mask, spec)
     field = TrueField.of(motion, camera, roi, points)
+    return measured_at(field, spec, scene, sources)
+
+
+def measured_at(
+    field: TrueField, spec: m.DicTable, scene: Scene, sources: Sources
+) -> FullFieldResult:
+    """The same at the points of a ``field``."""
     frames = spec.measured(len(scene.analysis.load_factors))
     kind = OneCamera if spec.cameras is None else CameraPair
-    return kind(what, spec, scene, sources, field, frames).result()
+    return kind(f"measure {spec.name!r}", spec, scene, sources, field, frames).result()
+
+
+def unloaded_motion(
+    what: str, views: Sequence[str], scene: Scene, unloaded: Unloaded
+) -> TrueMotion | None:
+    """What cameras see before there are pictures; None if the first picture may show another thing.
+    Raises InputError if one of them sees nothing."""
+    for name in views if unloaded.strict else ():
+        if name in unloaded.blind:
+            raise InputError(f"{what}: {unloaded.blind[name]}")
+    objects = SceneObjects(scene, (), unloaded.bodies)
+    return TrueMotion(objects, unloaded.surfaces) if unloaded.strict else None
 
 
 def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
     """There is something to measure; raises InputError if not."""
     what, camera = f"measure {spec.name!r}", spec.views[0]
-    if not unloaded.strict:
+    motion = unloaded_motion(what, spec.views, scene, unloaded)
+    if motion is None:
         return []
-    for name in spec.views:
-        if name in unloaded.blind:
-            raise InputError(f"{what}: {unloaded.blind[name]}")
-    motion = TrueMotion(SceneObjects(scene, (), unloaded.bodies), unloaded.surfaces)
     try:
         region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
     except InputError:  # it may be smaller than that

@@ -1,0 +1,122 @@
+"""Where subsets lie in the reference picture, for places that a scene names.
+
+Places in mm are projected with the true camera, as a tester would point at them in the picture. The
+truth is then taken at what the picture's pixels see there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from gpusim.arrays.array_types import Float, Long
+from gpusim.errors import InputError
+from gpusim.pipeline.measurements.material_points import TrueMotion
+from gpusim.pipeline.measurements.region_of_interest import RegionOfInterest, region_of_interest
+from gpusim.scene.description import model as m
+
+MM = 1e3
+RIM = 3
+"""Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
+ANCHORS = 400
+"""Subsets at most, all over the region, by which a calibrated rig is laid on the structure."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedSubsets:
+    """``pixels`` (N, 2), whole, of subsets that belong to the places ``place`` (N,), called
+    ``names``: the first of each is its middle."""
+
+    names: tuple[str, ...]
+    pixels: Float
+    place: Long
+
+    @property
+    def middle(self) -> Long:
+        """(P,), which of the subsets is the middle of each place."""
+        return np.searchsorted(self.place, np.arange(len(self.names)))
+
+
+@dataclass(frozen=True, eq=False)
+class ReferencePicture:
+    """The picture in which places are told: frame 0 of the first camera of ``spec``."""
+
+    spec: m.SeriesTable
+    motion: TrueMotion
+
+    def pixels(self, key: str, share: Float | None = None, end: str = "") -> Float:
+        """(…, 2) px of a key that is given in px or in mm; of places at a ``share`` of the way to
+        another key, straight in the picture or in space."""
+        given = getattr(self.spec, f"{key}_px")
+        unit = "mm" if given is None else "px"
+        at = np.array(getattr(self.spec, f"{key}_{unit}"))
+        if share is not None:
+            at = at + share[:, None] * (np.array(getattr(self.spec, f"{end}_{unit}")) - at)
+        return at if unit == "px" else self.motion.camera(self.spec.views[0]).project(at / MM)
+
+    def size(self, key: str, at: Float) -> Float:
+        """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``."""
+        given = getattr(self.spec, f"{key}_px")
+        if given is not None:
+            return np.array(given)
+        around = at + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+        place = self.motion.position(self.motion.seen_at(self.spec.views[0], around), 0)
+        sides = np.linalg.norm(place[::2] - place[1::2], axis=1)
+        return np.asarray(np.array(getattr(self.spec, f"{key}_mm")) / (MM * sides))
+
+    def placed(self, patches: Mapping[str, Float]) -> PlacedSubsets:
+        """Subsets at ``patches`` (n, 2) px by the names of their places: those within the picture
+        that see the surface which the first of their place sees.
+
+        Raises
+        ------
+        InputError
+            The first one isn't within the picture, or sees nothing.
+        """
+        half, camera = self.spec.subset_px // 2, self.spec.views[0]
+        viewer = self.motion.camera(camera)
+        place = np.repeat(np.arange(len(patches)), [len(one) for one in patches.values()])
+        pixels = np.rint(np.concatenate([*patches.values()]))
+        size = np.array([viewer.width, viewer.height])
+        fits = np.all((pixels >= half) & (pixels < size - half), axis=1)
+        surface = np.full(len(pixels), -1)
+        surface[fits] = self.motion.seen_at(camera, pixels[fits]).surface
+        middle = np.searchsorted(place, np.arange(len(patches)))
+        for name, first in zip(patches, middle, strict=True):
+            if surface[first] < 0:
+                x, y = pixels[first]
+                raise InputError(
+                    f"measure {self.spec.name!r}: {name}; got ({x:.0f}, {y:.0f}) px of camera "
+                    f"{camera!r}, with {size[0]} x {size[1]} px, and nothing seen there; expected "
+                    f"a place on a surface, {half} px inside the picture"
+                )
+        kept = surface == surface[middle][place]
+        return PlacedSubsets(tuple(patches), pixels[kept], place[kept])
+
+    def anchors(self) -> Float:
+        """Pixels (A, 2) all over what is textured, at which a rig is laid on the structure."""
+        spec, camera = self.spec, self.motion.camera(self.spec.views[0])
+        half = spec.subset_px // 2
+        stride = max(spec.subset_px, int(np.sqrt(camera.width * camera.height / ANCHORS)))
+        what = f"measure {spec.name!r}"
+        roi = region_of_interest(what, None, self.motion, spec.views[0], stride)
+        pixels = np.argwhere(roi.mask)[:, ::-1].astype(np.float64)
+        last = np.array([camera.width, camera.height]) - half
+        return pixels[np.all((pixels >= half) & (pixels < last), axis=1)]
+
+    def region(self, pixels: Float) -> RegionOfInterest:
+        """What subsets at ``pixels`` (N, 2) see of the surfaces that their middles see."""
+        name, camera = self.spec.views[0], self.motion.camera(self.spec.views[0])
+        mask = np.zeros((camera.height, camera.width), np.uint8)
+        column, row = pixels.T.astype(np.int64)
+        mask[row, column] = 1
+        side = 2 * (self.spec.subset_px // 2 + RIM) + 1
+        near = np.argwhere(cv2.dilate(mask, np.ones((side, side), np.uint8)))
+        points = self.motion.seen_at(name, near[:, ::-1].astype(np.float64))
+        kept = np.isin(points.surface, self.motion.seen_at(name, pixels).surface)
+        seen = np.zeros(mask.shape, bool)
+        seen[tuple(near[kept].T)] = True
+        return RegionOfInterest(seen, points[kept]).shrunk(RIM)
