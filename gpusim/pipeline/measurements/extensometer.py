@@ -7,12 +7,8 @@ import numpy as np
 from gpusim import measure
 from gpusim.arrays.array_types import Float
 from gpusim.pipeline.measurements.results import Columns
-from gpusim.pipeline.measurements.series import (
-    ReferencePicture,
-    Sample,
-    SeriesKind,
-    register_series,
-)
+from gpusim.pipeline.measurements.series.measuring import Sample, SeriesKind, register_series
+from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.scene.description import model as m
 
 

@@ -7,13 +7,13 @@ import numpy as np
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.results import Columns
-from gpusim.pipeline.measurements.series import (
-    ReferencePicture,
+from gpusim.pipeline.measurements.series.measuring import (
     Sample,
     SeriesKind,
     mean_strains,
     register_series,
 )
+from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.scene.description import model as m
 
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.pipeline.measurements.results import Columns
-from gpusim.pipeline.measurements.series import (
-    ReferencePicture,
+from gpusim.pipeline.measurements.series.measuring import (
     Sample,
     SeriesKind,
     mean_strains,
     register_series,
 )
+from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.scene.description import model as m
 
 
@@ -21,7 +21,7 @@ def _points(spec: m.LineMeasureTable, picture: ReferencePicture) -> dict[str, Fl
     half = 0 if spec.strain == "none" else spec.strain_window // 2
     steps = np.array(sorted(range(-half, half + 1), key=abs))
     square = spec.step_px * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    points = picture.pixels("start", np.linspace(0.0, 1.0, spec.count), "end")
+    points = np.linspace(picture.pixels("start"), picture.pixels("end"), spec.count)
     digits = len(str(spec.count))
     return {f"p{k:0{digits}d}": point + square for k, point in enumerate(points, 1)}
 

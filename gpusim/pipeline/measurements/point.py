@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gpusim.arrays.array_types import Float
-from gpusim.pipeline.measurements.series import ReferencePicture, SeriesKind, register_series
+from gpusim.pipeline.measurements.series.measuring import SeriesKind, register_series
+from gpusim.pipeline.measurements.series.placing import ReferencePicture
 from gpusim.scene.description import model as m
 
 

@@ -118,13 +118,6 @@ class LineMeasureTable(SeriesTable):
     strain_window: Annotated[int, Field(ge=3, le=101)] = 5
     """Subsets across the square around a point, odd."""
 
-    @model_validator(mode="after")
-    def _check_ends(self) -> LineMeasureTable:
-        if (self.start_px is None) != (self.end_px is None):
-            got = Words("one in px, one in mm")
-            raise fault("end_px", "not as the start is given", got, "both in px or both in mm")
-        return self
-
 
 class PointMeasureTable(SeriesTable):
     """Displacements of points.

@@ -7,21 +7,3 @@ In the order in which data passes:
 - `result`: Quantities of a few places over frames, measured and true: table, series, what the
   report says.
 """
-
-from gpusim.pipeline.measurements.series.measuring import (
-    Sample,
-    SeriesKind,
-    mean_strains,
-    register_series,
-)
-from gpusim.pipeline.measurements.series.placing import ReferencePicture
-from gpusim.pipeline.measurements.series.result import SeriesResult
-
-__all__ = [
-    "ReferencePicture",
-    "Sample",
-    "SeriesKind",
-    "SeriesResult",
-    "mean_strains",
-    "register_series",
-]

@@ -7,7 +7,7 @@ of motion towards it counts as error. Lengths in px are compared with the pictur
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,8 @@ from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
 
+ANCHOR_STEP = 2
+"""Subsets from one to the next of those by which a calibrated rig is laid on the structure."""
 ALONG = {"u": "x", "v": "y", "U": "X", "V": "Y", "W": "Z"}
 """Which coordinate a displacement changes."""
 
@@ -61,22 +63,22 @@ class SeriesKind:
     ) -> SeriesResult:
         """Every frame against the first one. Raises InputError for a place that isn't seen, and
         what `gpusim.pipeline.measurements.dic.measure_dic` raises."""
-        motion = TrueMotion(objects)
-        picture = ReferencePicture(spec, motion)
+        picture = ReferencePicture(spec, TrueMotion(objects))
         subsets = picture.placed(self.patches(spec, picture))
-        own = slice(len(subsets.pixels))
-        pixels = [subsets.pixels, *([picture.anchors()] if spec.uses_calibration else [])]
-        points = np.concatenate(pixels)
-        field = TrueField.of(motion, spec.views[0], picture.region(points), points)
         common = {key: getattr(spec, key) for key in m.CorrelationTable.model_fields}
-        dic = m.DicTable.model_construct(**common | {"type": "dic", "strain": "none"})
+        rest = {"type": "dic", "strain": "none", "step_px": ANCHOR_STEP * spec.subset_px}
+        dic, points = m.DicTable.model_construct(**common | rest), subsets.pixels
+        if spec.uses_calibration:
+            points = np.concatenate([points, picture.anchors(dic)])
+        region = picture.region(points)
+        field = TrueField.of(picture.motion, spec.views[0], region, points)
         found = measured_at(field, dic, scene, sources)
         frames = {
             frame: self._frame(spec, subsets, field, found, number)
             for number, frame in enumerate(found.table.frames)
         }
         names = (self.what,) if self.joined else subsets.names
-        shown = subsets.middle if self.moves else np.arange(len(points[own]))
+        shown = subsets.middle if self.moves else np.arange(len(subsets.pixels))
         shift = field.shift(found.table.frames[-1]) + found.raw_px[-1, 0]
         return SeriesResult(
             spec.name, PointTable.of(self.what, names, frames), spec.views, found.axes,
@@ -93,8 +95,8 @@ class SeriesKind:
         moved = [name.split("_") for name in found.displacements]
         unit = moved[0][1]
         before = "measured_" if unit == "mm" else ""
-        places = _stacked(table, [f"{before}{ALONG[one]}_{unit}" for one, _ in moved])
-        shifts = [_stacked(table, [f"{kind}_{one}" for one in found.displacements])
+        places = np.column_stack([table[f"{before}{ALONG[one]}_{unit}"] for one, _ in moved])
+        shifts = [found.values(kind, found.displacements)[number, :own]
                   for kind in ("measured", "true")]  # fmt: skip
         frame, material = found.table.frames[number], field.material[:own]
         space = MM * field.motion.position(material, 0)
@@ -129,11 +131,6 @@ class SeriesKind:
             picture = ReferencePicture(spec, motion)
             picture.placed(self.patches(spec, picture))
         return []
-
-
-def _stacked(table: Columns, names: Sequence[str]) -> Float:
-    """Columns as (N, K)."""
-    return np.stack([table[name] for name in names], axis=1)
 
 
 def _followed(table: Columns, row: Long, measured: Any) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.errors import InputError
+from gpusim.pipeline.measurements.dic.correlating import points_within
 from gpusim.pipeline.measurements.material_points import TrueMotion
 from gpusim.pipeline.measurements.region_of_interest import RegionOfInterest, region_of_interest
 from gpusim.scene.description import model as m
@@ -21,8 +22,6 @@ from gpusim.scene.description import model as m
 MM = 1e3
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
-ANCHORS = 400
-"""Subsets at most, all over the region, by which a calibrated rig is laid on the structure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +46,13 @@ class ReferencePicture:
     spec: m.SeriesTable
     motion: TrueMotion
 
-    def pixels(self, key: str, share: Float | None = None, end: str = "") -> Float:
-        """(…, 2) px of a key that is given in px or in mm; of places at a ``share`` of the way to
-        another key, straight in the picture or in space."""
+    def pixels(self, key: str) -> Float:
+        """(…, 2) px of a key that is given in px or in mm."""
         given = getattr(self.spec, f"{key}_px")
-        unit = "mm" if given is None else "px"
-        at = np.array(getattr(self.spec, f"{key}_{unit}"))
-        if share is not None:
-            at = at + share[:, None] * (np.array(getattr(self.spec, f"{end}_{unit}")) - at)
-        return at if unit == "px" else self.motion.camera(self.spec.views[0]).project(at / MM)
+        if given is not None:
+            return np.array(given)
+        place = np.array(getattr(self.spec, f"{key}_mm")) / MM
+        return self.motion.camera(self.spec.views[0]).project(place)
 
     def size(self, key: str, at: Float) -> Float:
         """(2,) px of a width and a height that are given in px, or in mm on the surface ``at``."""
@@ -96,16 +93,11 @@ class ReferencePicture:
         kept = surface == surface[middle][place]
         return PlacedSubsets(tuple(patches), pixels[kept], place[kept])
 
-    def anchors(self) -> Float:
-        """Pixels (A, 2) all over what is textured, at which a rig is laid on the structure."""
-        spec, camera = self.spec, self.motion.camera(self.spec.views[0])
-        half = spec.subset_px // 2
-        stride = max(spec.subset_px, int(np.sqrt(camera.width * camera.height / ANCHORS)))
-        what = f"measure {spec.name!r}"
-        roi = region_of_interest(what, None, self.motion, spec.views[0], stride)
-        pixels = np.argwhere(roi.mask)[:, ::-1].astype(np.float64)
-        last = np.array([camera.width, camera.height]) - half
-        return pixels[np.all((pixels >= half) & (pixels < last), axis=1)]
+    def anchors(self, dic: m.DicTable) -> Float:
+        """Pixels (A, 2) all over what is textured: by these a rig is laid on the structure."""
+        what = f"measure {dic.name!r}"
+        roi = region_of_interest(what, None, self.motion, dic.views[0])
+        return points_within(what, roi.mask, dic)
 
     def region(self, pixels: Float) -> RegionOfInterest:
         """What subsets at ``pixels`` (N, 2) see of the surfaces that their middles see."""

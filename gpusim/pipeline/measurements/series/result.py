@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -76,56 +77,46 @@ class SeriesResult(Result):
     def report(self, scene: Scene, out: Path) -> Reported:
         """The last frame's numbers, quantities over frames or along a line, and the subsets in the
         reference picture."""
-        camera = self.cameras[0]
-        picture = image_path(scene, out, camera, 0)
+        picture = image_path(scene, out, self.cameras[0], 0)
         seen = Overlay(f"{self.name}: tracked subsets", picture, self.points_px, self.moved_px)
-        series = self._profiles() if self.along else self._histories(scene)
-        return Reported([*self._measurements()], [*series], [seen])
+        return Reported([*self._measurements()], [*self._series(scene)], [seen])
 
     def _measurements(self) -> Iterator[Measurement]:
         """Of the place where the main quantity is largest, of all places if they are few, and the
         error of all of them in all frames."""
-        order = self.quantities
+        told = [self.told(one) for one in self.quantities]
         if self.table.what == "gauge":
-            order = sorted(order, key=lambda one: -abs(float(self.told(one)[3][-1, 0])))
-        size = np.abs(self.told(order[0])[3][-1])
-        few = len(size) <= MOST_ROWS and not self.along
-        places = np.argsort(-size, kind="stable") if few else [int(np.argmax(size))]
-        for number, place in enumerate(places):
-            for name, unit, measured, true in map(self.told, order):
-                yield Measurement.compare(
-                    f"{self.name}: {self.table.points[place]}, {name}", unit,
-                    float(measured[-1, place]), float(true[-1, place]),
-                    tolerance_relative=None if number or name != name_and_unit(order[0])[0] else GOAL,
-                )  # fmt: skip
-        for name, unit, measured, true in map(self.told, order):
-            error = rms(measured - true)
-            yield Measurement.noise(f"{self.name}: RMS error of {name}, all frames", unit, error)
+            told.sort(key=lambda one: -abs(float(one[3][-1, 0])))
+        order = np.argsort(-np.abs(told[0][3][-1]), kind="stable")
+        places = order if len(order) <= MOST_ROWS and not self.along else order[:1]
+        goal: float | None = GOAL
+        for place in places:
+            for name, unit, *values in told:
+                measured, true = (float(one[-1, place]) for one in values)
+                what = f"{self.name}: {self.table.points[place]}, {name}"
+                yield Measurement.compare(what, unit, measured, true, tolerance_relative=goal)
+                goal = None
+        for name, unit, found, real in told:
+            what = f"{self.name}: RMS error of {name}, all frames"
+            yield Measurement.noise(what, unit, rms(found - real))
 
-    def _histories(self, scene: Scene) -> Iterator[Series]:
-        """Each quantity of the first places over several frames."""
+    def _series(self, scene: Scene) -> Iterator[Series]:
+        """Each quantity along the line, in some of the frames, or of the first places over
+        frames."""
         frames = self.table.frames
-        instants = np.array([scene.analysis.load_factors[frame] for frame in frames])
-        word = frame_word(scene).replace("_", " ")
-        for name, unit, measured, true in map(
-            self.told, self.quantities if len(frames) > 1 else ()
-        ):
-            for point, one, other in zip(
-                self.table.points[:MOST_ROWS], measured.T, true.T, strict=False
-            ):
+        x = np.array([scene.analysis.load_factors[frame] for frame in frames])
+        label, how = frame_word(scene).replace("_", " "), ""
+        curves: list[tuple[str, Any]] = [
+            (name, (..., k)) for k, name in enumerate(self.table.points[:MOST_ROWS])
+        ]
+        if self.along:
+            x, label = self.table[self.along][0], f"along the line ({self.along[-2:]})"
+            chosen = np.linspace(0, len(frames) - 1, min(len(frames), MOST_CURVES)).astype(int)
+            curves, how = [(f"frame {frames[k]}", (k, ...)) for k in chosen], " along the line"
+        for quantity in self.quantities if len(x) > 1 else ():
+            name, unit, measured, true = self.told(quantity)
+            for curve, at in curves:
                 yield Series(
-                    f"{self.name}: {point}, {name}", instants, one, other, word, name, unit,
-                    figure=f"{self.name}: {name}",
-                )  # fmt: skip
-
-    def _profiles(self) -> Iterator[Series]:
-        """Each quantity along the line, in some of the frames."""
-        way, frames = self.table[self.along][0], self.table.frames
-        places = np.linspace(0, len(frames) - 1, min(len(frames), MOST_CURVES)).astype(int)
-        label = f"along the line ({name_and_unit(self.along)[1]})"
-        for name, unit, measured, true in map(self.told, self.quantities):
-            for k in places:
-                yield Series(
-                    f"{self.name}: {name}, frame {frames[k]}", way, measured[k], true[k], label,
-                    name, unit, figure=f"{self.name}: {name} along the line",
+                    f"{self.name}: {name}, {curve}", x, measured[at], true[at], label, name, unit,
+                    figure=f"{self.name}: {name}{how}",
                 )  # fmt: skip
