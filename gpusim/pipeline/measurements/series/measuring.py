@@ -108,7 +108,7 @@ class SeriesKind:
             true |= {name: column for name, column in seen.items() if name.endswith("_px")}
         middle = subsets.middle
         if self.moves:
-            known = {name: table[f"measured_{name}"][middle] for name in found.quantities}
+            known = {name: table[f"measured_{name}"][middle] for name in found.displacements}
             measured = known | measured
             true |= {name: table[f"true_{name}"][middle] for name in known}
         row = 0 * subsets.place if self.joined else subsets.place
