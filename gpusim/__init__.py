@@ -20,7 +20,7 @@ Its parts, in the order in which they import each other:
 - `field_summary`: How objects with arrays show themselves at a prompt.
 - `arrays`: What NumPy lacks, or does slowly.
 - `files`: Read once, written whole.
-- `parallel`: Processors, processes and memory of this machine.
+- `parallel`: Processors, threads, processes and memory of this machine.
 - `gpu`: The device: programs, buffers, recordings, the check against NumPy.
 - `scene`: Scene files, and what they say in SI.
 - `mesh`: Points and cells, builders, readers, selections.
@@ -35,6 +35,7 @@ Its parts, in the order in which they import each other:
 - `applications`: Files in, results and a page out: correlation, calibration, decks.
 - `graph`: A run as a graph of stages; results by content.
 - `plan`: The stages of a run, and their costs.
+- `visualization`: Bodies in the colours of a field, and what is drawn over pictures.
 - `report`: What a run found.
 - `pipeline`: From a scene to an output folder.
 - `notebook`: Tables, pictures and plots for notebooks.
@@ -97,9 +98,14 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics import photograph as photograph
     from gpusim.optics import psf as psf
     from gpusim.optics import render as render
+    from gpusim.optics.calibration.calibration_files import (
+        write_calibration_files as write_calibration_files,
+    )
     from gpusim.optics.calibration.formats import read_calibration as read_calibration
     from gpusim.optics.calibration.formats import write_calibration as write_calibration
+    from gpusim.optics.calibration.lens_fit import fit_lens as fit_lens
     from gpusim.pipeline import run as run
+    from gpusim.pipeline.field_scene import field_scene as field_scene
     from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
@@ -127,8 +133,11 @@ _HOMES = {
         "AmbientLight AreaLight Camera EnvironmentLight Frame Lens PointLight Sensor Shutter "
         "SpotLight SunLight Truth Vignetting blackbody photograph psf render"
     ),
+    "gpusim.optics.calibration.calibration_files": "write_calibration_files",
     "gpusim.optics.calibration.formats": "read_calibration write_calibration",
+    "gpusim.optics.calibration.lens_fit": "fit_lens",
     "gpusim.pipeline": "run",
+    "gpusim.pipeline.field_scene": "field_scene",
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",

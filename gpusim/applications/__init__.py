@@ -4,10 +4,13 @@ Its modules:
 
 - `correlation_output`: How pictures are correlated, and what is written of each of them and of all.
 - `correlation`: Pictures of a surface correlated, by one camera or two.
+- `advice`: Settings advised for a picture file, and why written as a page.
 - `calibration`: Cameras calibrated from pictures of a board.
 - `decks`: The steps of an input deck solved.
+- `part_outline`: The outline of a part: its sizes and faces, for a first scene.
 """
 
+from gpusim.applications.advice import advise_files
 from gpusim.applications.calibration import CalibrationOutput, calibrate_files
 from gpusim.applications.correlation import correlate_files, correlate_pairs
 from gpusim.applications.correlation_output import CorrelationOutput, CorrelationSettings
@@ -18,6 +21,7 @@ __all__ = [
     "CorrelationOutput",
     "CorrelationSettings",
     "DeckOutput",
+    "advise_files",
     "calibrate_files",
     "correlate_files",
     "correlate_pairs",

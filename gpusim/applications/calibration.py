@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -24,17 +23,14 @@ from gpusim.files.atomic_files import PathLike, atomic_path, write_text
 from gpusim.files.frame_source import Frames, FrameSource, picture_paths, read_frames
 from gpusim.files.output_folder import claim, inside
 from gpusim.measure.calibration.bundle_adjustment import LENSES
-from gpusim.optics.calibration.formats import write_calibration
+from gpusim.optics.calibration.formats import COEFFICIENTS, FORMATS, write_calibration
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.report import Link, Report, Table, write_report
 from gpusim.report.measurement_figures import RigCamera, draw_calibration
+from gpusim.validation import require_one_of
 
 Image = npt.NDArray[Any]
 Board = measure.Chessboard | measure.CharucoBoard
-
-ENDINGS = {
-    "opencv": "yml", "kalibr": "yaml", "matchid": "caldat", "vic": "xml", "dice": "xml",
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -101,9 +97,8 @@ def calibrate_files(
     """
     with claim(output):
         folder = Path(output)
-        unknown = [name for name in formats if name not in ENDINGS]
-        if unknown:
-            raise InputError(f"`formats`: got {unknown[0]!r}; expected one of {', '.join(ENDINGS)}")
+        for name in formats:
+            require_one_of("`formats`", name, FORMATS)
         single = isinstance(pictures, str | os.PathLike | np.ndarray | FrameSource)
         sources: Any = [pictures] if single else pictures
         frames = {f"camera-{k}": _frames(source) for k, source in enumerate(sources, start=1)}
@@ -123,7 +118,7 @@ def calibrate_files(
         text = json.dumps(content, indent=1)
         files = [write_text(inside(folder, "calibration.json"), text + "\n")]
         for name in formats:
-            path = inside(folder, f"calibration-{name}.{ENDINGS[name]}")
+            path = inside(folder, f"calibration-{name}{FORMATS[name].ending}")
             with atomic_path(path) as part:
                 write_calibration(part, _cameras(found), name, "mm" if name == "opencv" else None)
             files.append(path)
@@ -136,32 +131,13 @@ def calibrate_files(
 def _check_formats(formats: Sequence[str], lens: str, cameras: int) -> None:
     """Refuse a format that has no place for the lens, before the work and not after it."""
     for name in formats:
-        able = [one for one in LENSES if _holds(name, one, cameras)]
+        own = FORMATS[name]
+        able = [one for one in LENSES if cameras <= own.most and set(LENSES[one]) <= set(own.lens)]
         if lens in LENSES and lens not in able:
             raise InputError(
                 f"`formats` {name}: can't hold {cameras} camera{'s'[: cameras > 1]} with `lens` "
                 f"{lens}; expected " + (f"`lens` {' or '.join(able)}" if able else "another format")
             )
-
-
-def _holds(name: str, lens: str, cameras: int) -> bool:
-    """Whether a format takes so many cameras with all the coefficients of a lens."""
-    free = LENSES[lens]
-    distortion = np.zeros(14)
-    distortion[list(free)] = 1e-3
-    used = next(count for count in (5, 8, 12, 14) if not free or max(free) < count)
-    K, pose = np.array([[1e3, 0, 320], [0, 1e3, 240], [0, 0, 1]]), np.eye(4)
-    rig = []
-    for number in range(cameras):
-        pose = pose.copy()
-        pose[0, 3] = -float(number)
-        rig.append(Camera(640, 480, K, distortion[:used], pose, f"camera-{number + 1}"))
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            write_calibration(Path(folder) / f"probe.{ENDINGS[name]}", rig, name)
-        except InputError:
-            return False
-    return True
 
 
 def _frames(source: Frames | FrameSource) -> FrameSource:
@@ -324,7 +300,6 @@ def _report(
 
 
 UNITS = {"fx": "px", "fy": "px", "cx": "px", "cy": "px"}
-COEFFICIENTS = tuple("k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split())
 
 
 def stated(value: float, sigma: float, unit: str = "") -> str:

@@ -92,7 +92,7 @@ def correlate_files(
     """
     with claim(output):
         _check_settings(settings, STRAINS)
-        _check_files(reference, deformed)
+        check_files(reference, deformed)
         frames = read_frames(deformed)
         if isinstance(reference, np.ndarray):
             first, name = check_image(reference, "reference"), "reference"
@@ -101,7 +101,7 @@ def correlate_files(
         lens = None
         if settings.calibration is not None:
             (lens,) = _cameras(settings, settings.calibration, [first.shape], "calibration")
-        mask = _mask(settings.mask, first.shape)
+        mask = read_mask(settings.mask, first.shape)
         device = working_device("correlate", settings.backend)
         notes = described(name, settings, device)
         written = ResultWriter(Path(output), first, notes, settings.formats, keep_results)
@@ -174,7 +174,7 @@ def correlate_pairs(
         if settings.calibration is not None:
             raise InputError("`calibration`: the cameras are in `rig`; expected one of the two")
         _check_settings(settings, SURFACE_STRAINS, " with `rig`")
-        _check_files(lefts, rights)
+        check_files(lefts, rights)
         one, two = read_frames(lefts), read_frames(rights)
         if not 0 < len(one) == len(two):
             raise InputError(
@@ -182,7 +182,7 @@ def correlate_pairs(
             )
         left, right = one[0], two[0]
         cameras = _cameras(settings, rig, [left.shape, right.shape], "rig")
-        mask = _mask(settings.mask, left.shape)
+        mask = read_mask(settings.mask, left.shape)
         device = working_device("correlate", settings.backend)
         notes = described(one.names[0], settings, device) | {"stereo": str(rig)}
         written = ResultWriter(Path(output), left, notes, settings.formats)
@@ -280,7 +280,7 @@ def _alike(
         yield picture
 
 
-def _check_files(*sources: object) -> None:
+def check_files(*sources: object) -> None:
     """InputError that names all files that are missing."""
     every = [one for each in sources for one in (each if isinstance(each, list) else [each])]
     paths = [one for one in every if isinstance(one, str | os.PathLike)]
@@ -305,7 +305,7 @@ def _check_settings(settings: CorrelationSettings, strains: Sequence[str], where
         )
 
 
-def _mask(path: PathLike | None, shape: tuple[int, ...]) -> Bool | None:
+def read_mask(path: PathLike | None, shape: tuple[int, ...]) -> Bool | None:
     if path is None:
         return None
     image = read_grey(path)

@@ -6,9 +6,14 @@ them, so that help and plan are quick.
 
 The other commands are below. Its modules:
 
+- `help`: What the help of commands says of options and of effects, and how words are listed.
 - `console`: Options, messages, progress, and errors as one message with an exit code.
 - `tables`: Tables that commands print of what applications have found.
+- `init`: ``gpusim init``: a first scene, of a part of the user's own or from a template.
+- `scene_templates`: Commented scenes made from templates.
+- `keys`: Tables and keys of the scene file, for ``gpusim schema``.
 - `measuring`: ``gpusim dic`` and ``gpusim calibrate``.
+- `rendering`: ``gpusim render``.
 - `view`: ``gpusim view``.
 - `diagnosis`: ``gpusim doctor`` and ``gpusim check``.
 - `bench`: ``gpusim bench``.
@@ -21,6 +26,7 @@ import json
 import logging
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,30 +46,29 @@ from gpusim.cli.console import (
     folder_name,
     importing,
     out,
-    size_text,
     starting,
-    time_text,
     waiting,
 )
+from gpusim.cli.help import CommandLine, EffectCommand, effect_names
+from gpusim.cli.init import init
+from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic
-from gpusim.cli.tables import print_deck
+from gpusim.cli.rendering import render
+from gpusim.cli.tables import print_budget, print_deck, print_plan, print_report
 from gpusim.cli.view import view
 from gpusim.errors import Fault, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
-    from gpusim.plan.plan import Plan
-    from gpusim.report import Budget, Report
     from gpusim.scene import Scene
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
+app = CommandLine(
     name="gpusim",
     cls=PrintableGroup,
     help="From a loaded structure to camera images, measured and compared with the truth.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.add_typer(bench_app, name="bench")
@@ -80,11 +85,21 @@ Sets = Annotated[
 ]
 Only = Annotated[
     list[str] | None,
-    typer.Option("--only", metavar="EFFECT", help="Leave other effects out: noise (repeatable)."),
+    typer.Option(
+        "--only",
+        metavar="EFFECT",
+        autocompletion=effect_names,
+        help="Leave other effects out: noise (repeatable).",
+    ),
 ]
 No = Annotated[
     list[str] | None,
-    typer.Option("--no", metavar="EFFECT", help="Leave an effect out: distortion (repeatable)."),
+    typer.Option(
+        "--no",
+        metavar="EFFECT",
+        autocompletion=effect_names,
+        help="Leave an effect out: distortion (repeatable).",
+    ),
 ]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Reuse nothing of an earlier run.")]
 StoreOption = Annotated[
@@ -136,7 +151,7 @@ def _app(
     """See the help of each command."""
 
 
-@app.command()
+@app.command(cls=EffectCommand)
 def run(
     scene: ScenePath,
     output: Output,
@@ -172,7 +187,7 @@ def run(
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet:
-            _print_report(report, output)
+            print_report(report, output)
 
 
 @app.command()
@@ -196,7 +211,7 @@ def budget(
         if as_json:
             out(report.to_json().rstrip())
         elif not quiet and report.budget is not None:
-            _print_budget(report.budget, output)
+            print_budget(report.budget, output)
 
 
 @app.command()
@@ -229,7 +244,9 @@ def solve(
 
 app.command()(dic)
 app.command()(calibrate)
+app.command()(render)
 app.command()(view)
+app.command()(init)
 
 
 @app.command()
@@ -255,38 +272,57 @@ def plan(
             check_folder(output)
         with importing():
             loaded = _load(scene, sets)
-            from gpusim.pipeline.checks.resources import check_files, memory_fault
+            from gpusim.pipeline.checks.resources import check_files, memory_fault, waits_for_cad
             from gpusim.pipeline.checks.warnings import scene_warnings
             from gpusim.plan.machine_speed import Speed
             from gpusim.plan.plan import make_plan
+            from gpusim.scene.cost import Counts
 
         strange = check_files(loaded) if loaded.reads_files else []
         speed = Speed.read(backend).measured()
-        made = make_plan(
-            loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
+        planned = partial(
+            make_plan, loaded, output, backend, fresh=fresh, skip=not no_skip, store=store,
             verify=verify, speed=speed,
         )  # fmt: skip
+        made, waits = planned(), waits_for_cad(loaded)
         beforehand: list[str] = []
+        counts: Counts = {}
         # a part that needs no mesh any more is left alone
-        if not loaded.has_cad or any(s.runs and s.name.endswith("mesh") for s in made.stages):
-            with waiting("meshing CAD with Gmsh" if loaded.has_cad else ""):
-                beforehand = scene_warnings(loaded)
+        if not waits or any(s.runs and s.name.endswith("mesh") for s in made.stages):
+            with waiting("meshing CAD with Gmsh" if waits else ""):
+                beforehand = scene_warnings(loaded, counts)
+        made = planned(made=counts) if counts else made
         short = memory_fault(made)
         found = (*made.warnings, *strange, *beforehand, *([short] if short else []))
         made = replace(made, warnings=tuple(dict.fromkeys(found)))
         if as_json:
             out(json.dumps(made.to_dict(), indent=2))
         else:
-            _print_plan(made)
+            print_plan(made)
 
 
 @app.command()
-def schema() -> None:
-    """Print the JSON schema of a scene file: every key with its type, range and meaning."""
+def schema(
+    table: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="TABLE",
+            autocompletion=table_names,
+            help="A table or key, in words: camera, body.load.force, focal_mm.",
+        ),
+    ] = None,
+) -> None:
+    """Print what a table or a key of a scene file means; without one the JSON schema, for editors.
+
+    docs/scene.md has all of it on one page.
+    """
     with exit_codes():
         from gpusim.scene import json_schema
 
-        out(json.dumps(json_schema(), indent=2))
+        if table is None:
+            out(json.dumps(json_schema(), indent=2))
+        else:
+            print_tables(table)
 
 
 @app.command()
@@ -326,60 +362,3 @@ def _load(path: Path, sets: list[str] | None) -> Scene:
             raise SceneError("--set", [Fault("--set", "no value", entry, "KEY=VALUE")])
         overrides[key.strip()] = parse_value(value.strip())
     return load_scene(path, overrides)
-
-
-def _print_plan(made: Plan) -> None:
-    from gpusim.report.stage_rows import stage_rows
-
-    rows = stage_rows(made.stages)
-    wide = max(len(name) for name, _ in rows) + 2
-    out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
-    for name, stages in rows:
-        memory = size_text(max(stage.memory_bytes for stage in stages))
-        seconds = time_text(sum(stage.seconds for stage in stages))
-        pictures = f"{len(stages)} pictures" if len(stages) > 1 else ""
-        shared = set.intersection(*(set(stage.detail.split(", ")) for stage in stages))
-        detail = ", ".join(word for word in stages[0].detail.split(", ") if word in shared)
-        why = "; ".join(word for word in (stages[0].reason, pictures, detail) if word)
-        out(f"{name:<{wide}}{stages[0].state:<9}{memory:>8}{seconds:>9}  {why}")
-    out()
-    total = time_text(made.seconds) or "no time"
-    for warning in made.warnings:
-        out(f"warning: {warning}")
-    if made.busy >= 1.5:
-        out(f"This machine is busy: everything takes about {made.busy:.2g} times as long now.")
-    out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
-
-
-def _print_report(report: Report, folder: Path) -> None:
-    if report.measurements:
-        out()
-        wide = max(len(item.name) for item in report.measurements) + 2
-        out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
-        for item in report.measurements:
-            # of a truth that is zero but for rounding no share says anything
-            known = abs(item.error_relative) < 1e3
-            relative = f"{100 * item.error_relative:+.3f} %" if known else ""
-            out(
-                f"{item.name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
-                f"{item.unit:<4}{relative:>12}"
-            )
-    for warning in report.warnings:
-        out(f"warning: {warning}")
-    out()
-    out(f"Report: {folder / 'report.html'}")
-
-
-def _print_budget(budget: Budget, folder: Path) -> None:
-    """One column for each error, one line for each state of the images."""
-    names = [f"{name} / {unit}" if unit else name for name, unit in budget.quantities]
-    for number, name in enumerate(names, start=1):
-        out(f"({number}) {name}")
-    columns = range(1, len(names) + 1)
-    out(f"{'images with':<28}" + "".join(f"{f'({number})':>12}" for number in columns))
-    words = {"all": "everything", "none": "none of the effects"}
-    for row in budget.rows:
-        label = words.get(row.state) or f"{row.state} {row.source}"
-        out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
-    out()
-    out(f"Report: {folder / 'report.html'}")

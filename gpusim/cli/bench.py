@@ -7,9 +7,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from gpusim.cli.console import exit_codes, out
+from gpusim.cli.console import PrintableGroup, exit_codes, out
+from gpusim.cli.help import CommandLine
 
-bench_app = typer.Typer(help="Measure speed and accuracy on this machine.", no_args_is_help=True)
+bench_app = CommandLine(
+    cls=PrintableGroup, help="Measure speed and accuracy on this machine.", no_args_is_help=True
+)
 
 Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Where tables go.")]
 Cache = Annotated[

@@ -21,6 +21,7 @@ from rich.console import Console
 from rich.text import Text
 from typer.core import TyperGroup
 
+from gpusim.cli.help import FlagsWithoutType
 from gpusim.errors import GpusimError
 from gpusim.interrupts import INTERRUPTED, end_at_once, raise_again
 from gpusim.printable import printable
@@ -174,7 +175,7 @@ def _complain(message: str) -> None:
     console.print(Text("error: ", style="bold red") + Text(message, style="not bold"))
 
 
-class PrintableGroup(TyperGroup):
+class PrintableGroup(FlagsWithoutType, TyperGroup):
     """Commands whose usage errors repeat what was typed, made printable."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> Any:

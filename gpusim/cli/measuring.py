@@ -19,20 +19,23 @@ from gpusim.cli.console import (
     ProgressDisplay,
     Quiet,
     exit_codes,
+    folder_name,
     importing,
     out,
 )
-from gpusim.cli.tables import print_calibration, print_correlation
+from gpusim.cli.tables import print_advice, print_calibration, print_correlation
 from gpusim.errors import InputError, NotConverged, require
 
 if TYPE_CHECKING:
     from gpusim import measure
+    from gpusim.applications import CorrelationSettings
 
 Shape = Literal["translation", "rigid", "affine", "quadratic"]
 Update = Literal["never", "auto", "always"]
 Start = Literal["auto", "search", "features"]
 Strain = Literal["small", "green-lagrange", "hencky", "almansi", "none"]
 Board = Literal["chessboard", "charuco"]
+LensName = Literal["pinhole", "radial", "radial3", "radtan", "brown", "rational", "prism", "tilted"]
 
 
 class Format(StrEnum):
@@ -47,8 +50,29 @@ Reference = Annotated[
     Path, typer.Argument(metavar="REF", help="The picture before; page 1 of a stack: FILE.tif#1.")
 ]
 Deformed = Annotated[
-    list[Path],
+    list[Path] | None,
     typer.Argument(metavar="DEF...", help="Pictures after it; a TIFF stack: all its pages."),
+]
+Advise = Annotated[
+    bool, typer.Option("--advise", help="Find settings for REF; DEF: another still, for its noise.")
+]
+DetailPx = Annotated[float | None, typer.Option(help="--advise: finest waves to be seen, px.")]
+PeakStrain = Annotated[float, typer.Option(help="--advise: largest strain of these waves.")]
+Noise = Annotated[float | None, typer.Option(help="--advise: of REF, if known, grey levels.")]
+OptionalOutput = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", metavar="OUT", help="Output folder.", parser=folder_name),
+]
+Region = Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")]
+Mask = Annotated[Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")]
+UpdateOption = Annotated[
+    Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
+]
+ApartPx = Annotated[
+    float, typer.Option(help="Jump within a subset that makes it incoherent, px; or inf.")
+]
+Formats = Annotated[
+    list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
 ]
 CalibrationFile = Annotated[
     Path | None,
@@ -66,36 +90,30 @@ CalibrationUnit = Annotated[
 
 def dic(
     reference: Reference,
-    deformed: Deformed,
-    output: Output,
+    deformed: Deformed = None,
+    output: OptionalOutput = None,
+    advise: Advise = False,
+    detail_px: DetailPx = None,
+    peak_strain: PeakStrain = 0.002,
+    noise: Noise = None,
     subset: Annotated[int, typer.Option(help="Odd width of the subsets, px.")] = 31,
     step: Annotated[int, typer.Option(help="Distance of the points, px.")] = 10,
     shape: Annotated[Shape, typer.Option(help="How a subset may deform.")] = "affine",
-    roi: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Region of interest, px.")
-    ] = None,
-    mask: Annotated[
-        Path | None, typer.Option(metavar="IMAGE", help="Black pixels aren't used.")
-    ] = None,
+    roi: Region = None,
+    mask: Mask = None,
     calibration: CalibrationFile = None,
     stereo: RigFile = None,
     calibration_unit: CalibrationUnit = None,
-    update: Annotated[
-        Update, typer.Option(help="When to renew the reference; auto: as strains get large.")
-    ] = "never",
+    update: UpdateOption = "never",
     start: Annotated[Start, typer.Option(help="How the motion is found first.")] = "auto",
     search_px: Annotated[int, typer.Option(help="Reach of the search, px.")] = 20,
     blur_px: Annotated[float, typer.Option(help="Gaussian over the pictures first, px.")] = 0.0,
     min_zncc: Annotated[float, typer.Option(help="Least correlation of a match.")] = 0.8,
-    apart_px: Annotated[
-        float, typer.Option(help="Jump within a subset that makes it incoherent, px; or inf.")
-    ] = 0.1,
+    apart_px: ApartPx = 0.1,
     tolerance: Annotated[float, typer.Option(help="Where the iteration stops, px.")] = 1e-4,
     strain: Annotated[Strain, typer.Option(help="Which strain.")] = "green-lagrange",
     strain_window: Annotated[int, typer.Option(help="Points across the strain gauge.")] = 5,
-    formats: Annotated[
-        list[Format] | None, typer.Option("--format", help="Of the tables (repeatable).")
-    ] = None,
+    formats: Formats = None,
     backend: BackendOption = "auto",
     quiet: Quiet = False,
     as_json: Json = False,
@@ -107,10 +125,24 @@ def dic(
     gpusim dic ref.tif load_*.tif -o out --calibration camera.yml     (in px without distortion)
 
     gpusim dic --stereo rig.caldat left0.tif right0.tif left1.tif right1.tif … -o out     (in mm)
+
+    gpusim dic --advise ref.tif     (which settings? with -o a page that says why)
     """
     with exit_codes(), options_named():
+        if advise:
+            stills = deformed or []
+            require(len(stills) <= 1, "--advise", f"{len(stills)} stills", "at most one")
+            _advise(
+                reference, output, as_json, still=next(iter(stills), None), mask=mask,
+                roi=_roi(roi), noise=noise, detail_px=detail_px, peak_strain=peak_strain,
+                backend=backend,
+            )  # fmt: skip
+            return
+        if not deformed or output is None:
+            missing = "--output" if deformed else "DEF..."
+            raise InputError(f"{missing}: missing; expected REF DEF... -o OUT, or --advise REF")
         with importing():
-            from gpusim.applications import CorrelationSettings, correlate_files, correlate_pairs
+            from gpusim.applications import CorrelationSettings
         settings = CorrelationSettings(
             subset=subset, step=step, shape=shape, roi=_roi(roi), mask=mask,
             calibration=calibration, calibration_unit=calibration_unit, update=update, start=start,
@@ -118,20 +150,7 @@ def dic(
             tolerance=tolerance, strain=strain, strain_window=strain_window, backend=backend,
             formats=tuple(one.value for one in formats or [Format.csv]),
         )  # fmt: skip
-        lefts, rights = ([], []) if stereo is None else _pairs([reference, *deformed])
-        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
-            if stereo is None:
-                done = correlate_files(
-                    reference, deformed, output, settings, progress=progress, keep_results=False
-                )
-            else:
-                done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
-        if as_json:
-            out(json.dumps(done.report, indent=2))
-        elif not quiet:
-            print_correlation(done.report, output)
-        if done.failure:
-            raise NotConverged(done.failure)
+        _correlate([reference, *deformed], stereo, output, settings, quiet=quiet, as_json=as_json)
 
 
 def calibrate(
@@ -150,10 +169,7 @@ def calibrate(
         list[Path] | None,
         typer.Option("--with", metavar="FOLDER", help="One more camera's pictures (repeatable)."),
     ] = None,
-    lens: Annotated[
-        str,
-        typer.Option(help="pinhole, radial, radial3, radtan, brown, rational, prism or tilted."),
-    ] = "brown",
+    lens: Annotated[LensName, typer.Option(help="Which distortion is found.")] = "brown",
     square_pixels: Annotated[
         bool, typer.Option("--square-pixels", help="One focal length for both directions.")
     ] = False,
@@ -182,6 +198,43 @@ def calibrate(
             out(json.dumps(done.content, indent=2))
         elif not quiet:
             print_calibration(done.report, done.missed, output)
+
+
+def _correlate(
+    pictures: list[Path],
+    stereo: Path | None,
+    output: Path,
+    settings: CorrelationSettings,
+    *,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    from gpusim.applications import correlate_files, correlate_pairs
+
+    lefts, rights = ([], []) if stereo is None else _pairs(pictures)
+    with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+        if stereo is None:
+            done = correlate_files(
+                pictures[0], pictures[1:], output, settings, progress=progress, keep_results=False
+            )
+        else:
+            done = correlate_pairs(lefts, rights, stereo, output, settings, progress=progress)
+    if as_json:
+        out(json.dumps(done.report, indent=2))
+    elif not quiet:
+        print_correlation(done.report, output)
+    if done.failure:
+        raise NotConverged(done.failure)
+
+
+def _advise(picture: Path, output: Path | None, as_json: bool, **options: Any) -> None:
+    with importing():
+        from gpusim.applications import advise_files
+    report = advise_files(picture, output, **options)
+    if as_json:
+        out(json.dumps(report, indent=2))
+    else:
+        print_advice(report, output)
 
 
 OPTIONS = {"formats": "format", "rig": "stereo"}

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpusim.cli.console import out
+from gpusim.cli.console import out, size_text, time_text
 
 if TYPE_CHECKING:
-    from gpusim.report import Report
+    from gpusim.plan.plan import Plan
+    from gpusim.report import Budget, Report
 
 
 def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
@@ -34,6 +35,18 @@ def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
     out(f"Report: {folder / 'report.html'}")
     for warning in report["warnings"]:
         out(f"warning: {warning}")
+
+
+def print_advice(report: Mapping[str, Any], folder: Path | None) -> None:
+    """The pattern, the settings with their reason, and the command that uses them."""
+    size, slope, noise = (report["pattern"][name] for name in ("speckle_px", "slope", "noise"))
+    out(f"speckles {size:.1f} px, slopes {slope:.3g} levels per px, noise {noise:.3g} levels")
+    for text in report["warnings"]:
+        out(f"warning: {text}")
+    words = (f"{name.replace('_', ' ')} {value}" for name, value in report["settings"].items())
+    out(f"\n{', '.join(words)}\n{report['reason']}\n\nNext: {report['command']}")
+    if folder is not None:
+        out(f"Report: {folder / 'report.html'}")
 
 
 def print_calibration(report: Report, missed: Sequence[str], folder: Path) -> None:
@@ -79,3 +92,62 @@ def print_deck(report: Mapping[str, Any], folder: Path) -> None:
         out(f"read over: {', '.join(report['ignored'])}")
     out()
     out(f"Results: {folder / 'solution.pvd'}, {folder / 'displacements.npz'}")
+
+
+def print_plan(made: Plan) -> None:
+    """A line for each stage, equal ones together; what is doubtful; what it costs."""
+    from gpusim.report.stage_rows import stage_rows
+
+    rows = stage_rows(made.stages)
+    wide = max(len(name) for name, _ in rows) + 2
+    out(f"{'stage':<{wide}}{'':<9}{'memory':>8}{'time':>9}  reason")
+    for name, stages in rows:
+        memory = size_text(max(stage.memory_bytes for stage in stages))
+        seconds = time_text(sum(stage.seconds for stage in stages))
+        pictures = f"{len(stages)} pictures" if len(stages) > 1 else ""
+        shared = set.intersection(*(set(stage.detail.split(", ")) for stage in stages))
+        detail = ", ".join(word for word in stages[0].detail.split(", ") if word in shared)
+        why = "; ".join(word for word in (stages[0].reason, pictures, detail) if word)
+        out(f"{name:<{wide}}{stages[0].state:<9}{memory:>8}{seconds:>9}  {why}")
+    out()
+    total = time_text(made.seconds) or "no time"
+    for warning in made.warnings:
+        out(f"warning: {warning}")
+    if made.busy >= 1.5:
+        out(f"This machine is busy: everything takes about {made.busy:.2g} times as long now.")
+    out(f"{made.scene}: valid; about {total} and {size_text(made.memory_bytes) or 'no memory'}.")
+
+
+def print_report(report: Report, folder: Path) -> None:
+    """What was measured beside what is true, warnings, and where the page is."""
+    if report.measurements:
+        out()
+        wide = max(len(item.name) for item in report.measurements) + 2
+        out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
+        for item in report.measurements:
+            # of a truth that is zero but for rounding no share says anything
+            known = abs(item.error_relative) < 1e3
+            relative = f"{100 * item.error_relative:+.3f} %" if known else ""
+            out(
+                f"{item.name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
+                f"{item.unit:<4}{relative:>12}"
+            )
+    for warning in report.warnings:
+        out(f"warning: {warning}")
+    out()
+    out(f"Report: {folder / 'report.html'}")
+
+
+def print_budget(budget: Budget, folder: Path) -> None:
+    """One column for each error, one line for each state of the images."""
+    names = [f"{name} / {unit}" if unit else name for name, unit in budget.quantities]
+    for number, name in enumerate(names, start=1):
+        out(f"({number}) {name}")
+    columns = range(1, len(names) + 1)
+    out(f"{'images with':<28}" + "".join(f"{f'({number})':>12}" for number in columns))
+    words = {"all": "everything", "none": "none of the effects"}
+    for row in budget.rows:
+        label = words.get(row.state) or f"{row.state} {row.source}"
+        out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
+    out()
+    out(f"Report: {folder / 'report.html'}")

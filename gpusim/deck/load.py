@@ -9,7 +9,7 @@ from gpusim.deck.deck import Deck
 from gpusim.deck.materials import Sections
 from gpusim.deck.steps import History
 from gpusim.errors import InputError
-from gpusim.files.input_file import InputFile
+from gpusim.files.input_file import RENDERED, InputFile, results_hint
 from gpusim.mesh.formats.abaqus.assembly import read_content
 from gpusim.mesh.formats.abaqus.cards import Card, Source, nearest, read_cards
 from gpusim.mesh.formats.abaqus.elements import SOLID_TYPES
@@ -106,7 +106,7 @@ def check_keywords(cards: Sequence[Card]) -> tuple[str, ...]:
             if card.parameters.get("NLGEOM", "NO").upper() != "NO":
                 faults.append(
                     f"{card.where()}: NLGEOM isn't supported; got geometrically nonlinear; "
-                    "expected a linear step (NLGEOM=NO)"
+                    f"expected a linear step (NLGEOM=NO); {RENDERED}"
                 )
             if card.keyword == "ELEMENT":
                 faults.extend(_element_faults(card, types))
@@ -152,8 +152,10 @@ def load_deck(source: Source) -> Deck:
     >>> print(f"{gs.solve(deck.model(1)).u[:, 0].max():.5f}")
     0.00000
     """
-    cards = read_cards(source)
     path = str(source.path if isinstance(source, InputFile) else source)
+    hint = results_hint(path)
+    require(not hint, path, "a file of results", f"an input deck{hint}")
+    cards = read_cards(source)
     ignored = check_keywords(cards)
     content = read_content(cards)
     labelled = label_mesh(content, path)

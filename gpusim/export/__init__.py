@@ -7,7 +7,8 @@ Its modules:
 - `meshes`: Surfaces as STL, solids and results as VTU.
 - `layers`: The truth layers: what each one holds, and how it is stored.
 - `truth`: truth.h5: the exact fields behind every pixel.
-- `measured_fields`: What a correlation has of each point: values, unit, title, by name.
+- `body_state`: A body in one frame, from which its fields follow.
+- `field_catalogue`: All fields of bodies, truth and measurements by name: title, unit, values.
 - `correlation`: Measured displacements and strains as CSV, NPZ and HDF5.
 """
 

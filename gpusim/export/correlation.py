@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gpusim.errors import InputError
-from gpusim.export.measured_fields import PICTURE, SPACE, STRAIN, catalogue_of
+from gpusim.export.field_catalogue import PICTURE, SPACE, STRAIN, catalogue_of
 from gpusim.files.atomic_files import PathLike, atomic_path, atomic_stream, write_text
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult

@@ -14,11 +14,11 @@ reads as the fill value, so a frame costs what it covers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import BinaryIO, Self
 
 import h5py
 import numpy as np
@@ -195,6 +195,16 @@ class TruthWriter:
         pose.attrs.update(unit="m", frame="camera: x right, y down, z forward")
         lens = group.create_dataset("distortion", data=coefficients)
         lens.attrs["convention"] = "OpenCV: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 taux tauy"
+
+    def take_cameras(self, stream: BinaryIO, names: Iterable[str]) -> None:
+        """Write cameras with their frames as they lie packed in another such file.
+
+        Raises InputError for a camera that isn't there.
+        """
+        with h5py.File(stream, "r") as source:
+            for path in (f"camera/{safe_name(name)}" for name in names):
+                require(path in source, "cameras of another truth file", "none", f"a {path}")
+                source.copy(path, self._file.require_group("camera"))
 
     def frame(
         self,

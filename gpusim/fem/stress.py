@@ -17,11 +17,11 @@ from gpusim.fem.elements.isoparametric_map import add_to, volumes
 from gpusim.fem.elements.strain import point_stress
 from gpusim.fem.model.model import Model, resolve_formulation
 from gpusim.fem.model.thermal_loads import linear_temperature, point_temperature
-from gpusim.fem.sparse.matrix_product import shared
 from gpusim.field_summary import field_summary
 from gpusim.mesh import CELL_TYPES
 from gpusim.mesh.shape_functions import reference_nodes, shape_functions
 from gpusim.parallel.blas_threads import one_blas_thread
+from gpusim.parallel.threads import shared
 from gpusim.validation import finite_numbers, require, unmasked
 
 _CHUNK = 4096

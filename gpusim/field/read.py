@@ -32,7 +32,13 @@ from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.field.field import Field
 from gpusim.field.frd import read_frd
-from gpusim.files.input_file import SERIES_SUFFIXES, InputFile, read_input, read_series
+from gpusim.files.input_file import (
+    SERIES_SUFFIXES,
+    InputFile,
+    read_input,
+    read_series,
+    results_hint,
+)
 from gpusim.mesh import Mesh
 from gpusim.mesh.file_content.cell_blocks import assemble, solid_nodes
 from gpusim.mesh.formats.exodus import read_exodus_steps
@@ -257,7 +263,8 @@ def read_field(
     if suffix in PARALLEL:
         raise InputError(f"{source}: {PARALLEL[suffix]}; expected the blocks merged, saved as .vtu")
     file = read_input(path, "a file with a displacement field")
-    what, expected = f"{source}: unknown kind of field", f"one of {', '.join(FIELD_SUFFIXES)}"
+    expected = f"one of {', '.join(FIELD_SUFFIXES)}{results_hint(source)}"
+    what = f"{source}: unknown kind of field"
     require(suffix in _READERS, what, repr(suffix or "no ending"), expected)
     try:
         field = _READERS[suffix](file, name)

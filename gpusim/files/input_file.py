@@ -251,6 +251,15 @@ def _text(name: bytes) -> Path:
 
 
 SERIES_SUFFIXES = (".pvd", ".series")
+RENDERED = "gpusim render --field FILE makes pictures and truth of displacements"
+
+
+def results_hint(path: str | PathLike[str]) -> str:
+    """For errors: how to go on with a file of results, "; …"; "" for what is none."""
+    suffix = Path(path).suffix.lower()
+    if suffix == ".odb":
+        return f"; have displacements saved as .vtu, Exodus or .npz: {RENDERED}"
+    return f"; {RENDERED}" if suffix in (*SERIES_SUFFIXES, ".frd", ".npz") else ""
 
 
 def read_series(path: str | PathLike[str] | InputFile) -> list[tuple[float, Path]]:

@@ -56,14 +56,16 @@ class Folder:
         return self._parts.get(stage)
 
     def show(self, record: Record, store: Store) -> None:
-        """Give a result its names, if it hasn't got them; any thread may.
+        """Give a result its names, if it hasn't got them, but for those that begin with a dot; any
+        thread may.
 
         Raises InputError where a name leads outside (`gpusim.files.output_folder.inside`) or
         nothing can be written, GpusimError where the disk is full.
         """
         for name, facts in record.files.items():
             path = inside(self.path, name)
-            if self._names.get(name) == facts and is_unchanged(path, facts):
+            known = self._names.get(name) == facts and is_unchanged(path, facts)
+            if known or name.startswith("."):
                 continue
             with self._lock:
                 # two names of one file here would change together in an editor that writes in place

@@ -276,7 +276,10 @@ class Runner:
             if make is not None:
                 made = make()
                 start = time.perf_counter()
-                self.store.put(task.key, task.stage.name, made.files, made.notes)
+                record = self.store.put(task.key, task.stage.name, made.files, made.notes)
+                for stage, name in made.holds.items():
+                    for key in task.needs[stage]:
+                        self.store.move(self.record(key), record.files[name])
                 task.seconds += time.perf_counter() - start
                 words = made.words
             self.show(task)

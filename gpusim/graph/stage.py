@@ -72,11 +72,16 @@ class Stage:
 @dataclass(frozen=True)
 class StageResult:
     """A record of a stage that keeps: its ``files`` by their names in the output folder, ``notes``
-    as plain data, and a few words for who waits."""
+    as plain data, and a few words for who waits.
+
+    What nobody is to see has a dot before its name. ``holds``: needs whose files needn't be kept
+    twice, because one of these files (its name) has all that is in theirs, under the same paths.
+    """
 
     files: Mapping[str, Output] = field(default_factory=dict)
     notes: Mapping[str, Any] = field(default_factory=dict)
     words: str = ""
+    holds: Mapping[str, str] = field(default_factory=dict)
 
 
 plain_text: Callable[[Any], str] = json.JSONEncoder(sort_keys=True, separators=(",", ":")).encode

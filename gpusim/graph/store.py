@@ -18,7 +18,7 @@ import stat
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from threading import Lock
@@ -133,7 +133,8 @@ class Store:
             path = self.blob(facts.sha256)
             if not is_unchanged(path, facts, hashed):
                 del self._records[key]
-                return f"{name} was changed" if path.is_file() else f"{name} is gone"
+                said = name.removeprefix(".")
+                return f"{said} was changed" if path.is_file() else f"{said} is gone"
         self._doubted.discard(key)
         return None
 
@@ -159,14 +160,20 @@ class Store:
         """
         try:
             files = {name: self._keep(name, output) for name, output in outputs.items()}
-            record = Record(key, stage, files, notes)
-            self._append(record.content())
+            return self._enter(Record(key, stage, files, notes))
         except OSError as error:
             place = Path(error.filename or self.root)
             raise explained(error, place, place) from error
-        self._records[key] = record
-        self._aside.pop(key, None)
-        self._doubted.discard(key)
+
+    def move(self, record: Record, facts: FileFacts) -> None:
+        """Let a file that is kept stand for those of a result, which it holds."""
+        self._enter(replace(record, files=dict.fromkeys(record.files, facts)))
+
+    def _enter(self, record: Record) -> Record:
+        self._append(record.content())
+        self._records[record.key] = record
+        self._aside.pop(record.key, None)
+        self._doubted.discard(record.key)
         return record
 
     def _append(self, content: Mapping[str, Any]) -> None:

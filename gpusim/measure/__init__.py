@@ -7,10 +7,14 @@ In the order in which data passes:
 - `targets`: Markers and boards, found in images, and the fits of their borders.
 - `calibration`: Calibration of cameras and rigs.
 - `correlation`: Digital image correlation.
+- `advice`: Advice on the settings of a correlation, from the picture that is to be correlated.
 - `stereo`: Points, shapes and strains in space, from calibrated cameras.
 - `structures`: Markers tracked, deflection lines, damage.
 """
 
+from gpusim.measure.advice.gauge_filter import gauge_filter
+from gpusim.measure.advice.image_noise import ImageNoise
+from gpusim.measure.advice.settings_advice import Advice, advise
 from gpusim.measure.calibration.calibration import (
     CalibratedCamera,
     Calibration,
@@ -63,6 +67,7 @@ from gpusim.measure.targets.coded_markers import Codes, find_aruco
 from gpusim.measure.targets.crossings import Crossings, fit_crossings
 
 __all__ = [
+    "Advice",
     "Alignment",
     "CalibratedCamera",
     "Calibration",
@@ -74,6 +79,7 @@ __all__ = [
     "DicResult",
     "Displacement3D",
     "Dots",
+    "ImageNoise",
     "MappedResult",
     "MarkerStatus",
     "Markers",
@@ -90,6 +96,7 @@ __all__ = [
     "TargetStatistics",
     "TrackResult",
     "Triangulated",
+    "advise",
     "align",
     "calibrate",
     "circle_centres",
@@ -107,6 +114,7 @@ __all__ = [
     "find_markers",
     "fit_crossings",
     "gauge",
+    "gauge_filter",
     "grid_points",
     "lens_mapping",
     "locate_markers",

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import nearest_name, require
-from gpusim.export.measured_fields import field_maps
+from gpusim.export.field_catalogue import field_maps
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
 from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.page import Picture, page, quantity, span

@@ -15,6 +15,7 @@ from gpusim.notebook.axes import flat_axes
 from gpusim.notebook.camera import draw_camera, plane_axes
 from gpusim.notebook.page import Picture, page
 from gpusim.notebook.shading import fitted_camera, painted, resized_camera, shaded
+from gpusim.pipeline.checks.resources import waits_for_cad
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop, posed
 from gpusim.report.style import MUTED, named
@@ -70,7 +71,7 @@ def html(scene: Scene) -> str:
         *_listed("variant", [one.name for one in scene.variants]),
     ]
     notes = [" ".join(scene.description.split())] if scene.description else []
-    if scene.has_cad:
+    if waits_for_cad(scene):
         return page(f"Scene {scene.name}", rows, notes=[*notes, "Not drawn: meshing takes long."])
     try:
         built = scene_surfaces(scene)

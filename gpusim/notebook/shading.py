@@ -26,7 +26,7 @@ from gpusim.optics.visibility_buffer import visibility_twin
 from gpusim.report.html import fitting
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
-from gpusim.view.turntable import Turntable
+from gpusim.visualization.turntable import Turntable
 
 Pixels = npt.NDArray[np.uint8]
 Colouring = Callable[[Truth], Float]

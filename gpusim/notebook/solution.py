@@ -8,36 +8,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpusim import fem
 from gpusim.arrays.array_types import Float
 from gpusim.arrays.srgb import decoded
 from gpusim.errors import InputError
+from gpusim.export.body_state import BodyState
+from gpusim.export.field_catalogue import BODY
 from gpusim.fem import Model, Solution
 from gpusim.notebook.axes import draw_faces, space_axes
 from gpusim.notebook.mesh import MOST_CELLS, metal_surface, skin_of
 from gpusim.notebook.page import Legend, Picture, page, quantity
 from gpusim.notebook.shading import Colouring, fitted_camera, shaded
 from gpusim.optics.truth import Truth
-from gpusim.report.figures import round_down
 from gpusim.surface import Skin, Surface
 from gpusim.validation import is_number, require
-from gpusim.view.fields import color_map
+from gpusim.visualization.body_picture import exaggeration
+from gpusim.visualization.color_scale import color_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FIELDS = {
-    "von_mises": "von Mises stress",
-    "displacement": "displacement",
-    **{axis: f"displacement along {axis}" for axis in "xyz"},
-}
-"""What a body may be coloured by: stress, length of the displacement, its components."""
+FIELDS = {name: one for name, one in BODY.items() if one.place == "nodes"}
+FIELDS |= {axis: BODY[f"displacement_{axis}"] for axis in "xyz"}
+"""What a body may be coloured by, in the model's units; "x" is short for "displacement_x"."""
 
 _STRESS_CELLS = 30_000
 """Of a mesh whose stress is found without being asked for: about half a second."""
-_SHOWN = 0.08
-"""Of the body's size: how far its largest displacement is drawn, at least."""
 _STRESS_UNITS = {"m": "Pa", "mm": "MPa"}
+"""By the unit of lengths, with forces in N."""
 _COLOURS = "viridis"
 _STOPS = 9
 _NOTE = "In the model's units: m, N and Pa where a scene made it."
@@ -117,8 +114,9 @@ def plot(
 
 
 def _label(field: str, unit: str) -> str:
-    shown = _STRESS_UNITS.get(unit, f"N/{unit}²") if field == "von_mises" else unit
-    return f"{FIELDS[field]} ({shown})"
+    stress = _STRESS_UNITS.get(unit, f"N/{unit}²")
+    shown = {"mm": unit, "MPa": stress}.get(FIELDS[field].unit, "")
+    return f"{FIELDS[field].title} ({shown})" if shown else FIELDS[field].title
 
 
 def _cases(values: Float) -> Float:
@@ -138,18 +136,14 @@ def _shown(solution: Solution, field: str, case: int, scale: float | None) -> _S
     skin = skin_of(model.mesh)
     rest, moved = skin.at_vertices(model.mesh.points), skin.at_vertices(u[case])
     if scale is None:
-        size = float(np.linalg.norm(np.ptp(rest, axis=0)))
-        most = float(np.linalg.norm(moved, axis=1).max())
-        scale = max(1.0, round_down(_SHOWN * size / most)) if most > 0.0 else 1.0
+        scale = exaggeration(rest, np.linalg.norm(moved, axis=1))
     values = skin.at_vertices(_field(model, u[case], field))
     return _Shown(skin, rest + scale * moved, values, scale)
 
 
 def _field(model: Model, u: Float, field: str) -> Float:
     """(N,) at the nodes."""
-    if field == "von_mises":
-        return fem.stress(model, u).von_mises
-    return np.linalg.norm(u, axis=1) if field == "displacement" else u[:, "xyz".index(field)]
+    return np.asarray(FIELDS[field].of(BodyState(model.mesh, u, model)))
 
 
 def _range(values: Float) -> tuple[float, float]:
@@ -167,11 +161,11 @@ def _picture(solution: Solution, field: str) -> Picture:
     pixels = shaded([surface], fitted_camera(shown.points), colouring, shown.skin.face_of_piece)
     stops = [to_hex(colormaps[_COLOURS](k / (_STOPS - 1))) for k in range(_STOPS)]
     legend = Legend(
-        FIELDS[field], quantity(low, digits=3), quantity(high, digits=3), ", ".join(stops)
+        FIELDS[field].title, quantity(low, digits=3), quantity(high, digits=3), ", ".join(stops)
     )
     times = f"Displacements drawn {shown.scale:g} times."
     case = " Load case 0." if solution.u.ndim == 3 else ""
-    return Picture(f"the deformed body, {FIELDS[field]}", pixels, times + case, legend)
+    return Picture(f"the deformed body, {FIELDS[field].title}", pixels, times + case, legend)
 
 
 def _valued(shown: _Shown, low: float, high: float) -> tuple[Surface, Colouring]:

@@ -42,6 +42,11 @@ def limited(count: int) -> Iterator[None]:
         _own.limit = before
 
 
+def share_nothing() -> None:
+    """This thread does its work alone from now on."""
+    _own.limit = 1
+
+
 def available_memory() -> int | None:
     """Bytes of main memory that new work may take, by Linux; None elsewhere."""
     free = _table(Path("/proc/meminfo")).get("MemAvailable")

@@ -14,6 +14,7 @@ from gpusim.plan.stages import Plan, PlannedStage, RunOptions, timed, works_of
 from gpusim.scene import Scene, plausibility
 from gpusim.scene import cost as cost_of
 from gpusim.scene.analyses import kind_of
+from gpusim.scene.cost import Counts
 from gpusim.scene.description.model import CameraTable
 from gpusim.scene.frames import Shown
 
@@ -30,6 +31,7 @@ def make_plan(
     store: str | PathLike[str] | None = None,
     verify: bool = False,
     speed: Speed | None = None,
+    made: Counts | None = None,
 ) -> Plan:
     """Decide every stage of a run of ``scene`` into ``out`` (None: nothing can be reused).
 
@@ -37,6 +39,7 @@ def make_plan(
     nothing is reused, and what the loads make trivial is computed all the same; outputs that the
     scene doesn't ask for are not made. ``store``, ``verify``: as `gpusim.run` has them. ``speed``:
     of the machine, for the seconds; None: those of the machine that the costs were measured on.
+    ``made``: how large the meshes of files are, which a CAD file doesn't say.
     """
     from gpusim.gpu import chosen_backend
 
@@ -44,27 +47,29 @@ def make_plan(
     folder = None if out is None else Path(out)
     shared = None if store is None else Path(store)
     decision = decide(states_of(scene), folder, options, shared, verify)
-    return plan_of(scene, decision, speed)
+    return plan_of(scene, decision, speed, made)
 
 
-def plan_of(scene: Scene, decision: Decision, speed: Speed | None = None) -> Plan:
+def plan_of(
+    scene: Scene, decision: Decision, speed: Speed | None = None, made: Counts | None = None
+) -> Plan:
     """A decision in words and figures; with variants stages are named ``<variant>/<stage>``, and
-    their comparison comes last."""
+    their comparison comes last. ``made``: as `make_plan` has it."""
     compiled: set[str] = set()  # by one process, once
     stages: list[PlannedStage] = []
     works: list[Workload] = []
     for place, state in decision.scenes.items():
-        plan = _ScenePlan(state, place, decision, speed, compiled).plan()
+        plan = _ScenePlan(state, place, decision, speed, compiled, made=made).plan()
         prefix = f"{place.removeprefix('variants/')}/" if place else ""
         stages += plan.stages if not prefix else [
             replace(stage, name=f"{prefix}{stage.name}") for stage in plan.stages
         ]  # fmt: skip
         works += plan.works
     if scene.variants:
-        made = {spec.name for state in decision.scenes.values() for spec in state.measures}
+        alone = {spec.name for state in decision.scenes.values() for spec in state.measures}
         stages += [
             PlannedStage(spec.name, "run", "compares the variants", 0, 0.1, spec.name)
-            for spec in scene.measures if spec.name not in made
+            for spec in scene.measures if spec.name not in alone
         ]  # fmt: skip
         stages.append(PlannedStage("report", "run", "says what this run did", 0, 1.0, "report"))
         works = []
@@ -78,14 +83,15 @@ class _ScenePlan:
     """The plan of one scene of a decision."""
 
     def __init__(
-        self, scene: Scene, place: str, decision: Decision, speed: Speed | None, compiled: set[str]
-    ) -> None:
+        self, scene: Scene, place: str, decision: Decision, speed: Speed | None, compiled: set[str],
+        *, made: Counts | None,
+    ) -> None:  # fmt: skip
         self.scene, self.place, self.decision = scene, place, decision
         self.speed, self.compiled = speed, compiled
         self.frames = decision.stages[place].frames
         self.seen: set[str] = set()  # radiances of the pictures before
-        self.cost = cost_of.estimate(scene)
-        self.details = cost_of.describe(scene)
+        self.cost = cost_of.estimate(scene, made)
+        self.details = cost_of.describe(scene, made)
         states = [state for shown in (one.shown for one in self.frames) for state in shown.states]
         cases = max((len(state) for state in states if state is not None), default=1)
         if cases > 1:
@@ -108,13 +114,14 @@ class _ScenePlan:
     def _stage(self, public: PublicStage) -> PlannedStage:
         """With its cost, which counts only if it is run."""
         kind, *picture = public.name.split("/")
+        kind = "truth file" if public.name == "truth" else kind
         memory, seconds = self.cost[kind] if public.runs else (0, 0.0)
         detail = self.details.get(kind, "") if public.runs else ""
         key = digest([public.name, [task.key for task in public.tasks]])
         stage = PlannedStage(
             public.name, public.state, public.reason, memory, seconds, key, detail, cost=seconds
         )
-        return self._picture(stage, *picture) if picture else stage
+        return self._picture(stage, *picture) if public.name.startswith("render/") else stage
 
     def _picture(self, stage: PlannedStage, name: str, number: str) -> PlannedStage:
         """Of a frame, or of a calibration target, by the camera of that ``name``."""

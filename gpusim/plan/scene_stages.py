@@ -18,7 +18,7 @@ from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.analyses import kind_of
 from gpusim.scene.description import model as m
-from gpusim.scene.frames import FrameTable
+from gpusim.scene.frames import FrameTable, frame_word
 
 PUBLIC = (
     "mesh", "model", "solve", "surface", "render", "truth", "measure", "stress", "export",
@@ -142,10 +142,7 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
     scene, output, table = build.scene, build.scene.output, [list(build.frames)]
     whole = build.surfaces() | motions
     if output.truth and scene.cameras:
-        sections = ["name", "camera", "analysis", "output.truth", "body.*.name", "prop.still",
-                    "calibration"]  # fmt: skip
-        yield build.stage("truth", "truth:truth", sections, whole, table, "truth",
-                          on_device=True, keeps=True)  # fmt: skip
+        yield from _truth(build, motions)
     for spec in scene.measures:
         yield from _measured(build, spec, whole, table)
     stresses = output.stress and "solve" in moving
@@ -153,11 +150,40 @@ def _results(build: StageBuilder, motions: Needs, moving: Sequence[str]) -> Iter
         needs = build.of_bodies("mesh") | build.of_bodies("model") | motions
         yield build.stage("stress", "mechanics:stress", ["body.*.mechanics"], needs, table,
                           "stress", keeps=True)  # fmt: skip
+    if output.fields and motions and any(not one.shown.unloaded for one in build.frames):
+        needs = build.of_bodies("mesh") | motions
+        needs |= build.of_bodies("model") if "solve" in moving else {}
+        row = [*table, output.stress, frame_word(scene)]
+        sections = ["body.*.mechanics", *(f"camera.{one.name}" for one in scene.cameras[:1])]
+        yield build.stage("fields", "fields:fields", sections, needs, [row], on_device=True,
+                          keeps=True)  # fmt: skip
+    if output.calibration:
+        yield build.stage("calibration files", "camera_files:calibrations",
+                          ["camera", "output.calibration"], public="export", keeps=True,
+                          early=True)  # fmt: skip
     if output.vtu or output.stl:
         needs = whole | ({"stress": first} if stresses else {})
         sections = ["output.meshes", "body.*.name", "analysis"]
         yield build.stage("export", "mesh_files:meshes", sections, needs, table, "export",
                           keeps=True)  # fmt: skip
+
+
+def _truth(build: StageBuilder, motions: Needs) -> Iterator[Stage]:
+    """What each camera sees, all together where who else sees it is asked for; and their file."""
+    scene, frames = build.scene, list(build.frames)
+    names, together = [camera.name for camera in scene.cameras], "cameras" in scene.output.truth
+    board = scene.calibration.board if scene.calibration else ""
+    made: dict[str, list[str]] = {}
+    for group in [names] if together else [[name] for name in names]:
+        stage = f"truth/{'+'.join(group)}"
+        sections = ["camera" if together else f"camera.{group[0]}", "analysis", "output.truth",
+                    "body.*.name", "prop.still"]  # fmt: skip
+        yield build.stage(stage, "truth:seen", sections, build.surfaces() | motions,
+                          [[board, frames]], stage, on_device=True, keeps=True)  # fmt: skip
+        made[stage] = group
+    needs = build.of_bodies("surface") | motions | dict.fromkeys(made, first)
+    yield build.stage("truth", "truth:truth", ["name", "analysis", "body.*.name"], needs,
+                      [[made, frames]], "truth", keeps=True)  # fmt: skip
 
 
 def _measured(
@@ -194,7 +220,7 @@ def _skipped(build: StageBuilder, stages: Sequence[Stage]) -> dict[str, str]:
         "truth": "no [[camera]]" if output.truth else f"{_NONE}: [output] truth is empty",
         "measure": f"{_NONE}: no [[measure]]",
         "stress": still if output.stress else f"{_NONE}: [output] stress is false",
-        "export": f"{_NONE}: neither vtu nor stl in [output]",
+        "export": f"{_NONE}: neither vtu, stl nor calibration in [output]",
     }
     there = {stage.public(0).split("/")[0] for stage in stages if len(stage.rows)}
     return {kind: reasons[kind] for kind in PUBLIC if kind not in there}

@@ -13,6 +13,8 @@ In the order in which data passes:
 - `html`: report.html: one self-contained page.
 - `write`: report.json, figures and report.html in the output folder.
 - `correlation`: The summary of a correlation, and a page with it.
+- `advice`: Advice on settings: what it says in words and numbers, the curves it comes from, and a
+  page.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ from gpusim.report.findings import (
     BodyForce,
     Budget,
     BudgetRow,
+    FieldPicture,
+    LoadPath,
     Mechanics,
     MeshSummary,
     Published,
@@ -46,9 +50,11 @@ __all__ = [
     "Budget",
     "BudgetRow",
     "Drawing",
+    "FieldPicture",
     "Figure",
     "FramePair",
     "Link",
+    "LoadPath",
     "Measurement",
     "Mechanics",
     "MeshSummary",

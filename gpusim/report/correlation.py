@@ -18,7 +18,7 @@ from matplotlib.ticker import ScalarFormatter
 from gpusim._version import __version__
 from gpusim.arrays.array_types import Float, Single
 from gpusim.arrays.grey import grey_of
-from gpusim.export.measured_fields import FieldMap, field_maps
+from gpusim.export.field_catalogue import FieldMap, field_maps
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import DicResult, Status, StereoResult, StrainResult
 from gpusim.report.html import fitting, page_template

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.export.field_catalogue import FieldMap
 from gpusim.export.images import read_image
-from gpusim.export.measured_fields import FieldMap
 from gpusim.files.atomic_files import PathLike
 from gpusim.report.model import Figure
 from gpusim.report.style import MEASURED, TRUTH, axis_title, draw_png

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from gpusim.arrays.round_numbers import round_down
 from gpusim.export.images import read_image
 from gpusim.files.atomic_files import PathLike
+from gpusim.report.findings import LoadPath
 from gpusim.report.html import reduced
 from gpusim.report.model import Figure, Measurement, Overlay, Series
 from gpusim.report.style import (
@@ -212,6 +214,25 @@ def _key(overlay: Overlay, longest: float) -> tuple[float, str]:
     return value / scale, f"{value:g} {unit}"
 
 
+def draw_load_path(load_path: LoadPath, path: PathLike) -> Figure:
+    """Draw the reaction over the displacement of a node; without one the displacement over the load
+    factor."""
+    moved = load_path.displacement_mm, "Displacement (mm)"
+    load = load_path.reaction_N, "Resultant reaction (N)"
+    if not load_path.held:
+        moved, load = (load_path.factors, load_path.word.capitalize()), moved
+
+    def draw(canvas: Canvas) -> None:
+        axes = canvas.subplots()
+        axes.plot(moved[0], load[0], "o-", color=TRUTH, linewidth=1.8, markersize=5)
+        axes.set(xlabel=moved[1], ylabel=load[1])
+
+    draw_png(path, (_WIDTH, 3.4), draw)
+    place = ", ".join(f"{value:.4g}" for value in load_path.position_mm)
+    caption = f"Of the point at ({place}) mm of {load_path.body}, which moves most."
+    return Figure(Path(path), "Load and displacement", caption)
+
+
 def draw_errors(measurements: Sequence[Measurement], path: PathLike) -> Figure:
     """Draw the relative error of each measurement as a bar, with its tolerance as two marks."""
     shown = [item for item in measurements if np.isfinite(item.error_relative)]
@@ -256,9 +277,3 @@ def draw_error_bars(axes: Axes, shown: Sequence[Measurement]) -> None:
     axes.grid(visible=False, axis="y")
     axes.set_xlim(-span, span)
     axes.set_xlabel("Error relative to the truth (%)")
-
-
-def round_down(value: float) -> float:
-    """Return the largest of …, 0.5, 1, 2, 5, 10, 20, … that isn't above ``value`` > 0."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * 1.000001))

@@ -34,6 +34,57 @@ class StressPeak:
 
 
 @dataclass(frozen=True)
+class FieldPicture:
+    """A picture of the bodies in the colours of a ``field`` (its name, and a ``title`` for people)
+    in ``frame``, displacements ``factor`` times as large: ``file``, in the output folder.
+
+    ``largest``: the value, in ``unit``, that is the farthest from zero; it is of ``body``, at
+    ``position_mm`` of the undeformed body.
+    """
+
+    field: str
+    title: str
+    unit: str
+    largest: float
+    body: str
+    position_mm: Triple
+    frame: int
+    factor: float
+    file: str
+
+
+@dataclass(frozen=True)
+class LoadPath:
+    """How the node of ``body`` that moves most, at ``position_mm``, goes with the load: in each of
+    ``frames`` the load ``factors`` (what they are: ``word``), its ``displacement_mm`` along the way
+    that it moves, and the resultant ``reaction_N`` in the body's supports."""
+
+    body: str
+    position_mm: Triple
+    word: str
+    frames: tuple[int, ...]
+    factors: tuple[float, ...]
+    displacement_mm: tuple[float, ...]
+    reaction_N: tuple[float, ...]
+
+    @property
+    def held(self) -> bool:
+        """Whether the supports take a force, beyond what is rounded off."""
+        return max(map(abs, self.reaction_N), default=0.0) > _NO_FORCE
+
+    @property
+    def stiffness(self) -> float:
+        """N/mm, in the last frame in which it has moved; NaN where there is none."""
+        rows = zip(self.displacement_mm, self.reaction_N, strict=True)
+        moved = [(u, force) for u, force in rows if u != 0.0]
+        return moved[-1][1] / moved[-1][0] if moved and self.held else math.nan
+
+
+_NO_FORCE = 1e-6
+"""N."""
+
+
+@dataclass(frozen=True)
 class Mechanics:
     """Forces and stress in ``frame``; ``energy_balance`` compares work and strain energy.
 

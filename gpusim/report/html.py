@@ -6,8 +6,10 @@ import base64
 import math
 import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -34,8 +36,61 @@ _PAGE_WIDTH = 1600  # px of a down-scaled frame: sharp on a wide screen, ~100 kB
 _CROP = 72  # px of a full-resolution crop per side
 _CROP_ZOOM = 4
 _MAX_CROPS = 4
+_SERIES = 3  # frames: first and last are shown beside each other anyway
+_SLIDES = 25  # of a slider; more frames are thinned out
+_SLIDE_WIDTH = 960  # px, at most
+SLIDE_BYTES, PAIR_BYTES = 1_200_000, 1_200_000  # of all sliders and pairs of a page
 
 Bytes = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A picture of a slider: what is said of it, the file, and its data URI."""
+
+    label: str
+    path: Path
+    uri: str
+
+
+@dataclass(frozen=True)
+class Slides:
+    """A slider over frames: its ``slides``, and which frames these are of ``count``."""
+
+    title: str
+    caption: str
+    slides: tuple[Slide, ...]
+    count: int
+
+    @property
+    def shown(self) -> str:
+        """Which frames there are."""
+        step = -(-(self.count - 1) // (_SLIDES - 1))
+        return f"1 in {step} of {self.count} frames" if step > 1 else f"{self.count} frames"
+
+
+def slides_of(
+    title: str, caption: str, pictures: Sequence[tuple[str, Path]], share: float, bits: int = 0
+) -> Slides:
+    """A slider of pictures, each with what is said of it, the last among them.
+
+    They are made small enough for a ``share`` of what a page may hold. Raises InputError if one
+    can't be read.
+    """
+    count = len(pictures)
+    step = max(1, -(-(count - 1) // (_SLIDES - 1)))
+    shown = [pictures[k] for k in range((count - 1) % step, count, step)]
+
+    room = share * SLIDE_BYTES / len(shown)
+
+    def slide(picture: tuple[str, Path]) -> Slide:
+        label, path = picture
+        image = np.ascontiguousarray(read_picture(path))
+        return Slide(label, path, _jpeg_uri(image, _SLIDE_WIDTH, 80, bits, room))
+
+    with ThreadPoolExecutor() as pool:
+        slides = tuple(pool.map(slide, shown))
+    return Slides(title, caption, slides, count)
 
 
 @dataclass(frozen=True)
@@ -51,8 +106,8 @@ class PagePair:
     crops: tuple[tuple[str, str, str], ...]
 
 
-def page_pair(pair: FramePair) -> PagePair:
-    """Read both images and return what the page embeds.
+def page_pair(pair: FramePair, room: float = math.inf) -> PagePair:
+    """Read both images and return what the page embeds, each in ``room`` bytes.
 
     Raises InputError if an image can't be read or the two differ in size.
     """
@@ -71,8 +126,8 @@ def page_pair(pair: FramePair) -> PagePair:
         width,
         height,
         bits,
-        _jpeg_uri(reference, _PAGE_WIDTH, 86, bits),
-        _jpeg_uri(deformed, _PAGE_WIDTH, 86, bits),
+        _jpeg_uri(reference, _PAGE_WIDTH, 86, bits, room),
+        _jpeg_uri(deformed, _PAGE_WIDTH, 86, bits, room),
         crops,
     )
 
@@ -90,11 +145,21 @@ def photo_uri(path: Path) -> str:
     return _jpeg_uri(np.ascontiguousarray(read_picture(path)), _PHOTO_WIDTH, 88)
 
 
-def _jpeg_uri(image: Picture, widest: int, quality: int, bits: int = 0) -> str:
-    """Down-scale by area average and encode as JPEG; levels of ``bits`` become 8."""
-    small = reduced(image, fitting(image.shape, widest), bits)
-    data = encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
+def _jpeg_uri(
+    image: Picture, widest: int, quality: int, bits: int = 0, room: float = math.inf
+) -> str:
+    """Down-scale by area average and encode as JPEG, in about ``room`` bytes; levels of ``bits``
+    become 8."""
+    width = float(min(widest, image.shape[1]))
+    data = _jpeg(image, width, quality, bits)
+    if len(data) > room:
+        data = _jpeg(image, width * math.sqrt(room / len(data)), quality, bits)
     return data_uri("image/jpeg", data)
+
+
+def _jpeg(image: Picture, width: float, quality: int, bits: int) -> bytes:
+    small = reduced(image, fitting(image.shape, width), bits)
+    return encoded_picture(small, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
 
 
 def fitting(shape: tuple[int, ...], width: float, height: float = math.inf) -> tuple[int, int]:
@@ -191,6 +256,7 @@ class FigureSet:
     """The figures by the section of the page they stand in."""
 
     series: tuple[Figure, ...] = ()
+    load_path: tuple[Figure, ...] = ()
     errors: tuple[Figure, ...] = ()
     overlays: tuple[Figure, ...] = ()
     convergence: tuple[Figure, ...] = ()
@@ -198,7 +264,8 @@ class FigureSet:
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        return (*self.series, *self.overlays, *self.errors, *self.convergence, *self.other)
+        parts = self.series, self.overlays, self.errors, self.load_path, self.convergence
+        return (*(figure for part in parts for figure in part), *self.other)
 
 
 def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
@@ -207,15 +274,34 @@ def render_html(report: Report, figures: FigureSet, folder: Path) -> str:
     Pictures are embedded; links to full-size files are relative to ``folder``, where the page will
     be written. Raises InputError if a picture can't be read.
     """
+    room = PAIR_BYTES / max(1, 2 * len(report.frames))
+    several = [pair for pair in report.frames if len(pair.frames) >= _SERIES]
+    together = [list(alike) for _, alike in groupby(figures.other, _slider)]
+    share = 1.0 / max(1, len(several) + sum(len(alike) > 1 for alike in together))
+    maps = [
+        slides_of(alike[0].title, alike[-1].caption, [(f.frame, f.path) for f in alike], share)
+        if len(alike) > 1 else alike[0]
+        for alike in together
+    ]  # fmt: skip
+    sliders = [
+        slides_of(f"camera {pair.camera}", "", pair.frames, share, pair.bits) for pair in several
+    ]
     return page_template("report.html.j2").render(
         folder=folder,
         report=report,
         figures=figures,
-        pairs=[page_pair(pair) for pair in report.frames],
+        maps=maps,
+        sliders=sliders,
+        pairs=[page_pair(pair, room) for pair in report.frames],
         headline=report.measurements[0] if report.measurements else None,
         total=sum(stage.seconds for stage in report.stages if math.isfinite(stage.seconds)),
         bars=_bars(report.stages),
     )
+
+
+def _slider(figure: Figure) -> object:
+    """What figures of one slider have in common."""
+    return figure.title if figure.frame else figure
 
 
 def _bars(stages: Sequence[Stage]) -> list[tuple[Stage, float]]:

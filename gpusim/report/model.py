@@ -16,7 +16,14 @@ from gpusim.arrays.array_types import Float
 from gpusim.display import notebook_html, plotted
 from gpusim.field_summary import field_summary
 from gpusim.printable import printable
-from gpusim.report.findings import Budget, Mechanics, MeshSummary, Published
+from gpusim.report.findings import (
+    Budget,
+    FieldPicture,
+    LoadPath,
+    Mechanics,
+    MeshSummary,
+    Published,
+)
 from gpusim.report.text import plain_data
 from gpusim.validation import require
 
@@ -154,6 +161,8 @@ class FramePair:
         Up to four places shown at full resolution: (label, x, y, x deformed, y deformed) px.
     bits
         Of the grey levels: 12 in a file of 16 would be shown nearly black. 0: as few as hold them.
+    frames
+        All images of the camera with what is said of each, in order: shown with a slider.
     """
 
     camera: str
@@ -162,6 +171,7 @@ class FramePair:
     caption: str
     crops: tuple[tuple[str, float, float, float, float], ...] = ()
     bits: int = 0
+    frames: tuple[tuple[str, Path], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -190,12 +200,17 @@ class Overlay:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture file; on a dark page a plot is inverted, a ``photo`` isn't."""
+    """A picture file; on a dark page a plot is inverted, a ``photo`` isn't.
+
+    Figures of one title that follow each other and say of which ``frame`` they are ("load factor
+    0.5") are shown as one, with a slider over the frames.
+    """
 
     path: Path
     title: str
     caption: str
     photo: bool = False
+    frame: str = ""
 
 
 Drawing = Callable[[], Figure]
@@ -252,6 +267,8 @@ class Report:
     meshes: tuple[MeshSummary, ...] = ()
     published: tuple[Published, ...] = ()
     budget: Budget | None = None
+    fields: tuple[FieldPicture, ...] = ()
+    load_path: LoadPath | None = None
 
     description: str = ""
     failure: str = ""
@@ -296,6 +313,8 @@ class Report:
             "solution": self.solution,
             "mesh": self.meshes,
             "mechanics": self.mechanics,
+            "fields": self.fields,
+            "load_path": self.load_path,
             "measurements": self.measurements,
             "published": self.published,
             "budget": self.budget,

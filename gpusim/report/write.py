@@ -16,6 +16,7 @@ from gpusim.parallel import processes
 from gpusim.report.figures import (
     draw_convergence,
     draw_errors,
+    draw_load_path,
     draw_overlay,
     draw_series,
 )
@@ -24,6 +25,8 @@ from gpusim.report.model import Report
 
 # iterations; a direct solve takes one or two, and there is nothing to see of them
 _WORTH_A_PLOT = 4
+# frames
+_WORTH_A_LINE = 3
 # errors; the table above them tells one or two as well
 _WORTH_BARS = 3
 
@@ -89,6 +92,9 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     if len(report.residuals) >= _WORTH_A_PLOT:
         path = inside(folder, "convergence.png")
         sections["convergence"] = [begin(draw_convergence, report.residuals, path)]
+    load_path = report.load_path
+    if load_path is not None and len(load_path.frames) >= _WORTH_A_LINE:
+        sections["load_path"] = [begin(draw_load_path, load_path, inside(folder, "load-path.png"))]
     return FigureSet(
         **{name: tuple(call.result() for call in calls) for name, calls in sections.items()}
     )

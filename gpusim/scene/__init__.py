@@ -5,9 +5,12 @@ In the order in which data passes:
 - `description`: The scene file's tables, each once: keys as in the file, and what they are in SI.
 - `toml_text`: A plain document as a TOML text, and back; and how large it may be.
 - `faults`: Faults of a scene file: where, what, and what was expected.
+- `key_reference`: The keys of a scene file table by table, in words: for docs/scene.md and
+  ``gpusim schema TABLE``.
 - `files`: Files that a scene names, meshes and results: found beside it, and known by their
   content.
 - `measure_kinds`: Kinds of measurement that are added to gpusim's own.
+- `camera_tables`: The ``[[camera]]`` tables of a scene, and the cameras that they describe.
 - `scene`: ``Scene``: everything a run needs, validated, in SI, and able to say what it was read
   from; and how its file is read.
 - `colored`: Whether a scene's pictures are in colour, before anything of it is built.

@@ -1,6 +1,7 @@
 """Cost of a run, from the scene's numbers alone: what ``gpusim plan`` prints.
 
-How many nodes and elements a mesh recipe makes is counted without making it. The rates are those of
+How many nodes and elements a mesh recipe makes is counted without making it; of a CAD file only a
+mesh that was made knows, so that these counts are handed in. The rates are those of
 two CPU cores with a software Vulkan device; `gpusim.plan.machine_speed` knows how this machine
 compares. Shaders are compiled when they are first used, which takes longer than most images; the
 driver keeps them for later runs, at a quarter of the time.
@@ -46,11 +47,13 @@ _SOLVER = {
 _COMPILE = {"drawing": 5.0, "light": 1.0, "shadows": 2.5, "gloss": 5.0, "bump": 0.5, "lens": 0.5,
             "occlusion": 0.5}  # fmt: skip
 Cost = dict[str, tuple[int, float]]
+Counts = dict[MeshRecipe, tuple[int, int]]
+"""Nodes and elements of meshes that were made of files."""
 
 
-def describe(scene: Scene) -> dict[str, str]:
+def describe(scene: Scene, made: Counts | None = None) -> dict[str, str]:
     """Stage kind -> how much of it there is, in a few words."""
-    counts = [element_counts(body.mesh) for body in scene.bodies]
+    counts = [element_counts(body.mesh, made) for body in scene.bodies]
     nodes = sum(count[0] for count in counts)
     size = f"{3 * nodes:,} unknowns, " if all(count[0] for count in counts) else ""
     lights = len(scene.lights)
@@ -63,12 +66,13 @@ def describe(scene: Scene) -> dict[str, str]:
         lit += ", fine relief"
     if in_color(scene):
         lit += ", light and paint in colour"
-    wanted = [name for name in ("vtu", "stl") if getattr(scene.output, name)]
+    wanted = [name for name in ("vtu", "stl", "calibration") if getattr(scene.output, name)]
     return {
-        "mesh": "; ".join(mesh_words(body.mesh) for body in scene.bodies),
+        "mesh": "; ".join(mesh_words(body.mesh, made) for body in scene.bodies),
         "solve": f"{size}{_SOLVER[scene.solver.method]}",
         "render": lit,
         "truth": f"{len(scene.output.truth)} layers",
+        "truth file": "mesh, nodes, and what cameras see",
         "measure": " and ".join(
             [f"{_markers(scene)} markers"] * any(not one.correlates for one in scene.measures)
             + ["image correlation"] * any(one.correlates for one in scene.measures)
@@ -134,9 +138,9 @@ def _markers(scene: Scene) -> int:
     return sum(len(paint.markers) for paint in _paints(scene) if isinstance(paint, MarkersTable))
 
 
-def estimate(scene: Scene) -> Cost:
+def estimate(scene: Scene, made: Counts | None = None) -> Cost:
     """Stage kind -> (memory in bytes, seconds) of one such stage."""
-    counts = [element_counts(body.mesh) for body in scene.bodies]
+    counts = [element_counts(body.mesh, made) for body in scene.bodies]
     nodes = sum(count[0] for count in counts)
     elements = sum(count[1] for count in counts)
     pixels = max((c.resolution[0] * c.resolution[1] for c in scene.cameras), default=0)
@@ -146,6 +150,7 @@ def estimate(scene: Scene) -> Cost:
     bands, slower = (3, 1.25) if in_color(scene) else (1, 1.0)  # `python -m benchmarks.color`
     markers = _markers(scene)
     layers = len(scene.output.truth)
+    together = len(scene.cameras) if "cameras" in scene.output.truth else 1
     steps = len(scene.analysis.load_factors)
     measuring = sum(one.seconds(markers, pixels, steps) for one in scene.measures)
     # what every pixel sees, its spline and its subsets
@@ -156,7 +161,8 @@ def estimate(scene: Scene) -> Cost:
         "solve": (4_500 * nodes, 0.2 + 2e-5 * nodes),
         "surface": (200 * nodes, 0.05 + 2e-6 * elements),
         "render": (16 * bands * pixels, (fixed + slower * per_pixel * pixels) * most),
-        "truth": (40 * pixels, frames * (0.2 + 1e-8 * layers * pixels)),
+        "truth": (40 * pixels, together * steps * (0.2 + 1e-8 * layers * pixels)),
+        "truth file": (40 * nodes, 0.1 + frames * (0.01 + 1e-9 * layers * pixels)),
         "measure": (of_pixel * pixels, 0.3 + measuring),
         "stress": (600 * elements, 0.1 + steps * 2e-5 * elements),
         "export": (300 * nodes, steps * (0.1 + 4e-6 * elements)),
@@ -200,9 +206,12 @@ class _Plane:
         return self.nodes + self.cells - 1 + self.holes
 
 
-def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
+def element_counts(recipe: MeshRecipe, made: Counts | None = None) -> tuple[int, int]:
     """Nodes and elements that a recipe makes: to within rounding for builders, not less what
-    notches cut away; a guess from the size for files whose head doesn't say, 0 for CAD files."""
+    notches cut away; of a file that isn't ``made``, a guess from the size where its head doesn't
+    say, and 0 for CAD."""
+    if made and recipe in made:
+        return made[recipe]
     if isinstance(recipe, FileMeshTable):
         return _file_counts(Path(recipe.path), recipe.order)
     if isinstance(recipe, FieldMeshTable):
@@ -220,12 +229,15 @@ def element_counts(recipe: MeshRecipe) -> tuple[int, int]:
     return nodes, kind.elements * plane.cells * layers
 
 
-def mesh_words(recipe: MeshRecipe) -> str:
+def mesh_words(recipe: MeshRecipe, made: Counts | None = None) -> str:
     """What is known of a mesh, in a few words."""
-    nodes, elements = element_counts(recipe)
+    nodes, elements = element_counts(recipe, made)
+    counted = f"{nodes:,} nodes, {elements:,} elements"
     if not isinstance(recipe, FileMeshTable | FieldMeshTable):
-        return f"{nodes:,} nodes, {elements:,} elements"
+        return counted
     name = Path(recipe.path).name
+    if made and recipe in made:
+        return f"{name}, {counted}"
     if isinstance(recipe, FileMeshTable) and recipe.size is not None:
         return f"{name}, to be meshed with elements up to {recipe.size * 1e3:g} mm"
     return f"{name}, about {nodes:,} nodes"

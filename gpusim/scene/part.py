@@ -9,12 +9,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
+from gpusim.scene.description.mesh import CAD_SUFFIXES
 from gpusim.scene.description.model import Body, CameraTable, OutputTable, SensorTable
 from gpusim.scene.scene import SECTIONS, Scene
 
@@ -45,7 +48,8 @@ class SceneParts:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._hashes = {
-            json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}" for path, sha256 in scene.files
+            json.dumps(path)[1:-1]: f"{sha256}{Path(path).suffix}{_mesher(path)}"
+            for path, sha256 in scene.files
         }
         # files that the files name, by these names; the scene's own are what they hold
         self._included = "".join(
@@ -94,6 +98,8 @@ class SceneParts:
             return tuple(prop.model_copy(update={"poses_": None}) for prop in whole)
         if section == "output.truth":
             return OutputTable.model_construct(truth=whole.truth)
+        if section == "output.calibration":
+            return OutputTable.model_construct(calibration=whole.calibration)
         if section == "output.meshes":
             return OutputTable.model_construct(vtu=whole.vtu, stl=whole.stl, stress=whole.stress)
         if head == "camera":
@@ -102,6 +108,14 @@ class SceneParts:
         if head == "body" and len(rest) == 2:
             return tuple(_cut(body, rest[1]) for body in _named(whole, rest[:1]))
         return _named(whole, rest) if rest else whole
+
+
+def _mesher(path: str) -> str:
+    """What a CAD file's mesh depends on beside the file: another Gmsh makes other nodes."""
+    is_cad = Path(path).suffix.lower() in CAD_SUFFIXES
+    with suppress(PackageNotFoundError):  # some other Gmsh, of which nothing is known, or none
+        return version("gmsh") if is_cad else ""
+    return ""
 
 
 def _named(tables: tuple[Any, ...], names: list[str]) -> tuple[Any, ...]:

@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ from gpusim.scene.faults.key_paths import (
     with_names,
 )
 
+from .camera_tables import CameraTables
 from .description import model
 from .description.measure_table import TABLES
 from .description.scene_table import SceneTable
@@ -72,7 +74,7 @@ class Scene:
     props: tuple[model.Prop, ...]
     analysis: model.AnalysisTable
     solver: model.SolverTable
-    cameras: tuple[model.CameraTable, ...]
+    cameras: CameraTables
     lights: tuple[model.Light, ...]
     render: model.RenderTable
     sensor: model.SensorTable
@@ -84,6 +86,15 @@ class Scene:
     source: str = field(default="scene", compare=False)
     files: tuple[tuple[str, str], ...] = ()
     __repr__ = field_summary
+
+    def __post_init__(self) -> None:
+        tables = CameraTables(self.cameras)
+        tables.read = self.input
+        object.__setattr__(self, "cameras", tables)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what was made of it."""
+        return {name: value for name, value in vars(self).items() if not name.startswith("_")}
 
     @classmethod
     def from_document(
@@ -168,6 +179,36 @@ class Scene:
         """
         return notebook_view(self, camera, size)
 
+    def surfaces(self, frame: int | None = None) -> list[Any]:
+        """Bodies and props in a frame (None: unloaded), deformed and painted, as `gs.render` takes
+        them. Meshes and solution are made once. Raises InputError, and what a run raises.
+
+        Examples
+        --------
+        >>> scene = gs.load_scene("bar.toml")
+        >>> gs.render(scene.surfaces(1), scene.cameras()["side"], backend="numpy").radiance.shape
+        (120, 450)
+        """
+        surfaces: list[Any] = self._contents.surfaces(frame)
+        return surfaces
+
+    def solution(self) -> dict[str, Any]:
+        """By body: ``mesh``, and ``displacement`` and ``reactions`` in a frame
+        (`gpusim.pipeline.runner.scene_contents.BodySolution`); solved, or read from its field.
+
+        Examples
+        --------
+        >>> gs.load_scene("bar.toml").solution()["bar"].displacement(1).shape
+        (78, 3)
+        """
+        solutions: dict[str, Any] = self._contents.body_solutions()
+        return solutions
+
+    @cached_property
+    def _contents(self) -> Any:
+        # what reads scenes knows no numerics
+        return import_module("gpusim.pipeline.runner.scene_contents").scene_contents(self)
+
     @property
     def measures_space(self) -> bool:
         """Whether something is measured with the cameras that [calibration] calibrates."""
@@ -193,15 +234,6 @@ class Scene:
         if path not in known:
             raise InputError(f"{path}: no file of {self.source}; expected one of {list(known)}")
         return read_input(path, sha256=known[path], known=known)
-
-    @property
-    def has_cad(self) -> bool:
-        """Whether a body is meshed from a CAD file, in any variant."""
-        states = [self.variant(variant.name) for variant in self.variants] or [self]
-        meshes = [body.mesh for state in states for body in state.bodies]
-        return any(
-            isinstance(mesh, model.FileMeshTable) and mesh.size is not None for mesh in meshes
-        )
 
     def sensor_of(self, camera: str) -> model.SensorTable:
         """The sensor of the camera of that name: its own, or that of all. Raises KeyError."""

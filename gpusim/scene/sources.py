@@ -8,14 +8,24 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from gpusim.errors import nearest_name, require
 
 Document = dict[str, Any]
 _GONE = object()
+
+
+class Effect(NamedTuple):
+    """What it is ``about``, and what takes it out of a document: of which tables which keys, if
+    they are there, become what."""
+
+    about: str
+    changes: Mapping[str, Mapping[str, Any]]
+
+
 _SENSOR, _OWN_SENSOR, _CAMERA, _LENS = "sensor", "camera.sensor", "camera", "camera.lens"
-_FINEST_BITS = 16
+_FINE, _EXPOSED = {"bits": 16}, {"exposure": "auto"}
 _NOISE = dict.fromkeys(
     ("read_noise_e", "dark_current_e_per_s", "dsnu_e", "prnu_percent", "full_well_e",
      "gain_DN_per_e", "preset", "black_level_DN", "seed"),
@@ -24,33 +34,27 @@ _NOISE = dict.fromkeys(
 _MOSAIC = {"bayer": _GONE, "bayer_response": _GONE, "demosaic": _GONE, "exposure": "auto"}
 _DEPTH_OF_FIELD = ("f_number", "focus_distance_mm", "focal_mm", "positions")
 
-SOURCES: Mapping[str, Mapping[str, Mapping[str, Any]]] = {
-    # shot, dark and read-out noise, pixels that differ; with them the black level
-    "noise": {_SENSOR: _NOISE, _OWN_SENSOR: _NOISE},
-    # grey values in whole numbers
-    "quantisation": {_SENSOR: {"bits": _FINEST_BITS}, _OWN_SENSOR: {"bits": _FINEST_BITS}},
-    # one chip under filters, where demosaicing makes up two colours of three
-    "mosaic": {_SENSOR: _MOSAIC, _OWN_SENSOR: _MOSAIC},
-    # the curve, which moves blurred edges
-    "gamma": {_SENSOR: {"gamma": _GONE}, _OWN_SENSOR: {"gamma": _GONE}},
-    # the lens's point spread and the gaps between pixels
-    "psf": {_LENS: {"psf": _GONE, "fill_factor": 1.0}},
-    "defocus": {_LENS: dict.fromkeys(_DEPTH_OF_FIELD, _GONE)},
-    # fall-off towards the corners
-    "vignetting": {_LENS: {"vignetting": _GONE}},
-    # as far as it stands in the scene, not in a calibration file
-    "distortion": {_CAMERA: {"distortion": []}},
-    # while the shutter is open
-    "motion": {_CAMERA: {"shutter": _GONE}},
-    # what surfaces hide of lamps and surroundings
-    "shadows": {"light": {"shadows": False, "occlusion": False}},
-    # uneven light, shadows included: every paint has its albedo's grey, and radiance is albedo
-    "light": {
-        "": {"light": []}, _SENSOR: {"exposure": "auto"}, _OWN_SENSOR: {"exposure": "auto"},
-    },
+SOURCES: Mapping[str, Effect] = {
+    "noise": Effect("shot, dark and read-out noise, pixels that differ, and the black level",
+                    {_SENSOR: _NOISE, _OWN_SENSOR: _NOISE}),
+    "quantisation": Effect("grey values in whole numbers", {_SENSOR: _FINE, _OWN_SENSOR: _FINE}),
+    "mosaic": Effect("one chip under colour filters: demosaicing makes up two colours of three",
+                     {_SENSOR: _MOSAIC, _OWN_SENSOR: _MOSAIC}),
+    "gamma": Effect("the curve of grey values, which moves blurred edges",
+                    {_SENSOR: {"gamma": _GONE}, _OWN_SENSOR: {"gamma": _GONE}}),
+    "psf": Effect("the lens's point spread, and gaps between pixels",
+                  {_LENS: {"psf": _GONE, "fill_factor": 1.0}}),
+    "defocus": Effect("depth of field", {_LENS: dict.fromkeys(_DEPTH_OF_FIELD, _GONE)}),
+    "vignetting": Effect("fall-off towards the corners", {_LENS: {"vignetting": _GONE}}),
+    "distortion": Effect("that of the lens, if it stands in the scene, not in a calibration file",
+                         {_CAMERA: {"distortion": []}}),
+    "motion": Effect("blur while the shutter is open", {_CAMERA: {"shutter": _GONE}}),
+    "shadows": Effect("what surfaces hide of lamps and surroundings",
+                      {"light": {"shadows": False, "occlusion": False}}),
+    "light": Effect("uneven light and its shadows: without, grey is the paint's albedo",
+                    {"": {"light": []}, _SENSOR: _EXPOSED, _OWN_SENSOR: _EXPOSED}),
 }  # fmt: skip
-"""What takes an effect out of a document: of which tables which keys, if they are there, become
-what."""
+"""Every effect by its name."""
 
 
 def _tables(document: Document, path: str) -> list[Document]:
@@ -104,7 +108,7 @@ def _without(document: Mapping[str, Any], names: Sequence[str]) -> Document:
             continue  # a raw one is a grey picture, whose channels nothing keeps apart
         if name == "light" and not result.get("light"):
             continue
-        for path, changes in SOURCES[name].items():
+        for path, changes in SOURCES[name].changes.items():
             for table in _tables(result, path):
                 table |= {key: value for key, value in changes.items() if key in table}
                 for key in [key for key, value in table.items() if value is _GONE]:

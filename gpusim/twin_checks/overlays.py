@@ -15,27 +15,29 @@ from gpusim.optics.geometry.view import look
 from gpusim.optics.rendering.renderer import render
 from gpusim.optics.visibility_buffer import VisibilityBuffer
 from gpusim.twin_checks.scenes import shadow_scene
-from gpusim.view.field_colors import (
-    SurfaceField,
-    corner_values,
-    draw_field_colors,
-    field_colors_twin,
-    finer,
-)
-from gpusim.view.overlay import Overlay, overlay_twin, pixels_of
 from gpusim.view.picture.display import (
     display_twin,
     draw_enlarged,
     draw_frame,
     enlarged_twin,
 )
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.field_colors import (
+    SurfaceField,
+    corner_values,
+    draw_field_colors,
+    field_colors_twin,
+    finer,
+)
+from gpusim.visualization.overlay import Overlay, overlay_twin, pixels_of
+from gpusim.visualization.placement import Placement
 
 STEP = 1.0 / 255.0
 """Of a target of 8 bits."""
 
 
-@twin_check("view/overlay", Tolerance(2.5 * STEP, 0.0, "rounded once by every quad over a pixel"))
+@twin_check(
+    "visualization/overlay", Tolerance(2.5 * STEP, 0.0, "rounded once by every quad over a pixel")
+)
 def check_overlay(device: Device) -> Pairs:
     """Quads of every kind, some over others and over the border."""
     target = device.texture(97, 61, "rgba8unorm", "twin.overlay")
@@ -54,7 +56,7 @@ def check_overlay(device: Device) -> Pairs:
 
 
 @twin_check(
-    "view/field_colors",
+    "visualization/field_colors",
     Tolerance(2.1 * STEP, 0.0, "mean of four samples and their opacity, 8 bits each, to 8 bits"),
 )
 def check_field_colors(device: Device) -> Pairs:

@@ -5,18 +5,8 @@ What draws needs no window; ``rendercanvas`` and ``glfw`` (the extra ``[view]``)
 
 - `picture`: Pictures of what is shown: coarse while it moves, exact when it is still.
 - `content`: What is shown, from files, and solved meanwhile.
-- `turntable`: A camera that goes round a pivot with z up.
-- `glyphs`: Letters as small grey pictures, drawn by Pillow from the DejaVu Sans that comes with
-  matplotlib.
-- `overlay`: What is drawn over a picture: rectangles, lines, triangles and text, in one pass.
-- `field_colors`: A rendered picture coloured by a field: values of a body's nodes or elements at
-  every pixel.
-- `fields`: Fields of a solution by name: their values, unit and range, and the legend of their
-  colours.
 - `picking`: What is under a pixel: the body or prop, its element, node and field, and the material
   point.
-- `symbols`: Symbols in space, drawn over a picture through its camera: supports, loads, axes,
-  cameras, a grid.
 - `camera_marks`: What is drawn while one looks through a camera of the scene: its frame, its
   middle, its lens.
 - `keys`: What keys and the mouse do, in one table.

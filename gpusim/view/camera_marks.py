@@ -8,8 +8,8 @@ from gpusim.arrays.array_types import Float
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.geometry.view import View
 from gpusim.view.content.depth_of_field import DepthOfField
-from gpusim.view.overlay import Overlay, display_color
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.overlay import Overlay, display_color
+from gpusim.visualization.placement import Placement
 
 NEARER, FARTHER = "#ff8c1a", "#3d7dff"
 """What is too near to be sharp, and too far."""
@@ -22,8 +22,9 @@ LINES = 12
 
 
 def defocus_tint(sharp: DepthOfField, view: View) -> tuple[Float, tuple[float, float], Float]:
-    """Depths (T, 3), limits and colours for `gpusim.view.field_colors.draw_field_colors`: what is
-    nearer than a depth of field and what is beyond it in a colour each."""
+    """Depths (T, 3), limits and colours for
+    `gpusim.visualization.field_colors.draw_field_colors`: what is nearer than a depth of field and
+    what is beyond it in a colour each."""
     depth = view.vertices[view.corner, 2].astype(np.float64)
     far = min(sharp.far, max(float(depth.max(initial=0.0)), 2.0 * sharp.near))
     edge = (far - sharp.near) / (TINTS - 3)

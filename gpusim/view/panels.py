@@ -8,17 +8,19 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError
+from gpusim.export.field_catalogue import named_field
 from gpusim.view.camera_marks import (
     draw_distortion,
     draw_image_frame,
     draw_principal_point,
 )
-from gpusim.view.content.mesh_edges import element_edges
-from gpusim.view.fields import draw_legend, field_kind, format_value, legend_width
 from gpusim.view.keys import help_lines
-from gpusim.view.overlay import INK, PAPER, Overlay
-from gpusim.view.symbols import Symbols
 from gpusim.view.view_state import ViewState
+from gpusim.visualization.color_scale import format_value
+from gpusim.visualization.legend import draw_legend, legend_width
+from gpusim.visualization.mesh_edges import element_edges
+from gpusim.visualization.overlay import INK, PAPER, Overlay
+from gpusim.visualization.symbols import Symbols
 
 SIZE = 14
 """px of letters."""
@@ -127,7 +129,7 @@ def panels_taken(viewer: ViewState) -> tuple[float, float]:
     most, so that something is left to be seen."""
     right = 0.0
     if viewer.field_values and viewer.field is not None:
-        title = field_kind(viewer.field).label
+        title = named_field(viewer.field).label()
         right = 2.0 * EDGE + legend_width(viewer.overlay, viewer.color_scale, title, SIZE)
     below = BELOW if _has_slider(viewer) else 0.0
     return min(right, 0.5 * viewer.size[0]), min(below, 0.5 * viewer.size[1])
@@ -184,7 +186,7 @@ def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
     """The legend of a field, in the corner; returns how far down it goes."""
     if not viewer.field_values or viewer.field is None:
         return 0.0
-    title, right = field_kind(viewer.field).label, viewer.size[0] - EDGE
+    title, right = named_field(viewer.field).label(), viewer.size[0] - EDGE
     tall = min(max(viewer.size[1] - 20.0 * SIZE, 4.0 * SIZE), 240.0)
     return EDGE + draw_legend(overlay, viewer.color_scale, title, right, EDGE, tall, SIZE)[1]
 
@@ -275,8 +277,8 @@ def _selection_lines(viewer: ViewState, at: Float, moved: Float, pixel: Float) -
     if content.moves and found.element is not None:
         lines.append(f"moved by {mm(moved)}")
     if viewer.field is not None and viewer.field_values and found.node is not None:
-        kind = field_kind(viewer.field)
-        place = found.element if kind.by_cell else found.node
+        kind = named_field(viewer.field)
+        place = found.element if kind.place == "elements" else found.node
         value = format_value(float(viewer.field_values[found.surface][place]))
         lines.append(f"{kind.title} {value} {kind.unit}")
     return lines

@@ -14,7 +14,7 @@ from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import View
 from gpusim.surface import Skin
 from gpusim.surface.surface import Surface
-from gpusim.view.field_colors import barycentric
+from gpusim.visualization.field_colors import barycentric
 
 
 @dataclass(frozen=True, eq=False)

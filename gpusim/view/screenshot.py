@@ -12,8 +12,8 @@ import numpy.typing as npt
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.images import write_image
 from gpusim.validation import require
-from gpusim.view.overlay import pixels_of
 from gpusim.view.viewer import Viewer
+from gpusim.visualization.overlay import pixels_of
 
 FORMAT = "rgba8unorm"
 

@@ -12,9 +12,11 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError, InputError
+from gpusim.export.field_catalogue import named_field
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
+from gpusim.pipeline.scene_objects.surfaces import counts_of
 from gpusim.scene.description.table import FileUnit
 from gpusim.surface.color import Color
 from gpusim.view.camera_marks import defocus_tint
@@ -23,14 +25,14 @@ from gpusim.view.content.content import Content
 from gpusim.view.content.depth_of_field import DepthOfField
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
-from gpusim.view.field_colors import corner_values, draw_field_colors
-from gpusim.view.fields import ColorScale, field_kind, scale_of, surface_field
-from gpusim.view.overlay import Overlay
 from gpusim.view.picking import Pick
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
-from gpusim.view.picture.placement import Placement
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
-from gpusim.view.turntable import Turntable
+from gpusim.visualization.color_scale import ColorScale, scale_of
+from gpusim.visualization.field_colors import corner_values, draw_field_colors, surface_field
+from gpusim.visualization.overlay import Overlay
+from gpusim.visualization.placement import Placement
+from gpusim.visualization.turntable import Turntable
 
 MESSAGE_SECONDS = 4.0
 """How long a message stands in the window."""
@@ -120,7 +122,7 @@ class ViewState:
                 self.solver.stop()
                 self.solver = None
             if found.unloaded and self.solves and found.objects is not None:
-                self.solver = BackgroundSolver(found.objects.scene)
+                self.solver = BackgroundSolver(found.objects.scene, counts_of(found.objects.bodies))
         self._white, self.selected = None, None
         self.frame = min(self.frame, found.frames - 1)
         if self.through is not None and self.through >= len(found.cameras):
@@ -242,7 +244,7 @@ class ViewState:
             self.field = None
             raise InputError(f"view --field; got {name!r} for a mesh; expected a scene or a run")
         if name is not None and content is not None:
-            kind, solved = field_kind(name), not self.has_field(name)
+            kind, solved = named_field(name), not self.has_field(name)
             self.field_values = [
                 kind.values(content.state(number, self.frame, solved))
                 for number in range(len(content.skins))
@@ -311,7 +313,7 @@ class ViewState:
             self.changed()
 
     def draw(self, target: Any, whole: bool = False) -> bool:
-        """Draw it over a target (`gpusim.view.overlay.Target`); ``whole``: at full quality.
+        """Draw it over a `gpusim.visualization.overlay.Target`; ``whole``: at full quality.
 
         Whether there is more to be drawn, as soon as keys and the mouse have been heard.
         """
@@ -362,9 +364,9 @@ class ViewState:
         """The colours of the field over the picture."""
         base = self.picture.base
         assert base is not None and self.field is not None and self.content is not None
-        kind, skins = field_kind(self.field), self.content.skins
+        kind, skins = named_field(self.field), self.content.skins
         fields = [
-            surface_field(skin, kind, values)
+            surface_field(skin, values, kind.place == "elements")
             for skin, values in zip(skins, self.field_values, strict=True)
         ]
         scale, values = self.color_scale, corner_values(base.view, self.surfaces(), fields)

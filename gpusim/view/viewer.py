@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.view.fields import FIELDS
+from gpusim.export.field_catalogue import BODY
 from gpusim.view.keys import KEYS
-from gpusim.view.overlay import Overlay
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
 from gpusim.view.picking import pick
-from gpusim.view.picture.placement import Placement
-from gpusim.view.turntable import camera_lines
 from gpusim.view.view_state import ViewState
+from gpusim.visualization.overlay import Overlay
+from gpusim.visualization.placement import Placement
+from gpusim.visualization.turntable import camera_lines
 
 CLICK = 4.0
 """px that the mouse may move in a click."""
@@ -126,7 +126,7 @@ class Viewer(ViewState):
         self.changed()
 
     def next_field(self) -> None:
-        names = [None, *(name for name in FIELDS if self.has_field(name))]
+        names = [None, *(name for name in BODY if self.has_field(name))]
         now = names.index(self.field) if self.field in names else 0
         self.show_field(names[(now + 1) % len(names)])
         if len(names) == 1:

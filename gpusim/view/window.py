@@ -10,9 +10,9 @@ from gpusim.errors import InputError
 from gpusim.interrupts import DelayedSignals
 from gpusim.parallel.blas_threads import one_blas_thread
 from gpusim.validation import require
-from gpusim.view.overlay import Target
 from gpusim.view.screenshot import save_screenshot
 from gpusim.view.viewer import Viewer
+from gpusim.visualization.overlay import Target
 
 TITLE = "gpusim view"
 

@@ -212,5 +212,5 @@ def test_cameras_are_calibrated_from_arrays(tmp_path: Path) -> None:
     assert set(done.files) == written(tmp_path / "out") and done.missed == []
     again = calibrate_files(frames, board, tmp_path / "again", lens="pinhole")
     assert again.calibration.rms == pytest.approx(done.calibration.rms, rel=1e-6)
-    with pytest.raises(InputError, match="`formats`: got 'excel'"):
+    with pytest.raises(InputError, match="`formats`; got 'excel'"):
         calibrate_files([list(frames)], board, tmp_path / "out", formats=["excel"])

@@ -66,7 +66,7 @@ def test_a_pair_is_calibrated_and_written(pictures: Path, tmp_path: Path) -> Non
         (["--board", "9by8"], "COLUMNSxROWS"),
         (["--format", "excel"], "got 'excel'"),
         (["--format", "opencv", "--format", "kalibr"], "kalibr: can't hold 1 camera with --lens"),
-        (["--lens", "fisheye"], "got 'fisheye'"),
+        (["--lens", "fisheye"], "'fisheye' is not one of"),
         (["--with", "nowhere"], "nowhere: not found"),
     ],
 )

@@ -189,3 +189,48 @@ def test_pages_of_a_stack_are_named_or_all_taken(cli: Run, tmp_path: Path) -> No
         "stack.tif#3",
     ]
     assert [round(row["u_mean"], 2) for row in rows] == [0.0, 2.0, 0.0]
+
+
+def test_settings_are_advised_and_why_is_a_page(cli: Run, tmp_path: Path) -> None:
+    for number in range(2):
+        noise = np.random.default_rng(number).normal(size=(140, 150))
+        picture = np.clip(np.rint(speckles(150, 140) + 3.0 * noise), 0, 255).astype(np.uint8)
+        cv2.imwrite(str(tmp_path / f"still {number}.png"), picture)
+    first, second, out = tmp_path / "still 0.png", tmp_path / "still 1.png", tmp_path / "out"
+    options = ("--advise", "--detail-px", 60, "--backend", "numpy", "--roi", "2,3,140,135")
+    done = cli("dic", first, second, "-o", out, *options, "--json")
+    assert done.exit_code == 0, done.output
+    report = json.loads(done.stdout)
+    assert report == json.loads((out / "report.json").read_text())
+    settings = report["settings"]
+    command = f"gpusim dic '{first}' DEF... -o OUT --roi 2,3,140,135 --subset {settings['subset']}"
+    assert report["command"].startswith(command)
+    assert report["pattern"]["noise"] == pytest.approx(3.0, rel=0.1)
+    assert report["chosen"]["strain"]["total"] > 0
+    noise = [one["strain"]["noise"] for one in report["table"]]
+    assert noise == sorted(noise, reverse=True)
+    page = (out / "report.html").read_text()
+    assert report["reason"].split(" by ")[0] in page
+    assert "--strain-window" in page
+    # what is advised can be used
+    words = report["command"].split(" --subset")[1].split()
+    again = cli("dic", first, second, "-o", tmp_path / "dic", "--subset", *words,
+                "--backend", "numpy")  # fmt: skip
+    assert again.exit_code == 0, again.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("ref.png",), "DEF...: missing"),
+        (("ref.png", "one.tif"), "--output: missing"),
+        (("ref.png", "one.tif", "two.png", "--advise"), "--advise; got 2 stills"),
+        (("ref.png", "--advise", "--noise", "-1"), "noise; got -1.0"),
+    ],
+)
+def test_missing_arguments_name_the_way_out(
+    cli: Run, pictures: Path, words: tuple[str, ...], message: str
+) -> None:
+    done = cli("dic", *(pictures / word if "." in word else word for word in words))
+    assert done.exit_code == 2
+    assert message in done.output

@@ -48,7 +48,7 @@ def test_every_kind_of_table_runs_on_parts_alone(
     assert kinds == {
         "mesh", "surface", "props", "meshes", "geometry", "model", "solve", "solution", "motion",
         "linear theory", "radiance", "exposure", "picture", "target", "calib-exposure",
-        "calib-picture", "truth", "measure", "stress", "export",
+        "calib-picture", "truth", "measure", "stress", "fields", "export", "calibration files",
     }  # fmt: skip
     before = made.copy()
     for number, scene in enumerate((first, second)):

@@ -50,8 +50,8 @@ def running(plan: Plan) -> set[str]:
 def test_a_new_run_of_the_crane(crane: Scene, tmp_path: Path) -> None:
     plan = make_plan(crane, tmp_path / "absent", "gpu")
     assert [stage.name for stage in plan.stages] == [
-        "mesh", "model", "solve", "surface", "render/front/0000", "render/front/0001", "truth",
-        "measure", "stress", "export", "report",
+        "mesh", "model", "solve", "surface", "render/front/0000", "render/front/0001",
+        "truth/front", "truth", "measure", "stress", "export", "report",
     ]  # fmt: skip
     assert running(plan) == set(states(plan)) - {"stress"}
     assert plan["stress"].reason == "not asked for: [output] stress is false"
@@ -81,28 +81,32 @@ def test_nothing_changed(crane: Scene, tmp_path: Path) -> None:
     assert "render/front/0000" in running(make_plan(crane, tmp_path, "numpy"))
 
 
+TRUTH = "truth/front", "truth"
+
+
 @pytest.mark.parametrize(
     ("key", "value", "runs"),
     [
         ("camera.front.focal_mm", 31.0,
-         {"mesh", "surface", "render/front/0000", "render/front/0001", "truth", "measure"}),
+         {"mesh", "model", "surface", "render/front/0000", "render/front/0001", *TRUTH,
+          "measure"}),
         ("light.lamp-far.power_W", 30.0,
          {"mesh", "surface", "render/front/0000", "render/front/0001", "measure"}),
         ("body.crane.load.weight.force_N.2", -12.0,
-         {"mesh", "model", "solve", "surface", "render/front/0001", "truth", "measure", "export"}),
+         {"mesh", "model", "solve", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
         ("solver.tolerance", 1e-7,
-         {"mesh", "model", "solve", "surface", "render/front/0001", "truth", "measure", "export"}),
+         {"mesh", "model", "solve", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
         ("analysis.load_factors", [0.0, 1.0, 2.0],
-         {"mesh", "surface", "render/front/0002", "truth", "measure", "export"}),
+         {"mesh", "model", "surface", "render/front/0002", *TRUTH, "measure", "export"}),
         ("analysis.load_factors", [0.0, 0.5],
-         {"mesh", "surface", "render/front/0001", "truth", "measure", "export"}),
+         {"mesh", "model", "surface", "render/front/0001", *TRUTH, "measure", "export"}),
         ("measure.deflection.subset_px", 15, {"mesh", "surface", "measure"}),
         ("output.vtu", False, {"mesh", "surface", "export"}),
-        ("output.truth", ["flow"], {"mesh", "surface", "truth"}),
+        ("output.truth", ["flow"], {"mesh", "surface", *TRUTH}),
         ("output.truth", [], set()),
         ("name", "Another crane", {"mesh", "surface", "truth"}),  # which says whose it is
         ("body.crane.paint.steel.albedo", 0.3,
-         {"mesh", "surface", "render/front/0000", "render/front/0001", "truth", "measure",
+         {"mesh", "surface", "render/front/0000", "render/front/0001", *TRUTH, "measure",
           "export"}),
     ],
 )  # fmt: skip
@@ -225,7 +229,7 @@ def test_skipped_because_the_scene_does_not_need_it(crane: Scene) -> None:
     assert reasons["render"] == "no [[camera]]"
     assert reasons["measure"] == "not asked for: no [[measure]]"
     assert reasons["truth"] == "not asked for: [output] truth is empty"
-    assert reasons["export"] == "not asked for: neither vtu nor stl in [output]"
+    assert reasons["export"] == "not asked for: neither vtu, stl nor calibration in [output]"
     moved = document["body"][0]["support"][0]
     moved["displacement_mm"] = [0.0, 0.0, 1.0]
     assert make_plan(Scene.from_document(document))["solve"].runs

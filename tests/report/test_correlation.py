@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpusim.export.measured_fields import FieldMap
+from gpusim.export.field_catalogue import FieldMap
 from gpusim.report.correlation import _readable, _said
 
 

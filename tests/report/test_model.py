@@ -55,6 +55,8 @@ def test_json_is_exactly_the_documented_shape() -> None:
         },
         "mesh": [],
         "mechanics": None,
+        "fields": [],
+        "load_path": None,
         "measurements": [
             {
                 "name": "tip",

@@ -18,9 +18,11 @@ import pytest
 from gpusim.errors import InputError
 from gpusim.export import write_image
 from gpusim.report import (
+    FieldPicture,
     Figure,
     FramePair,
     Link,
+    LoadPath,
     Measurement,
     Overlay,
     Report,
@@ -36,7 +38,7 @@ from gpusim.report.figures import (
     draw_overlay,
     draw_series,
 )
-from gpusim.report.html import page_pair
+from gpusim.report.html import SLIDE_BYTES, page_pair, slides_of
 
 VOID = {"meta", "link", "img", "input", "br", "source", "hr"}
 
@@ -238,6 +240,8 @@ def test_crops_show_the_named_pixels_unchanged(tmp_path: Path, bits: int, said: 
     assert np.array_equal(decoded(corner_other)[::4, ::4], eight_other[:72, 258:])
     assert decoded(pair.reference).shape == shape
     assert decoded(pair.reference).mean() == pytest.approx(eight.mean(), abs=1.5)
+    least = page_pair(FramePair("front", a, b, "", bits=said), room=9000)
+    assert len(least.deformed) < 1.5 * 9000 < len(pair.deformed)
 
 
 def test_frames_and_crops_keep_their_colours(tmp_path: Path) -> None:
@@ -292,3 +296,76 @@ def test_figures_of_awkward_data(tmp_path: Path) -> None:
     still = Overlay("o", image, np.ones((1, 2)), np.zeros((1, 2)))
     assert draw_overlay(still, tmp_path / "f.png").caption == "1 of 1 markers tracked."
     assert not (tmp_path / "e.png").exists()
+
+
+def textured(folder: Path, count: int) -> list[tuple[str, Path]]:
+    """Pictures that JPEG makes little of, the k-th with its number as its mean."""
+    rng = np.random.default_rng(3)
+    noise = rng.integers(-40, 40, (400, 600))
+    return [
+        (f"time {k}", write_image(folder / f"{k}.png", (noise + 60 + k).astype(np.uint8)))
+        for k in range(count)
+    ]
+
+
+def test_a_slider_thins_out_ends_with_the_last_and_keeps_to_its_share(
+    tmp_path: Path,
+) -> None:
+    pictures = textured(tmp_path, 60)
+    shown = slides_of("camera front", "", pictures, 0.2)
+    assert [slide.label for slide in shown.slides] == [f"time {k}" for k in range(2, 60, 3)]
+    assert shown.shown == "1 in 3 of 60 frames"
+    assert sum(len(slide.uri) for slide in shown.slides) < 1.5 * 0.2 * SLIDE_BYTES
+    for slide in (shown.slides[0], shown.slides[-1]):
+        number = int(slide.label.split()[1])
+        assert decoded(slide.uri).mean() == pytest.approx(60 + number, abs=1.5)
+    few = slides_of("camera front", "", pictures[:3], 1.0)
+    assert few.shown == "3 frames" and decoded(few.slides[0].uri).shape == (400, 600)
+
+
+def test_frames_and_figures_over_frames_have_sliders(tmp_path: Path) -> None:
+    pictures = textured(tmp_path, 3)
+    maps = tuple(
+        partial(Figure, path, "exx", f"map {k}", frame=label)
+        for k, (label, path) in enumerate(pictures)
+    )
+    alone = partial(Figure, pictures[0][1], "a plot", "alone")
+    pair = FramePair("front", pictures[0][1], pictures[2][1], "", frames=tuple(pictures))
+    report = Report("a", "b", "done", figures=(alone, *maps), frames=(pair,))
+    text = write_report(report, tmp_path).html.read_text("utf-8")
+    page = Page(text)
+    assert text.count("data-slides>") == 2 and text.count('class="shown"') == 2
+    assert page.text.count("exx") == 1 and "map 2 3 frames." in page.text
+    assert page.tags.count("output") == 2 and page.tags.count("dialog") == 1
+    # the last frame is what is seen without the script, and on paper
+    last = re.findall(r'data-label="([^"]*)" class="shown"', text)
+    assert last == ["time 2", "time 2"]
+
+
+def test_a_scene_that_measures_nothing_begins_with_its_bodies(tmp_path: Path) -> None:
+    write_image(tmp_path / "fields/displacement.png", np.full((40, 60, 3), 200, np.uint8))
+    field = FieldPicture("displacement", "displacement", "mm", 1.958, "bar", (240.0, 10.0, 0.0), 1,
+                         5.0, "fields/displacement.png")  # fmt: skip
+    path = LoadPath("bar", (240.0, 10.0, 0.0), "load factor", (0, 1, 2), (0.0, 0.5, 1.0),
+                    (0.0, 0.979, 1.958), (0.0, 25.0, 50.0))  # fmt: skip
+    report = Report("a", "b", "done", fields=(field,), load_path=path,
+                    highlights={"Largest displacement": ("1.958 mm", "at the end")},
+                    solution=SolutionSummary(3600, 1, True, 1e-9))  # fmt: skip
+    paths = write_report(report, tmp_path)
+    text = paths.html.read_text("utf-8")
+    cards, rest = text[text.index('class="cards"') :].split("</section>", 1)
+    assert (
+        "1.958 mm" in cards and "3\u202f600" not in cards
+    )  # the number of unknowns is no headline
+    assert rest.lstrip().startswith("<section>\n  <h2>Deformed body")
+    assert "displacement: largest 1.958 mm, at (240.0, 10.00, 0) mm of bar." in Page(text).text
+    assert tmp_path / "figures/load-path.png" in paths.figures
+    assert path.stiffness == pytest.approx(50.0 / 1.958)
+    told = json.loads(paths.json.read_text("utf-8"))
+    assert told["fields"][0]["position_mm"] == [240.0, 10.0, 0.0]
+    assert told["load_path"]["reaction_N"] == [0.0, 25.0, 50.0]
+    measured = write_report(
+        Report("a", "b", "done", fields=(field,),
+               measurements=(Measurement.compare("tip", "mm", 1.9, 2.0),)), tmp_path
+    ).html.read_text("utf-8")  # fmt: skip
+    assert measured.index("Measured against true") < measured.index("Deformed body")

@@ -43,6 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     "motion": set(),
     "export": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene"},
     "report": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene", "export"},
+    "visualization": {"gpu", "mesh", "fem", "surface", "optics", "measure", "scene", "export"},
 }
 NUMERICS = set(ALLOWED)
 # Packages that put stages together, each with what it may see beside all of the above.
@@ -50,7 +51,7 @@ ALLOWED |= {
     "applications": NUMERICS - {"scene", "surface"},
     "graph": {"gpu"},
     "plan": {"gpu", "scene", "graph"},
-    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "view"},
+    "twin_checks": {"gpu", "mesh", "fem", "surface", "optics", "measure", "visualization", "view"},
     "bench": {"gpu", "mesh", "fem", "surface", "optics"},
     "pipeline": NUMERICS | {"graph", "plan"},
     "notebook": NUMERICS | {"pipeline", "view"},

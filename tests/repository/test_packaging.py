@@ -27,8 +27,8 @@ def test_wheel_holds_every_source_file_and_nothing_else(
     wheel: zipfile.ZipFile, checkout: Path
 ) -> None:
     expected = {
-        ("gpusim/" if folder == "shaders" else "") + path.relative_to(checkout).as_posix()
-        for folder in ("gpusim", "shaders")
+        ("" if folder == "gpusim" else "gpusim/") + path.relative_to(checkout).as_posix()
+        for folder in ("gpusim", "shaders", "examples")
         for path in (checkout / folder).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }

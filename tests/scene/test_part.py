@@ -24,7 +24,8 @@ SECTIONS = (
     "body.bar.paint", "body.bar.solid", "body.bar.formulation", "body.bar.name", "body.block",
     "body.block.mesh",
     "body.block.paint", "body.block.solid", "body.*.mesh", "body.*.name", "prop.still",
-    "body.*.mechanics", "sensor.response", "output.truth", "output.meshes", "measure.tip",
+    "body.*.mechanics", "sensor.response", "output.truth", "output.meshes",
+    "output.calibration", "measure.tip",
     "measure.space", "light.lamp",
 )  # fmt: skip
 """All that stages name, each by itself."""
@@ -169,6 +170,8 @@ CHANGES: Mapping[str, tuple[Callable[[dict[str, Any]], None], set[str]]] = {
     "measure": (set_at("measure", 1, "direction", "-x"), {"measure", "measure.tip"}),
     "stereo": (set_at("measure", 0, "lens", "radial"), {"measure", "measure.space"}),
     "vtu": (set_at("output", "vtu", False), {"output", "output.meshes"}),
+    "calibration files": (set_at("output", "calibration", ["dice"]),
+                          {"output", "output.calibration"}),
     "truth": (set_at("output", "truth", ["depth"]), {"output", "output.truth"}),
     "own sensor": (set_at("camera", 0, "sensor", "bits", 14), set()),  # the next test
 }  # fmt: skip

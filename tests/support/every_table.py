@@ -98,7 +98,7 @@ def everything() -> dict[str, Any]:
             {"name": "end", "type": "point", "camera": "left", "points_mm": [[200.0, 0.0, 5.0]],
              "names": ["end"], "subset_px": 21},
         ],
-        "output": {"vtu": True, "stl": True, "stress": True,
+        "output": {"vtu": True, "stl": True, "stress": True, "calibration": ["opencv", "vic"],
                    "truth": ["reference", "displacement", "depth", "flow", "region", "element",
                              "visibility", "normal", "cameras"]},
     }  # fmt: skip

@@ -15,9 +15,9 @@ from gpusim.gpu import Buffer, Device, twin_checks
 @pytest.mark.parametrize(
     ("stage", "label", "place"),
     [
-        ("view/overlay", "overlay.quads", 8),  # red of the first
-        ("view/field_colors", "view.values", 3),
-        ("view/field_colors", "view.colors", 5),
+        ("visualization/overlay", "overlay.quads", 8),  # red of the first
+        ("visualization/field_colors", "view.values", 3),
+        ("visualization/field_colors", "view.colors", 5),
         ("view/picture/display", "twin.band 1", 64 * 5 + 11),  # grey and red, first rows
         ("view/picture/display", "twin.band 6", 64 * 4 + 11),  # blue, last rows
         ("view/picture/enlarge", "twin.band 6", 64 * 4 + 11),

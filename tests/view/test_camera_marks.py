@@ -15,9 +15,9 @@ from gpusim.view.camera_marks import (
     draw_principal_point,
 )
 from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
-from gpusim.view.field_colors import draw_field_colors
-from gpusim.view.overlay import Overlay, pixels_of
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.field_colors import draw_field_colors
+from gpusim.visualization.overlay import Overlay, pixels_of
+from gpusim.visualization.placement import Placement
 from tests.support.view_bodies import camera_before, small_crane
 
 

@@ -47,11 +47,17 @@ def test_a_mesh_too_large_for_the_machine(
     assert "mesh: needs about 60.7 GB of memory" in viewer.fault
 
 
-def test_a_solution_too_large_for_any_machine(scene_path: Path) -> None:
+@pytest.mark.parametrize("of_a_file", [False, True])
+def test_a_solution_too_large_for_any_machine(
+    scene_path: Path, checkout: Path, of_a_file: bool
+) -> None:
     """Said by the process that would solve; where the mesh has room it is shown all the same."""
     text = scene_path.read_text(encoding="utf-8")
     scene_path.write_text(text.replace("[12, 2, 1]", "[3000, 1000, 100]"), encoding="utf-8")
-    solver = BackgroundSolver(load_scene(scene_path))
+    scene = load_scene(checkout / "examples" / "lug.toml" if of_a_file else scene_path)
+    # a file's mesh is as large as it was found to be
+    made = {scene.bodies[0].mesh: (300_000_000, 300_000_000)} if of_a_file else None
+    solver = BackgroundSolver(scene, made)
     try:
         end = time.monotonic() + 60.0
         while solver.running and time.monotonic() < end:

@@ -19,7 +19,7 @@ from gpusim.fem.elements.element_matrix import element_stiffness
 from gpusim.fem.elements.straight_tetrahedra import StraightTets, is_straight
 from gpusim.fem.lattice.lattice import Lattice
 from gpusim.fem.model.model import Model
-from gpusim.fem.sparse.matrix_product import shared
+from gpusim.parallel.threads import shared
 
 # spacings of a lattice that differ by less than this, relative, are one
 _SAME_SPACING = 2.0**-36

@@ -23,8 +23,9 @@ from gpusim.arrays.unique import mix, unique_hashes
 from gpusim.fem.assembly.element_batches import Elements, Group, repeating
 from gpusim.fem.model.model import Model, Solution
 from gpusim.fem.sparse.block_rows import ranges
-from gpusim.fem.sparse.matrix_product import add_rows, ahead, counting_sort, transpose_pattern
+from gpusim.fem.sparse.matrix_product import add_rows, counting_sort, transpose_pattern
 from gpusim.mesh import Mesh
+from gpusim.parallel.threads import ahead
 
 # elements whose blocks are formed and added at a time: they should stay in the cache
 _PORTION = 512

@@ -34,9 +34,9 @@ from gpusim.fem.elements.element import ELEMENTS
 from gpusim.fem.elements.isoparametric_map import add_to, determinant, inverse, times
 from gpusim.fem.model.model import Model
 from gpusim.fem.sparse.block_rows import BlockRows
-from gpusim.fem.sparse.matrix_product import shared
 from gpusim.fem.sparse.stiffness_product import apply_stiffness
 from gpusim.mesh import mesh_quality
+from gpusim.parallel.threads import shared
 
 # elements that are taken at a time, so that their numbers stay in the cache
 _PORTION = 1024

@@ -27,8 +27,8 @@ from gpusim.arrays.ragged import batches
 from gpusim.arrays.unique import mix
 from gpusim.fem.device.node_texels import Allocator
 from gpusim.fem.sparse.block_rows import BlockRows, ranges
-from gpusim.fem.sparse.matrix_product import ahead
 from gpusim.gpu.texture_array import Texels, most_texels
+from gpusim.parallel.threads import ahead
 
 SLICE = 8
 # nodes are sorted by the length of their rows within as many of them

@@ -27,7 +27,7 @@ from gpusim.arrays.unique import unique_rows
 from gpusim.fem.assembly.element_batches import Group
 from gpusim.fem.assembly.stiffness_rounding import indefinite
 from gpusim.fem.lattice.lattice import CORNERS, Lattice
-from gpusim.fem.sparse.matrix_product import shared
+from gpusim.parallel.threads import shared
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,8 @@ from gpusim.arrays.array_types import Bool, Float, Long, Real
 from gpusim.arrays.error_free_sums import two_sum
 from gpusim.arrays.unique import unique_rows
 from gpusim.fem.lattice.lattice import OFFSETS, Lattice
-from gpusim.fem.sparse.matrix_product import shared
 from gpusim.parallel.machine import processors
+from gpusim.parallel.threads import shared
 
 _Task = TypeVar("_Task")
 # nodes in a run: more waste work on zeros, fewer are slow to multiply

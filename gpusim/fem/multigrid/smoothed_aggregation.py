@@ -17,7 +17,8 @@ from gpusim.fem.lattice.stencil import StencilProduct
 from gpusim.fem.multigrid.column_blocks import Columns
 from gpusim.fem.multigrid.transfer import in_single
 from gpusim.fem.sparse.block_rows import block_diagonal, pattern, ranges
-from gpusim.fem.sparse.matrix_product import Product, ahead, row_shares, shared
+from gpusim.fem.sparse.matrix_product import Product, row_shares
+from gpusim.parallel.threads import ahead, shared
 
 _STRENGTH = 0.08
 # Coarse levels of slender bodies are chains. Aggregates several links long bend too stiffly there

@@ -7,10 +7,7 @@ alone.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -26,6 +23,7 @@ from gpusim.fem.sparse.block_rows import (
     invert_blocks,
 )
 from gpusim.parallel.machine import processors
+from gpusim.parallel.threads import shared
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -76,40 +74,6 @@ def add_block_product(
     _, high, wide = data.shape
     rows, columns = shape
     _sparsetools.bsr_matvec(rows, columns, high, wide, start, column, data.reshape(-1), x, into)
-
-
-@cache
-def _threads(count: int, process: int) -> ThreadPoolExecutor:
-    """A copy of a process (`gpusim.parallel.processes`) has none of its threads."""
-    del process
-    return ThreadPoolExecutor(count, thread_name_prefix="gpusim")
-
-
-def _pool() -> ThreadPoolExecutor:
-    """As many threads as there are processors for this one."""
-    return _threads(processors(), os.getpid())
-
-
-def shared(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """``work`` of each item in their order, on all processors that this thread may use; for work
-    that NumPy and SciPy do outside the interpreter lock. Not to be called by ``work`` itself."""
-    if processors() == 1 or len(items) == 1:
-        return [work(item) for item in items]
-    return list(_pool().map(work, items))
-
-
-def ahead(work: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:
-    """The same, at most a few beyond the one taken."""
-    threads = processors()
-    if threads == 1:
-        yield from map(work, items)
-        return
-    waiting = [_pool().submit(work, item) for item in items[:threads]]
-    for number in range(len(items)):
-        result = waiting.pop(0).result()
-        if number + threads < len(items):
-            waiting.append(_pool().submit(work, items[number + threads]))
-        yield result
 
 
 def row_shares(matrix: bsr_matrix, count: int) -> list[slice]:

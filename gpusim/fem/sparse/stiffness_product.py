@@ -13,7 +13,7 @@ from scipy.sparse import bsr_matrix
 
 from gpusim.arrays.array_types import Float, Long
 from gpusim.fem.sparse.block_rows import BlockRows, ranges
-from gpusim.fem.sparse.matrix_product import shared
+from gpusim.parallel.threads import shared
 
 # nodes of a task
 _CHUNK = 1024

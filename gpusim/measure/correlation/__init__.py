@@ -6,6 +6,7 @@ In the order in which data passes:
 - `matching`: What goes into matching subsets and what comes out, whichever way they are matched.
 - `image_pair`: A pair of images to be matched, on the host and in parts on a device.
 - `pixel_mask`: Pixels that carry no measurement: masked, not a number, or saturated over an area.
+- `plain_subsets`: Subsets that show nothing but noise: no start is worth a try there.
 - `start_values`: Where correlation starts: from subsets found to the nearest pixel, or large motion
   of features.
 - `icgn`: Match subsets of one image in another: inverse-compositional Gauss-Newton, ZNSSD.

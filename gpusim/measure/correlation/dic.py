@@ -132,18 +132,18 @@ def _measure_all(
         front.attempt(known, begin[known, :, 0], begin[known, :, 1:3])
     if begin is None or (earlier and not _found(front, known) >= MIN_FOUND_SEEDS):
         _seed(front, start, search_px)
+    front.give_up_plain()
     front.propagate()
     if front.extend_deformed():
         front.propagate()
     if begin is None:
-        lost = front.matches.status == Status.NO_GUESS
-        unreached = np.flatnonzero(lost | (front.attempts == 0))
+        unreached = np.flatnonzero(front.matches.status == Status.NO_GUESS)
         if unreached.size:
             front.search(unreached, search_px, np.zeros(2))
             front.propagate()
     else:
         # nothing led there; let the kernel say if it could have been measured at all
-        untried = np.flatnonzero(front.attempts == 0)
+        untried = np.flatnonzero(front.matches.status == Status.NO_GUESS)
         front.attempt(untried, np.zeros((untried.size, 2)), keep=False)
     front.retry_with_tolerances()
     front.recheck_outliers()
@@ -153,9 +153,11 @@ def _measure_all(
 
 def _seed(front: Front, start: Start, search_px: int) -> None:
     """Measure a coarse lattice of points without knowing where they went."""
-    chosen = seeds(front.points)
+    open_ = np.flatnonzero(~front.closed)
+    chosen = open_[seeds(front.points[open_])]
     if start != "features":
         front.search(chosen, search_px, np.zeros(2))
+        front.give_up_plain()
         if _found(front, chosen) < MIN_FOUND_SEEDS:
             shift = global_shift(*front.images)
             if np.abs(shift).max() > 0:
@@ -167,7 +169,7 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
 
 def _found(front: Front, chosen: Long) -> float:
     """Share of the points that have a texture which have been measured; 0 if there are none."""
-    open_ = chosen[front.matches.status[chosen] != Status.NO_TEXTURE]
+    open_ = chosen[front.measurable[chosen]]
     return float(front.ok[open_].mean()) if open_.size else 0.0
 
 

@@ -51,6 +51,8 @@ MIN_CONTRAST = 5e-4  # standard deviation of a subset over the grey range of the
 MIN_WEIGHT = 0.3  # share of the window that the mask must leave
 FASTEST = 0.03  # ratio of two steps that is trusted to go on
 MAX_NOISE = 0.75  # share of noise in the squared slopes that is reckoned with
+PATIENCE = 20  # iterations after which a subset counts as lost that has no more than …
+HOPELESS = 0.5  # … this share of the correlation that it needs
 CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
@@ -134,7 +136,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
     status = ref.status
     number = len(status)
     iterations = np.zeros(number, dtype=np.int32)
-    zncc, sigma = np.full(number, np.nan), np.full(number, np.nan)
+    zncc, sigma, residual = np.full((3, number), np.nan)
     low, scale = pair.deformed_range
     c = start.copy()
     contrast, level, before = np.ones(number), np.zeros(number), np.zeros(number)
@@ -164,6 +166,7 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         live = ge > 1e-10 * fe
         ge = np.where(live, ge, 1.0)
         zncc[active] = np.where(live, (fe - along) / np.sqrt(fe * ge), 0.0)
+        live &= (iteration < PATIENCE) | (zncc[active] >= HOPELESS * settings.min_zncc)
         level[active] -= mean / contrast[active]
         contrast[active] *= np.where(live, np.sqrt(fe / ge), 1.0)
         gradient = -np.einsum("ibn,bn->bi", ref.weighted[:, active], e)
@@ -176,15 +179,15 @@ def _correlate_chunk(subsets: Subsets, settings: Settings, part: slice) -> Corre
         lost = ~(live & (move <= settings.max_move))
         status[active[done & ~lost]] = Status.OK
         if done.any():
-            variance = (fe * rest - along**2) / ge / (ta - UNKNOWNS[shape] - 2)
+            variance = np.maximum(fe * rest - along**2, 0.0) / ge / (ta - UNKNOWNS[shape] - 2)
+            residual[active] = variance
             noise = settings.slope_noise * (1.0 - zncc[active]) * fe
             spread = np.maximum(*displacement_variance(ref.factor[active], shape, noise))
-            sigma[active] = np.sqrt(np.maximum(variance, 0.0) * spread)
+            sigma[active] = np.sqrt(variance * spread)
         active = active[~(done | lost)]
     status[(status == Status.OK) & ~(zncc >= settings.min_zncc)] = Status.LOW_CORRELATION
-    result = Correlation(c, zncc, sigma, iterations, status)
-    bad = ~result.ok
-    result.refuse(bad, status[bad])
+    result = Correlation(c, zncc, sigma, residual, iterations, status)
+    result.refuse(~result.ok, status[~result.ok])
     return result
 
 
@@ -238,7 +241,7 @@ def correlate(
     within: Bool = np.all(pair.reference.inside(corners[..., 0], corners[..., 1]), axis=1)
     target = np.rint(subsets.start[:, :, 0])
     which = np.flatnonzero(within)
-    values = np.full((within.size, 16), np.nan)
+    values = np.full((within.size, 17), np.nan)
     values[:, 13] = 0.0
     values[:, 14] = Status.OUTSIDE
     if which.size:
@@ -263,6 +266,7 @@ def correlate(
         np.where(good[:, None, None], values[:, :12].reshape(-1, 2, 6), np.nan),
         zncc,
         np.where(good, values[:, 15], np.nan),
+        np.where(good, values[:, 16], np.nan),
         values[:, 13].astype(np.int32),
         status,
     )
@@ -283,7 +287,7 @@ def _dispatch(
     pixel: Long,
     begin: Long,
 ) -> Float:
-    """Run the kernel over the subsets of a tile; (K, 16) raw rows as the shader writes them.
+    """Run the kernel over the subsets of a tile; (K, 17) raw rows as the shader writes them.
 
     ``which`` are the rows of ``subsets`` that ``pixel`` and ``begin`` (see ``plan_tiles``) and the
     tile count from.
@@ -301,19 +305,18 @@ def _dispatch(
     # the taps of a pixel reach from 2 before it to 3 behind, and SLACK may take the one before
     low, high = np.array([3, 3]), np.array([x1 - x0 - 4, y1 - y0 - 4])
     box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
-    covered = bool((box == image).all())
-    windowed = bool((settings.window != 1).any())
+    threads = THREADS_CPU if is_processor(device.info) else THREADS
     kernel = device.kernel(
         "measure/correlation/icgn",
         entry="main",
         constants={
             "shape": SHAPES.index(settings.shape),
             "unknowns": UNKNOWNS[settings.shape],
-            "threads": THREADS_CPU if is_processor(device.info) else THREADS,
-            "windowed": windowed,
+            "threads": threads,
+            "windowed": bool((settings.window != 1).any()),
         },
     )
-    result = device.empty(rows.size * 64, label="measure.icgn.result")
+    result = device.empty(rows.size * 68, label="measure.icgn.result")
     bindings = kernel.bind(
         params={
             "count": rows.size,
@@ -321,9 +324,10 @@ def _dispatch(
             "max_iterations": settings.max_iterations,
             "tolerance": settings.tolerance,
             "max_move": settings.max_move,
+            "least_zncc": HOPELESS * settings.min_zncc,
             "slope_noise": settings.slope_noise,
             "window_sum": float(settings.window.sum()),
-            "beyond": Status.OUTSIDE if covered else BEYOND_TILE,
+            "beyond": Status.OUTSIDE if (box == image).all() else BEYOND_TILE,
             "box": box,
         },
         reference=pair.texture(device, "reference", tile.reference, limits),
@@ -333,10 +337,10 @@ def _dispatch(
         starts=device.buffer(starts.astype(np.float32), label="measure.icgn.starts"),
         result=result,
     )
-    lines = -(-rows.size // 65535)
+    lines = -(-rows.size // (65535 * threads))
     with device.recording("measure.icgn") as recording:
-        recording.dispatch(kernel, bindings, groups=(-(-rows.size // lines), lines, 1))
-    values: Float = result.read(np.float32, (rows.size, 16)).astype(np.float64)
+        recording.dispatch(kernel, bindings, groups=(-(-rows.size // (lines * threads)), lines, 1))
+    values: Float = result.read(np.float32, (rows.size, 17)).astype(np.float64)
     return values
 
 

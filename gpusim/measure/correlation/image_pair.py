@@ -19,12 +19,14 @@ from gpusim.arrays.array_types import Bool, Float, Long, Single
 from gpusim.errors import InputError
 from gpusim.gpu import Device
 from gpusim.measure.images import SplineImage
+from gpusim.parallel.threads import shared
 from gpusim.validation import require
 
 Box = tuple[int, int, int, int]
 
 FORMATS = {1: "r32float", 4: "rgba32float"}
 SNAP = 256  # px: deformed boxes end on multiples, so that later calls find them uploaded
+BAND = 128  # lines of planes that a thread fills at once
 KEEP_PLANES = 1 << 22  # pixels of a reference crop: 134 MB of planes
 
 
@@ -169,7 +171,10 @@ class Pair:
         """Reference grey value, its slopes by x and y, and the mask: (h, w, 4), grey range 1."""
         height, width = self.reference.pixels.shape
         result = np.empty((height, width, 4))
-        self.fill_planes((0, 0, width, height), result)
+        bands = [(y, min(y + BAND, height)) for y in range(0, height, BAND)]
+        shared(
+            lambda band: self.fill_planes((0, band[0], width, band[1]), result[slice(*band)]), bands
+        )
         return result
 
     def planes_at(self, x: Long, y: Long, size: int) -> Float:

@@ -140,12 +140,14 @@ class Correlation:
     coefficients : (M, 2, 6) float64, px (see ``warp``).
     zncc : (M,) float64, correlation coefficient, NaN where it was never computed.
     sigma : (M,) float64, standard uncertainty of the worse displacement component, px.
+    residual : (M,) float64, variance of what the match leaves; the grey range is 1.
     iterations : (M,) int32.      status : (M,) int8, values of ``Status``.
     """
 
     coefficients: Float
     zncc: Float
     sigma: Float
+    residual: Float
     iterations: Int
     status: npt.NDArray[np.int8]
 
@@ -154,6 +156,7 @@ class Correlation:
         """``count`` subsets of which nothing is known."""
         return Correlation(
             np.full((count, 2, 6), np.nan),
+            np.full(count, np.nan),
             np.full(count, np.nan),
             np.full(count, np.nan),
             np.zeros(count, dtype=np.int32),
@@ -175,6 +178,7 @@ class Correlation:
         self.status[rows] = status
         self.coefficients[rows] = np.nan
         self.sigma[rows] = np.nan
+        self.residual[rows] = np.nan
 
 
 class PointResult:
@@ -258,9 +262,8 @@ def make_result(points: Float, matches: Correlation, subset: int, widening: Floa
     """
     coefficients = matches.coefficients
     gradient = coefficients[:, :, 1:3] / (subset // 2)
-    stretch = np.full(len(points), np.nan)
-    known = np.isfinite(gradient).all(axis=(1, 2))
-    stretch[known] = np.linalg.norm(np.eye(2) + gradient[known], ord=2, axis=(1, 2))
+    (a, b), (c, d) = (np.eye(2) + gradient).transpose(1, 2, 0)
+    stretch = 0.5 * (np.hypot(a + d, b - c) + np.hypot(a - d, b + c))  # largest singular value
     return DicResult(
         points=points,
         displacement=coefficients[:, :, 0].copy(),

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from gpusim.arrays.array_types import Bool, Float
+from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.arrays.grey import grey_of
 from gpusim.errors import InputError
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
@@ -68,7 +68,7 @@ class MaskedImage:
         status = np.full(len(points), Status.OUTSIDE, dtype=np.int8)
         x, y = column[inside].astype(np.int64), row[inside].astype(np.int64)
         masked, saturated = (
-            np.zeros(x.size) if part is None else _share(part, x, y, half)
+            np.zeros(x.size) if part is None else box_means(part.astype(np.uint8), x, y, half)
             for part in (self.masked, self.saturated)
         )
         some = np.maximum(masked, saturated) > 0
@@ -173,12 +173,23 @@ def full_scale(image: Image) -> float | None:
     return float(top)
 
 
-def _share(part: Bool, x: npt.NDArray[Any], y: npt.NDArray[Any], half: int) -> Float:
-    """Share of True in squares of 2 half + 1 px around pixels inside."""
-    table = cv2.integral(part.astype(np.uint8), sdepth=cv2.CV_64F)
+def box_means(values: npt.NDArray[Any], x: Long, y: Long, half: int) -> Float:
+    """Means over squares of 2 half + 1 px around pixels inside."""
+    table = cv2.integral(values, sdepth=cv2.CV_64F)
     x0, x1, y0, y1 = x - half, x + half + 1, y - half, y + half + 1
     total = table[y1, x1] - table[y0, x1] - table[y1, x0] + table[y0, x0]
     return np.asarray(total / (2 * half + 1) ** 2)
+
+
+def without_pixels(points: Float, shape: tuple[int, ...], half: int, mask: Bool | None) -> Bool:
+    """(M,) bool: points whose subset leaves an image of ``shape``, or is masked altogether."""
+    place = np.rint(points)
+    last = np.array(shape[::-1]) - 1 - half
+    closed = np.asarray(((place < half) | (place > last)).any(axis=1))
+    if mask is not None:
+        x, y = place[~closed].astype(np.int64).T
+        closed[~closed] = box_means(mask.astype(np.uint8), x, y, half) == 0.0
+    return closed
 
 
 def check_mask(mask: npt.NDArray[Any] | None, image: Image, blur_px: float) -> Bool | None:

@@ -20,9 +20,13 @@ from gpusim.gpu import Device
 from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
+from gpusim.measure.correlation.pixel_mask import box_means, without_pixels
+from gpusim.measure.correlation.plain_subsets import plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
 from gpusim.measure.images import Image, SplineImage, point_spacing
+from gpusim.parallel.machine import processors
+from gpusim.parallel.threads import shared
 
 NEIGHBOURS = 9
 SEED_EVERY = 8  # one seed per 8x8 points
@@ -31,7 +35,10 @@ ATTEMPTS = 4  # starts per point
 # shapes that follow a smooth field: what they leave is news
 FLEXIBLE_SHAPES = ("affine", "quadratic")
 OUTLIER_PX = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
-POOR_RESIDUAL = 1.5  # residual over the lower quartile of all points
+# 1 - correlation over the lower quartile of all points
+POOR_CORRELATION = 1.5
+# square of the standard deviations by which what is left must stand out, too: contrast isn't even
+POOR_RESIDUAL = 60.0
 # px: tolerances where the one asked for isn't reached
 RELAXED_TOLERANCES = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)
 MIN_SIGMA_RATIO = 10.0  # standard uncertainty over the tolerance that then is enough
@@ -40,8 +47,9 @@ MIN_SLOPE_CHANGE = 0.5
 CENTRE_SHARE = 0.6  # of a subset's width: its middle, asked by itself
 # lost neighbours that settle a doubt where noise hardly explains it, else twice as many
 MIN_REJECTED_NEIGHBOURS = 3
+UNMATCHED = (Status.NO_GUESS, Status.NOT_CONVERGED, Status.LOW_CORRELATION)
 BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
-MANY_ONE_SIDED = 0.1  # share of what was looked at that has no texture: look at everything
+MANY_STRIPED = 0.1  # share of what was looked at with slopes one way only: look at everything
 RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -78,15 +86,19 @@ class Front:
         inner = self.settings.half + 1.0
         # as far as a subset may go from a start within ``near`` before it counts as diverged
         outer = self.near + self.settings.max_move + 1.5 * inner
-        reference, deformed = (
-            SplineImage.from_image(image, _around(self.points, reach), blur_px=self.blur_px)
-            for image, reach in zip(self.images, (inner, outer), strict=True)
+        boxes = [_around(self.points, reach) for reach in (inner, outer)]
+        reference, deformed = shared(
+            lambda part: SplineImage.from_image(*part, blur_px=self.blur_px),
+            list(zip(self.images, boxes, strict=True)),
         )
         self.pair = Pair(reference, deformed, self.mask)
         count = len(self.points)
         self.matches = Correlation.unmatched(count)
         self.attempts = np.zeros(count, dtype=np.int64)
         self.source = np.full(count, -1, dtype=np.int64)
+        half = self.settings.half
+        self.closed = without_pixels(self.points, self.images[0].shape, half, self.mask)
+        self.matches.status[self.closed] = Status.OUTSIDE
 
     @property
     def ok(self) -> Bool:
@@ -94,9 +106,14 @@ class Front:
         return self.matches.ok
 
     @property
+    def measurable(self) -> Bool:
+        """(M,) bool: the points of which nothing says yet that they can't be measured."""
+        return np.asarray((self.matches.status != Status.NO_TEXTURE) & ~self.closed)
+
+    @property
     def _open(self) -> Bool:
         """(M,) bool: the points that could be measured and haven't been so far."""
-        return np.asarray(~self.ok & (self.matches.status != Status.NO_TEXTURE))
+        return np.asarray(~self.ok & self.measurable)
 
     def search(self, which: Long, search_px: int, shift: Float) -> None:
         """Start ``which`` from an integer search around the displacement ``shift`` (2,)."""
@@ -108,6 +125,24 @@ class Front:
         self.attempt(which[matched], start[matched])
         # without a place to start from, let the kernel say why: outside, or no texture
         self.attempt(which[~matched], start[~matched], keep=False)
+
+    def give_up_plain(self) -> None:
+        """Count as without texture, if tries failed, all points that show nothing but noise, no
+        stronger than what was left where others were matched."""
+        ok, status = self.ok, self.matches.status
+        failed = (self.attempts > 0) & ~ok & (status != Status.OUTSIDE)
+        if not (failed.any() and ok.any()):
+            return
+        image, half = self.images[0], self.settings.half
+        which = np.flatnonzero(np.isin(status, UNMATCHED))
+        if self.mask is not None:
+            x, y = np.rint(self.points[which]).astype(np.int64).T
+            which = which[box_means(self.mask.astype(np.uint8), x, y, half) == 1.0]
+        # what is left is noise of both images; a blur has taken most of it
+        left = np.quantile(self.matches.residual[ok], 0.9) * max(1.0, 4.0 * np.pi * self.blur_px**2)
+        noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
+        plain = plain_subsets(image, self.points[which], half, float(noise))
+        self.matches.refuse(which[plain], Status.NO_TEXTURE)
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
@@ -167,10 +202,13 @@ class Front:
         tolerance; a tenth of the standard uncertainty is as good a place to stop.
         """
         for tolerance in RELAXED_TOLERANCES:
-            which = np.flatnonzero(self.matches.status == Status.NOT_CONVERGED)
+            near = self.matches.zncc >= self.settings.min_zncc
+            which = np.flatnonzero((self.matches.status == Status.NOT_CONVERGED) & near)
             if len(self.points) < 2 or which.size == 0 or tolerance <= self.settings.tolerance:
                 continue
             source, near = self._best_neighbours(which)
+            # what is measured beside it must be nearly as uncertain
+            near &= self.matches.sigma[source] >= 0.5 * MIN_SIGMA_RATIO * tolerance
             start = self._extrapolated(which[near], source[near])
             self.attempt(which[near], *start, tolerance=tolerance)
 
@@ -179,13 +217,14 @@ class Front:
         if len(self.points) < 2:
             return
         while True:
-            source, near = self._best_neighbours(np.arange(len(self.points)))
-            usable = self._open & (self.attempts < ATTEMPTS) & near & (source != self.source)
-            which = np.flatnonzero(usable)
-            if which.size == 0:
+            which = np.flatnonzero(self._open & (self.attempts < ATTEMPTS))
+            source, near = self._best_neighbours(which)
+            usable = near & (source != self.source[which])
+            if not usable.any():
                 return
-            self.source[which] = source[which]
-            self.attempt(which, *self._extrapolated(which, source[which]))
+            which, source = which[usable], source[usable]
+            self.source[which] = source
+            self.attempt(which, *self._extrapolated(which, source))
 
     def recheck_outliers(self) -> None:
         """Look again at points that their neighbours would have put elsewhere.
@@ -201,30 +240,31 @@ class Front:
         self.matches.refuse(np.flatnonzero(lonely), Status.LOW_CORRELATION)
         ok = self.ok
         displacements = self.matches.coefficients[:, :, 0]
-        every = np.arange(len(displacements))
-        extrapolated = np.where(ok[neighbour][:, :, None], self._by_neighbours(every), np.nan)
-        enough = ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2)
-        which = np.flatnonzero(enough)
+        which = np.flatnonzero(ok & (ok[neighbour].sum(axis=1) >= NEIGHBOURS // 2))
+        extrapolated = self._by_neighbours(which)
+        # a median is away from a point only if a neighbour is
+        away = np.abs(extrapolated - displacements[which, None]) > RECHECK_PX
+        odd = away.any(axis=(1, 2))
+        which, extrapolated = which[odd], extrapolated[odd]
         if which.size == 0:
             return
-        middle = np.nanmedian(extrapolated[which], axis=1)
+        middle = np.nanmedian(extrapolated, axis=1)
         odd = np.abs(middle - displacements[which]).max(axis=1) > RECHECK_PX
         self.attempt(which[odd], middle[odd])
 
     def reject_discontinuities(self) -> None:
         """Give up subsets that see two motions, or something that isn't in both images.
 
-        Only those are looked at that stand out, and the neighbours of those that are torn.
+        Only those are looked at that stand out, and the neighbours of those that are refused.
         """
         if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
             return
         which = self._outliers()
-        one_sided = self._one_sided(which)
+        one_sided, striped = self._one_sided(which)
         # the pattern itself may have slopes one way only
-        if one_sided.any() and one_sided.mean() > MANY_ONE_SIDED:
+        if striped.any() and striped.mean() > MANY_STRIPED:
             others = np.setdiff1d(np.flatnonzero(self.ok), which)
-            which = np.concatenate([which, others])
-            one_sided = np.concatenate([one_sided, self._one_sided(others)])
+            self.matches.refuse(others[self._one_sided(others)[0]], Status.NO_TEXTURE)
         asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
@@ -236,9 +276,9 @@ class Front:
             self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
             if len(self.points) < NEIGHBOURS:
                 return
-            near = distinct(self._neighbours[which[torn]])
+            near = distinct(self._neighbours[which[torn | one_sided]])
             which = near[self.ok[near] & ~asked[near]]
-            one_sided = self._one_sided(which)
+            one_sided, _ = self._one_sided(which)
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
             self._resolve_uncertain(uncertain & self.ok, likely)
 
@@ -290,11 +330,14 @@ class Front:
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         alone = ~self.ok[neighbour].all(axis=1)
-        residual = 1.0 - self.matches.zncc[which]
-        poor = residual > POOR_RESIDUAL * np.quantile(residual, 0.25)
+        unlike = 1.0 - self.matches.zncc[which]
+        poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
+        residual = self.matches.residual[which]
+        usual = 1.0 + POOR_RESIDUAL / self.settings.window.sum()
+        poor &= residual > usual * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _one_sided(self, which: Long) -> Bool:
+    def _one_sided(self, which: Long) -> tuple[Bool, Bool]:
         zncc = self.matches.zncc[which]
         return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
 
@@ -302,7 +345,9 @@ class Front:
     def _neighbours(self) -> Long:
         """(M, 8) the points nearest to each, nearest first."""
         number = min(NEIGHBOURS, len(self.points))
-        nearest = scipy.spatial.cKDTree(self.points).query(self.points, k=number)[1]
+        nearest = scipy.spatial.cKDTree(self.points).query(
+            self.points, k=number, workers=processors()
+        )[1]
         return np.asarray(nearest, dtype=np.int64)[:, 1:]
 
     def _best_neighbours(self, which: Long) -> tuple[Long, Bool]:
@@ -329,7 +374,7 @@ class Front:
 
     def extend_deformed(self) -> bool:
         """Take in the whole deformed image if a point has left the part around the start."""
-        outside = self.matches.status == Status.OUTSIDE
+        outside = (self.matches.status == Status.OUTSIDE) & ~self.closed
         if not (outside.any() and self.ok.any()) or not self.take_whole_image():
             return False
         self.attempts[outside] = 0

@@ -17,6 +17,7 @@ import scipy
 
 from gpusim.arrays.array_types import Float, Single
 from gpusim.measure.images import Image
+from gpusim.parallel.threads import shared
 
 LOWEST = 0.7  # score over the best one that a peak as good may have between two pixels
 EQUAL_PEAK = 0.03  # less correlation than the best peak: as good
@@ -27,6 +28,7 @@ MODELS = 6
 MIN_MATCHES = 10  # matches that make a motion
 INLIER_PX = 0.008  # of the image diagonal: how far matches of one motion may differ from it
 NEIGHBOURS = 5
+TOGETHER = 16  # points that a thread searches one after the other
 
 
 def search_template(
@@ -100,15 +102,19 @@ def integer_search(
     displacement = guess.copy()
     score = np.full(points.shape[0], -1.0)
     height, width = reference.shape
-    for i, (x, y) in enumerate(points):
-        column, row = round(float(x)), round(float(y))
-        if not (half <= column < width - half and half <= row < height - half):
-            continue
-        template = reference[row - half : row + half + 1, column - half : column + half + 1]
-        target = (column + round(float(guess[i, 0])), row + round(float(guess[i, 1])))
-        best = search_template(template.astype(np.float64), deformed, target, search_px)
-        displacement[i] = best[0] - column, best[1] - row
-        score[i] = best[2]
+
+    def search(first: int) -> None:
+        for i in range(first, min(first + TOGETHER, len(points))):
+            column, row = np.rint(points[i]).astype(int).tolist()
+            if not (half <= column < width - half and half <= row < height - half):
+                continue
+            template = reference[row - half : row + half + 1, column - half : column + half + 1]
+            target = (column + round(float(guess[i, 0])), row + round(float(guess[i, 1])))
+            best = search_template(template.astype(np.float64), deformed, target, search_px)
+            displacement[i] = best[0] - column, best[1] - row
+            score[i] = best[2]
+
+    shared(search, range(0, len(points), TOGETHER))
     return displacement, score
 
 

@@ -18,6 +18,7 @@ from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
 from gpusim.measure.images import SplineImage
+from gpusim.parallel.threads import shared
 
 PARTS = 3  # parts along each side of a subset
 MIN_PART_PIXELS = 6.0  # px with weight that a part needs to be asked
@@ -48,7 +49,7 @@ CLEAR_SIGNIFICANCE = 4.0  # … more than this times MIN_SIGNIFICANCE: noise no 
 # times MIN_SIGNIFICANCE for a jump: the best of 576 lines fits noise better than one part does
 LINE_SIGNIFICANCE = 2.4
 MAX_SMOOTH_MOTION = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
-CHUNK = 1 << 20  # pixels handled at once
+CHUNK = 1 << 16  # pixels handled at once
 LINE_CHUNK = 64  # subsets asked for a jump at once: what they need stays in the cache
 MAX_REMAP_SIDE = 32_000  # px: sides of the images that cv2.remap takes
 
@@ -73,36 +74,40 @@ def inconsistent_subsets(
     """
     # blurred noise is correlated: it moves a part by more than its variance says
     sure = MIN_SIGNIFICANCE * max(1.0, 4.0 * np.pi * blur_px**2)
-    chunk = max(1, CHUNK // settings.window.size)
-    parts = [
-        _inconsistent_chunk(
-            pair, points[i : i + chunk], coefficients[i : i + chunk], settings, sure
-        )
-        for i in range(0, len(points), chunk)
-    ]
+    parts = shared(
+        lambda part: _inconsistent_chunk(pair, points[part], coefficients[part], settings, sure),
+        _chunks(len(points), settings),
+    )
     verdicts = np.concatenate(parts, axis=1) if parts else np.zeros((3, 0), dtype=np.bool_)
     return verdicts[0], verdicts[1], verdicts[2]
 
 
-def one_sided_texture(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Bool:
+def one_sided_texture(
+    pair: Pair, points: Float, zncc: Float, settings: Settings
+) -> tuple[Bool, Bool]:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
-    goes one way only.
+    goes one way only; and those of the second kind.
 
     A subset on the plain background of a body sees a strip of it at most. What an affine warp says
     of the point then is the strip's motion plus a badly known slope times the distance. Stripes say
     nothing of the way along them. ``zncc`` (M,) tells how much of the slopes is noise.
     """
-    chunk = max(1, CHUNK // (4 * settings.window.size))
-    parts = [
-        _leverage(pair, points[i : i + chunk], zncc[i : i + chunk], settings)
-        for i in range(0, len(points), chunk)
-    ]
+    parts = shared(
+        lambda part: _leverage(pair, points[part], zncc[part], settings),
+        _chunks(len(points), settings),
+    )
     if not parts:
-        return np.zeros(0, dtype=np.bool_)
+        return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
     lever, spread, striped = np.concatenate(parts, axis=1)
     # a bright edge within a good texture has a long lever too, but the point is well known
     far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * np.quantile(spread, 0.25))
-    return np.asarray(far | (striped > 0))
+    return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
+
+
+def _chunks(count: int, settings: Settings) -> list[slice]:
+    """Subsets in parts that stay in the cache."""
+    size = max(1, CHUNK // settings.window.size)
+    return [slice(first, first + size) for first in range(0, count, size)]
 
 
 def _leverage(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Float:

@@ -29,9 +29,10 @@ CAD_SUFFIXES = (".step", ".stp", ".brep", ".stl")
 
 
 # What Open CASCADE calls a shape that has no name.
-_NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND")
+_NAMELESS = ("Open CASCADE STEP translator", "SOLID", "COMPOUND", "NONE")
 _STL_ANGLE = 40.0  # degrees; a sharper bend between triangles is an edge of the body
 _TETRAHEDRON = 0.12  # volume of a regular one with edges of length 1
+_ON_FACES = 3.46  # tetrahedra in a layer, by the area of both its sides: three per two triangles
 _MAX_ELEMENTS = 1e8
 _BYTES_PER_ELEMENT = 300  # of what Gmsh takes
 _LIBRARIES = "libgl1 libglu1-mesa libxcursor1 libxft2 libxinerama1 libxrender1 libgomp1"
@@ -162,7 +163,7 @@ def _raw_mesh(file: InputFile, options: CadOptions) -> RawMesh:
         with file.on_disk() as copy:
             _load(gmsh, file, copy)
         _refuse_errors(gmsh, file.path)
-        volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2)
+        volumes, surfaces = _parts(gmsh, 3), _parts(gmsh, 2, _face_names(file))
         require(bool(volumes), f"{file.path}: no solid", f"{len(surfaces)} faces", "a closed body")
         _refuse_too_many(gmsh, file, options.size, options.scale)
         named: dict[str, list[tuple[int, int]]] = {}
@@ -206,16 +207,24 @@ def _refuse_too_many(gmsh: Any, file: InputFile, size: float, scale: float) -> N
         place = np.zeros((int(max(tags)) + 1, 3))
         place[tags.astype(np.int64)] = np.reshape(coordinates, (-1, 3))
         corners = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3).astype(np.int64)
-        volume = abs(float(np.linalg.det(place[corners]).sum())) / 6.0
+        triangles = place[corners]
+        volume = abs(float(np.linalg.det(triangles).sum())) / 6.0
+        sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        area = 0.5 * float(np.linalg.norm(sides, axis=1).sum())
     else:
-        volume = sum(gmsh.model.occ.getMass(3, tag) for _, tag in gmsh.model.getEntities(3))
-    count = volume * scale**3 / (_TETRAHEDRON * size**3)
+        volume, area = (
+            sum(gmsh.model.occ.getMass(*entity) for entity in gmsh.model.getEntities(dimension))
+            for dimension in (3, 2)
+        )
+    size = size / scale  # in the file's unit
+    # of a part that is thinner than its elements the faces decide
+    count = max(volume / (_TETRAHEDRON * size**3), _ON_FACES * area / size**2)
     most = min(_MAX_ELEMENTS, memory_limit() / _BYTES_PER_ELEMENT)
+    least = max((volume / (_TETRAHEDRON * most)) ** (1 / 3), (_ON_FACES * area / most) ** 0.5)
     if not count <= most:
         raise InputError(
-            f"{file.path}: size; got {size / scale:g} in the file's unit, which makes about "
-            f"{count:.1g} elements; expected at least "
-            f"{(volume / (_TETRAHEDRON * most)) ** (1 / 3):.2g}"
+            f"{file.path}: size; got {size:g} in the file's unit, which makes about "
+            f"{count:.1g} elements; expected at least {least:.2g}"
         )
 
 
@@ -249,11 +258,24 @@ def _load(gmsh: Any, file: InputFile, copy: Path) -> None:
     gmsh.model.occ.synchronize()
 
 
-def _parts(gmsh: Any, dimension: int) -> Parts:
+def _face_names(file: InputFile) -> list[str]:
+    """Names of the faces of a STEP file with one shell, in its order, which is that of Open
+    CASCADE; Gmsh leaves them out. Empty for other files."""
+    text = file.data.decode("latin-1") if file.suffix in (".step", ".stp") else ""
+    shells = re.findall(r"_SHELL\s*\(\s*'[^']*'\s*,\s*\(([^)]*)\)", text)
+    names = dict(re.findall(r"(#\d+)\s*=\s*ADVANCED_FACE\s*\(\s*'([^']*)'", text))
+    return [names.get(one.strip(), "") for one in shells[0].split(",")] if len(shells) == 1 else []
+
+
+def _parts(gmsh: Any, dimension: int, names: Sequence[str] = ()) -> Parts:
+    """``names``: of the parts in their order, where they are as many."""
     word = "solid" if dimension == 3 else "face"
     parts: Parts = {}
-    for number, (_, tag) in enumerate(gmsh.model.getEntities(dimension), start=1):
+    entities = gmsh.model.getEntities(dimension)
+    for number, (_, tag) in enumerate(entities, start=1):
         label = str(gmsh.model.getEntityName(dimension, tag)).rsplit("/", maxsplit=1)[-1].strip()
+        if not label and len(names) == len(entities):
+            label = names[number - 1].strip()
         parts[tag] = [f"{word}_{number}"]
         if label and not label.startswith(_NAMELESS):
             parts[tag].append(label)

@@ -53,6 +53,12 @@ def cached_cad_mesh(path: str | PathLike[str] | InputFile, **options: Any) -> Me
     return grid
 
 
+def is_kept(path: str | PathLike[str] | InputFile, **options: Any) -> bool:
+    """Whether `cached_cad_mesh` has made this mesh before, and has kept it."""
+    place = _place(read_input(path, "a CAD file"), options)
+    return place is not None and place.is_file()
+
+
 def _place(file: InputFile, options: dict[str, Any]) -> Path | None:
     """Where the mesh is kept; None: nowhere."""
     folder = cache_folder()

@@ -9,4 +9,6 @@ In the order in which data passes:
 - `rig_formats`: Files of whole rigs: Kalibr's camchain, MatchID's .caldat, VIC-3D's and DICe's
   XML.
 - `formats`: Cameras from and to the calibration files of other programs.
+- `lens_fit`: A camera as near as a calibration format comes to it, and how far off that is.
+- `calibration_files`: The calibration files of a rig, as each program wants to have them.
 """

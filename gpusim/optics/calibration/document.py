@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -269,23 +270,19 @@ def number(text: object, where: str) -> float:
 
 def from_angles(first: float, second: float, third: float) -> Float:
     """Rz(third) Ry(second) Rx(first), degrees."""
-    (ca, cb, cc), (sa, sb, sc) = (f(np.radians([first, second, third])) for f in (np.cos, np.sin))
-    x = np.array([[1.0, 0.0, 0.0], [0.0, ca, -sa], [0.0, sa, ca]])
-    y = np.array([[cb, 0.0, sb], [0.0, 1.0, 0.0], [-sb, 0.0, cb]])
-    z = np.array([[cc, -sc, 0.0], [sc, cc, 0.0], [0.0, 0.0, 1.0]])
-    result: Float = z @ y @ x
-    return result
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    angles = [first, second, third]
+    return np.asarray(Rotation.from_euler("xyz", angles, degrees=True).as_matrix())
 
 
 def angles_of(R: Float) -> tuple[float, float, float]:
     """The angles (degrees) of which `from_angles` makes R."""
-    flat = float(np.hypot(R[0, 0], R[1, 0]))
-    second = np.arctan2(-R[2, 0], flat)
-    if flat > 1e-9:
-        first, third = np.arctan2(R[2, 1], R[2, 2]), np.arctan2(R[1, 0], R[0, 0])
-    else:  # first and third turn about the same axis
-        first, third = np.arctan2(-R[1, 2], R[1, 1]), 0.0
-    a, b, c = np.degrees([first, second, third])
+    from scipy.spatial.transform import Rotation
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # first and third may turn about the same axis
+        a, b, c = Rotation.from_matrix(R).as_euler("xyz", degrees=True)
     return float(a), float(b), float(c)
 
 
@@ -300,13 +297,9 @@ def relative(camera: Camera, base: Camera) -> Float:
     return result
 
 
-def five(camera: Camera, where: str, tangential: bool = True) -> Float:
-    """k1 k2 p1 p2 k3 of a camera; refused if its lens needs more."""
+def coefficients(camera: Camera) -> Float:
+    """All 14 of OpenCV's model."""
     values = np.zeros(14)
     if camera.distortion is not None:
         values[: len(camera.distortion)] = camera.distortion
-    fits = not values[5:].any() and (tangential or not values[2:4].any())
-    allowed = "k1 k2 k3" + (" p1 p2" if tangential else "")
-    expected = f"only {allowed}, which is all that this format holds"
-    require(fits, f"{where}: camera {camera.name!r} distortion", values.tolist(), expected)
-    return values[:5]
+    return values

@@ -22,7 +22,7 @@ R X + T. The frame of Kalibr and MatchID is that of the first camera, that of VI
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -32,7 +32,7 @@ import numpy as np
 
 from gpusim.errors import InputError
 from gpusim.files.input_file import InputFile, read_input
-from gpusim.optics.calibration.document import read_document
+from gpusim.optics.calibration.document import coefficients, read_document
 from gpusim.optics.calibration.opencv import cameras_of, needs_extrinsics, read_opencv, write_opencv
 from gpusim.optics.calibration.rig_formats import (
     read_dice,
@@ -45,7 +45,7 @@ from gpusim.optics.calibration.rig_formats import (
     write_vic,
 )
 from gpusim.optics.camera.pinhole import Camera
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
 
 Size = tuple[int, int] | None
 Source = str | PathLike[str] | InputFile
@@ -57,21 +57,31 @@ _STATED = re.compile(r"""\blength_unit\b["'>:\s]*([A-Za-z]+)""")
 LONGEST, LONGEST_MESSAGE = 4_000_000, 800  # bytes, characters
 
 
-class _Format(NamedTuple):
-    """How a program's files are read and written, and the unit where they don't say it."""
+class Format(NamedTuple):
+    """How a program's files are read and written, and the ``unit`` where they don't say it.
+
+    ``ending``: of their names. ``lens``: which coefficients they hold, by their place among
+    OpenCV's 14. ``skew``: whether the program knows it. ``most``: cameras in a file.
+    """
 
     read: Callable[[str, str, Size], list[Camera]]
-    write: Callable[[Sequence[Camera], str, str], str]
+    write: Callable[[Sequence[Camera], str, Sequence[str]], str]
     unit: str
+    ending: str
+    lens: Collection[int]
+    skew: bool
+    most: int
 
 
-_FORMATS = {
-    "opencv": _Format(read_opencv, write_opencv, "mm"),  # that of the board, mostly
-    "kalibr": _Format(read_kalibr, write_kalibr, "m"),
-    "matchid": _Format(read_matchid, write_matchid, "mm"),
-    "vic": _Format(read_vic, write_vic, "mm"),
-    "dice": _Format(read_dice, write_dice, "mm"),
+FORMATS = {  # OpenCV's lengths are those of the board, mostly millimetres
+    "opencv": Format(read_opencv, write_opencv, "mm", ".yml", range(14), skew=False, most=999),
+    "kalibr": Format(read_kalibr, write_kalibr, "m", ".yaml", range(4), skew=False, most=999),
+    "matchid": Format(read_matchid, write_matchid, "mm", ".caldat", range(5), skew=True, most=2),
+    "vic": Format(read_vic, write_vic, "mm", ".xml", (0, 1, 4), skew=True, most=999),
+    "dice": Format(read_dice, write_dice, "mm", ".xml", range(14), skew=True, most=10),
 }
+COEFFICIENTS = tuple("k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y".split())
+"""Of a lens, as OpenCV counts them."""
 
 
 def calibration_format(source: Source) -> str:
@@ -99,7 +109,7 @@ def calibration_format(source: Source) -> str:
         return "opencv"
     raise InputError(
         f"calibration file {file.path}; got neither its suffix nor its contents known; expected "
-        f"one of {sorted(_FORMATS)}"
+        f"one of {sorted(FORMATS)}"
     )
 
 
@@ -162,7 +172,7 @@ def _read_rig(source: Source, size: Size, unit: str | None) -> tuple[list[Camera
             other = _text(_read(partner))
             document = read_document(other, str(partner)) | document
         return cameras_of(document, where, size), UNITS[name]
-    return _FORMATS[kind].read(text, where, size), UNITS[name]
+    return FORMATS[kind].read(text, where, size), UNITS[name]
 
 
 def write_calibration(
@@ -195,23 +205,48 @@ def write_calibration(
     >>> gs.read_calibration("rig.yml")[0].eye.round(6) + 0.0
     array([0., 0., 2.])
     """
-    require(format in _FORMATS, "write_calibration format", repr(format), f"{sorted(_FORMATS)}")
-    require(len(cameras) > 0, "write_calibration cameras", "none", "at least one")
+    Path(path).write_text(calibration_text(cameras, format, unit, str(path)), encoding="utf-8")
+
+
+def calibration_text(
+    cameras: Sequence[Camera], format: str, unit: str | None, name: str,
+    comments: Sequence[str] = (),
+) -> str:  # fmt: skip
+    """What `write_calibration` writes into a file of that ``name``, with ``comments`` where the
+    format has a place for them."""
+    where = f"write_calibration {name}"
+    require_one_of(f"{where}: format", format, FORMATS)
+    own = FORMATS[format]
+    fits = 1 <= len(cameras) <= own.most
+    require(fits, f"{where}: cameras", len(cameras) or "none", f"1 to {own.most} for {format}")
     for camera in cameras:
-        require(isinstance(camera, Camera), "write_calibration cameras", repr(camera), "a Camera")
-        straight = camera.distortion is None or np.array_equal(camera.distorting_K, camera.K)
-        expected = "None: no format holds a lens with an axis of its own"
-        what = f"write_calibration: camera {camera.name!r} lens_K"
-        require(straight, what, "one", expected)
+        require(isinstance(camera, Camera), f"{where}: cameras", repr(camera), "a Camera")
+        lacks = [one for one in lacking(camera, format) if (format, one) != ("opencv", "skew")]
+        held = " ".join(COEFFICIENTS[k] for k in own.lens)
+        expected = f"{held}, all that this format holds; gs.fit_lens(camera, {format!r}) comes near"
+        require(not lacks, f"{where}: camera {camera.name!r}", " ".join(lacks), expected)
     names = [camera.name for camera in cameras]
     distinct = len(set(names)) == len(names) or format != "opencv"
-    require(distinct, "write_calibration cameras", f"names {names}", "different ones")
-    own = unit or ("m" if format == "opencv" else _FORMATS[format].unit)
-    able = list(UNITS) if format == "opencv" else [_FORMATS[format].unit]
-    require(own in able, "write_calibration unit", repr(own), " or ".join(able))
-    scaled = [_scaled(camera, 1.0 / UNITS[own]) for camera in cameras]
-    text = _FORMATS[format].write(scaled, f"write_calibration {path}", own)
-    Path(path).write_text(text, encoding="utf-8")
+    require(distinct, f"{where}: cameras", f"names {names}", "different ones")
+    unit = unit or ("m" if format == "opencv" else own.unit)
+    able = list(UNITS) if format == "opencv" else [own.unit]
+    require(unit in able, f"{where}: unit", repr(unit), " or ".join(able))
+    scaled = [_scaled(camera, 1.0 / UNITS[unit]) for camera in cameras]
+    if format == "opencv":
+        return write_opencv(scaled, unit, comments, Path(name).suffix.lower())
+    return own.write(scaled, unit, comments)
+
+
+def lacking(camera: Camera, format: str) -> list[str]:
+    """What a camera has that the program knows nothing of. OpenCV's files can keep a skew, which
+    its own functions pass over."""
+    own, lens = FORMATS[format], coefficients(camera)
+    lacks = [name for k, name in enumerate(COEFFICIENTS) if lens[k] and k not in own.lens]
+    if camera.K[0, 1] and not own.skew:
+        lacks.append("skew")
+    if camera.lens is not None and not np.array_equal(camera.distorting_K, camera.K):
+        lacks.append("lens_K")
+    return lacks
 
 
 def _scaled(camera: Camera, factor: float) -> Camera:
@@ -233,7 +268,7 @@ def _unit(text: str, kind: str, where: str, given: str | None) -> str:
     one = not (stated and given) or stated == given
     got = f"{stated} there, and unit {given}"
     require(one, f"{where}: length_unit", got, "the unit of the file")
-    return stated or given or _FORMATS[kind].unit
+    return stated or given or FORMATS[kind].unit
 
 
 def _partner(path: Path) -> Path | None:

@@ -10,7 +10,14 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
-from gpusim.optics.calibration.document import Document, make, number, pose_of, read_document
+from gpusim.optics.calibration.document import (
+    Document,
+    make,
+    number,
+    pose_of,
+    read_document,
+    relative,
+)
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.validation import require
 
@@ -220,31 +227,56 @@ def _whole(value: Any, place: str, least: int, most: int, expected: str) -> int:
     return int(found)
 
 
-def write_opencv(cameras: Sequence[Camera], where: str, unit: str) -> str:
-    """A list ``cameras`` of maps; the suffix of the file (.xml, .json, else YAML) says how.
+def write_opencv(
+    cameras: Sequence[Camera], unit: str, comments: Sequence[str], suffix: str = ".yml"
+) -> str:
+    """A list ``cameras`` of maps, as YAML or as the ``suffix`` .xml or .json says. Beside it stand,
+    of one camera, the keys of OpenCV's calibration sample, of two those of its stereo sample.
 
     ``length_unit`` is a key of its own, which OpenCV's programs pass over.
     """
-    suffix = "." + where.rsplit(".", 1)[-1].lower()
-    kind = suffix if suffix in (".xml", ".json") else ".yml"
     flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
-    storage = cv2.FileStorage(kind, flags)
+    storage = cv2.FileStorage(suffix if suffix in (".xml", ".json") else ".yml", flags)
     storage.write("length_unit", unit)
+    for text in comments:
+        storage.writeComment(text)
+    if len(cameras) == 1:
+        _write_camera(storage, cameras[0])
+    elif len(cameras) == 2:
+        _write_pair(storage, cameras[0], cameras[1])
     storage.startWriteStruct("cameras", cv2.FileNode_SEQ)
     for camera in cameras:
-        R, T = pose_of(camera)
         storage.startWriteStruct("", cv2.FileNode_MAP)
         storage.write("name", camera.name)
-        storage.write("image_width", camera.width)
-        storage.write("image_height", camera.height)
-        storage.write("camera_matrix", camera.K)
-        bent = np.zeros(5) if camera.distortion is None else np.asarray(camera.distortion)
-        storage.write("distortion_coefficients", bent.reshape(1, -1))
-        storage.write("R", np.ascontiguousarray(R))
-        storage.write("T", T.reshape(3, 1))
+        _write_camera(storage, camera)
         storage.endWriteStruct()
     storage.endWriteStruct()
     return str(storage.releaseAndGetString())
+
+
+def _write_camera(storage: cv2.FileStorage, camera: Camera) -> None:
+    R, T = pose_of(camera)
+    storage.write("image_width", camera.width)
+    storage.write("image_height", camera.height)
+    storage.write("camera_matrix", camera.K)
+    storage.write("distortion_coefficients", _row(camera))
+    storage.write("R", np.ascontiguousarray(R))
+    storage.write("T", T.reshape(3, 1))
+
+
+def _write_pair(storage: cv2.FileStorage, first: Camera, second: Camera) -> None:
+    """R and T lead from the first camera to the second."""
+    for place, camera in enumerate((first, second), start=1):
+        storage.write(f"M{place}", camera.K)
+        storage.write(f"D{place}", _row(camera))
+    pose = relative(second, first)
+    storage.write("R", np.ascontiguousarray(pose[:3, :3]))
+    storage.write("T", pose[:3, 3].reshape(3, 1))
+
+
+def _row(camera: Camera) -> Float:
+    values = np.zeros(5) if camera.distortion is None else np.asarray(camera.distortion)
+    return values.reshape(1, -1)
 
 
 def from_message(root: Document) -> Document:

@@ -14,7 +14,7 @@ from gpusim.errors import InputError
 from gpusim.optics.calibration.document import (
     Document,
     angles_of,
-    five,
+    coefficients,
     from_angles,
     make,
     number,
@@ -82,14 +82,12 @@ def _row(values: Document, key: str, count: int, where: str) -> list[float]:
     return found
 
 
-def write_kalibr(cameras: Sequence[Camera], where: str, unit: str) -> str:
-    """The first camera becomes the world; no skew and no k3."""
-    lines = [f"# length_unit: {unit}"]  # a key of its own would be taken for a camera
+def write_kalibr(cameras: Sequence[Camera], unit: str, comments: Sequence[str]) -> str:
+    """The first camera becomes the world. What isn't a camera is a comment: a key of its own would
+    be taken for one."""
+    lines = [f"# {text}" for text in (f"length_unit: {unit}", *comments)]
     for index, camera in enumerate(cameras):
-        values = five(camera, where)
-        K = camera.K
-        got, neither = f"k3 = {values[4]:g}, skew = {K[0, 1]:g}", values[4] == K[0, 1] == 0.0
-        require(neither, f"{where}: camera {camera.name!r}", got, "0, as Kalibr has neither")
+        K, values = camera.K, coefficients(camera)
         inner = [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
         lines += [f"cam{index}:"]
         if index:
@@ -144,12 +142,12 @@ def read_matchid(text: str, where: str, size: Size) -> list[Camera]:
     return cameras
 
 
-def write_matchid(cameras: Sequence[Camera], where: str, unit: str) -> str:
-    """One or two cameras; the first one's frame becomes the world."""
-    require(len(cameras) <= 2, f"{where}: cameras", len(cameras), "one or two for MatchID")
+def write_matchid(cameras: Sequence[Camera], unit: str, comments: Sequence[str]) -> str:
+    """One or two cameras; the first one's frame becomes the world. There is no place for
+    ``unit`` and ``comments``."""
     lines = []
     for index, camera in enumerate(cameras):
-        k1, k2, p1, p2, k3 = five(camera, where)
+        k1, k2, p1, p2, k3 = coefficients(camera)[:5]
         K = camera.K
         for label, value in (
             ("Fx [pixels]", K[0, 0]), ("Fy [pixels]", K[1, 1]), ("Fs [pixels]", K[0, 1]),
@@ -199,13 +197,13 @@ def read_vic(text: str, where: str, size: Size) -> list[Camera]:
     return cameras
 
 
-def write_vic(cameras: Sequence[Camera], where: str, unit: str) -> str:
-    """As `read_vic` reads them; no tangential distortion."""
+def write_vic(cameras: Sequence[Camera], unit: str, comments: Sequence[str]) -> str:
+    """As `read_vic` reads them."""
     root = ET.Element("calibration")
-    root.append(ET.Comment(f" length_unit: {unit} "))
+    _remark(root, [f"length_unit: {unit}", *comments])
     for index, camera in enumerate(cameras):
         root.append(ET.Comment(f" image_size: {camera.width} x {camera.height} "))
-        k1, k2, _, _, k3 = five(camera, where, tangential=False)
+        k1, k2, _, _, k3 = coefficients(camera)[:5]
         K, (R, T) = camera.K, pose_of(camera)
         inner = [K[0, 2], K[1, 2], K[0, 0], K[1, 1], K[0, 1], k1, k2, k3]
         element = ET.SubElement(root, "camera", id=str(index))
@@ -257,10 +255,10 @@ def read_dice(text: str, where: str, size: Size) -> list[Camera]:
     return cameras
 
 
-def write_dice(cameras: Sequence[Camera], where: str, unit: str) -> str:
+def write_dice(cameras: Sequence[Camera], unit: str, comments: Sequence[str]) -> str:
     """A camera system of type OPENCV with rotation matrices."""
     root = ET.Element("ParameterList")
-    root.append(ET.Comment(f" length_unit: {unit} "))
+    _remark(root, [f"length_unit: {unit}", *comments])
 
     def put(parent: ET.Element, name: str, kind: str, value: str) -> None:
         ET.SubElement(parent, "Parameter", name=name, type=kind, value=value)
@@ -270,9 +268,7 @@ def write_dice(cameras: Sequence[Camera], where: str, unit: str) -> str:
     put(root, "extrinsics_relative_camera_to_camera", "bool", "false")
     for index, camera in enumerate(cameras):
         block = ET.SubElement(root, "ParameterList", name=f"CAMERA {index}")
-        values = np.zeros(14)
-        if camera.distortion is not None:
-            values[: len(camera.distortion)] = camera.distortion
+        values = coefficients(camera)
         K, (R, T) = camera.K, pose_of(camera)
         put(block, "CAMERA_ID", "string", camera.name)
         pairs = [("CX", K[0, 2]), ("CY", K[1, 2]), ("FX", K[0, 0]), ("FY", K[1, 1]),
@@ -297,6 +293,11 @@ def _braces(text: str, where: str, count: int) -> list[float]:
 
 def _words(values: Sequence[float]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+def _remark(root: ET.Element, comments: Sequence[str]) -> None:
+    for text in comments:
+        root.append(ET.Comment(f" {text.replace('--', '- -')} "))  # XML's own end of a comment
 
 
 def _pretty(root: ET.Element) -> str:

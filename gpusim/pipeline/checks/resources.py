@@ -13,7 +13,12 @@ from gpusim.graph.folder import INNER
 from gpusim.parallel.machine import host_memory
 from gpusim.pipeline.scene_objects.cameras import build_camera, build_lens
 from gpusim.pipeline.scene_objects.lights import build_lights
-from gpusim.pipeline.scene_objects.meshing import build_mesh, read_given_field, size_warnings_of
+from gpusim.pipeline.scene_objects.meshing import (
+    build_mesh,
+    read_given_field,
+    size_warnings_of,
+    waits_for_gmsh,
+)
 from gpusim.plan.plan import Plan
 from gpusim.scene import Scene
 from gpusim.scene.cost import element_counts
@@ -69,6 +74,13 @@ def _checks(scene: Scene, warnings: list[str]) -> Iterator[Callable[[], object]]
     yield partial(build_lights, scene)
 
 
+def waits_for_cad(scene: Scene) -> bool:
+    """Whether a body of ``scene``, in any variant, is a CAD part that is still to be meshed."""
+    return any(
+        waits_for_gmsh(body.mesh, state.input) for state in _states(scene) for body in state.bodies
+    )
+
+
 def _check_size(body: m.Body, scene: Scene, warnings: list[str]) -> None:
     warnings += size_warnings_of(body.name, body.mesh, build_mesh(body.mesh, scene.input))
 
@@ -104,7 +116,10 @@ def check_field(field: Field, times: tuple[float, ...]) -> None:
 
 
 _FILES = ("report.html", "report.json", "scene.toml", "truth.h5")
-_FOLDERS = (INNER, "budget", "figures", "images", "measure", "solution", "stl", "variants")
+_FOLDERS = (
+    INNER, "budget", "calibration", "fields", "figures", "images", "measure", "solution", "stl",
+    "variants",
+)  # fmt: skip
 
 
 def check_folders(scene: Scene, out: Path) -> None:

@@ -23,11 +23,12 @@ from gpusim.pipeline.scene_objects.cameras import build_camera
 from gpusim.pipeline.scene_objects.lights import build_lights
 from gpusim.pipeline.scene_objects.modelling import build_model
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
-from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
+from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop, counts_of
 from gpusim.plan.scene_stages import scene_stages
 from gpusim.plan.stages import RunOptions
 from gpusim.scene import Scene
 from gpusim.scene.amplitudes import load_groups
+from gpusim.scene.cost import Counts
 from gpusim.scene.description import model as m
 from gpusim.scene.frames import frame_table
 from gpusim.surface import Surface
@@ -65,8 +66,9 @@ def check_lamp_count(scene: Scene, surfaces: Sequence[Surface], cameras: Sequenc
         )
 
 
-def scene_warnings(scene: Scene) -> list[str]:
+def scene_warnings(scene: Scene, made: Counts | None = None) -> list[str]:
     """What is known before any work of ``scene``, or of its variants; builds meshes and surfaces.
+    ``made`` gets the sizes of the meshes that are of files.
 
     A scene that the free memory can't hold gives that. Raises InputError for what a run would end
     with before it solves: a measure that can't work, a place where a body has nothing.
@@ -74,10 +76,13 @@ def scene_warnings(scene: Scene) -> list[str]:
     if not scene.variants:
         if fault := mesh_fault(scene):
             return [fault]
-        return geometry_warnings(build_objects(scene))
+        objects = build_objects(scene)
+        if made is not None:
+            made |= counts_of(objects.bodies)
+        return geometry_warnings(objects)
     states: dict[str, list[str]] = {}
     for variant in scene.variants:
-        for text in scene_warnings(scene.variant(variant.name)):
+        for text in scene_warnings(scene.variant(variant.name), made):
             states.setdefault(text, []).append(variant.name)
     every = len(scene.variants)
     return [

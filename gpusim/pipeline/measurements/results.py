@@ -125,7 +125,8 @@ def csv_text(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 @dataclass(frozen=True)
 class Reported:
-    """What a measurement says in the report; figures are to be drawn.
+    """What a measurement says in the report; figures are to be drawn. Those of one title that
+    follow each other and name their frame (`gpusim.report.Figure`) are one with a slider.
 
     ``crops``: camera -> places in its first and last picture (`gpusim.report.FramePair`).
     ``links``: to files of a comparison of variants; of others every table has one.

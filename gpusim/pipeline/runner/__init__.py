@@ -5,7 +5,9 @@ In the order in which data passes:
 - `stage_log`: What became of a run's stages: told while they are worked off, and in reports.
 - `scene_report`: What a run says of a scene: its report, from the results that are kept.
 - `execution`: Scenes made into their folders, each reported as soon as it is whole.
-- `part`: A part of a scene's run, into a folder of its own: what a preview needs.
+- `part`: A part of a scene's run, into a folder of its own: what a preview, or an object, needs.
+- `scene_contents`: What a scene describes, as objects, without a folder: its surfaces by frame, its
+  solution.
 - `variants`: Several states of one scene in one run, compared; and a run that failed, told.
 - `run`: A scene run into a folder: what `gpusim.run` and ``gpusim run`` do.
 - `error_budget`: The error budget: one scene imaged and measured with and without each effect.

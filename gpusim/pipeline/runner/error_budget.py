@@ -96,5 +96,6 @@ def _counted(scene: Scene, items: Sequence[Measurement]) -> list[Measurement]:
 def _lean(document: dict[str, Any]) -> dict[str, Any]:
     """The document without files that a budget has no use for."""
     output = document.setdefault("output", {})
-    output |= {"truth": [], "vtu": False, "stl": False, "stress": False}
+    output |= {"truth": [], "vtu": False, "stl": False, "stress": False, "calibration": [],
+               "fields": False}  # fmt: skip
     return document

@@ -23,6 +23,7 @@ from gpusim.pipeline.checks.resources import check_memory, check_views
 from gpusim.pipeline.measurements.kinds import kind_of
 from gpusim.pipeline.runner.scene_report import SceneReport
 from gpusim.pipeline.runner.stage_log import Progress, StageLog, public_name
+from gpusim.pipeline.scene_objects.surfaces import MeshedBody, counts_of
 from gpusim.plan.decision import decide
 from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import plan_of
@@ -95,6 +96,7 @@ class Execution:
                 runner.make_early()
             except StageFailed as failed:
                 raise failed.__cause__ or failed from None
+            self._count_meshes()
             try:
                 self._begin()
                 self._make(runner)
@@ -102,6 +104,15 @@ class Execution:
                     keep_programs(self.out, device.programs.asked)
             finally:
                 self._close()
+
+    def _count_meshes(self) -> None:
+        """Plan again with the meshes of files that were made: only now is it known how large they
+        are. Raises InputError where the memory doesn't hold what they need."""
+        values = self.session.values.values()  # painted bodies are those of another stage
+        if made := counts_of(one for one in values if type(one) is MeshedBody):
+            self.plan = plan_of(self.scene, self.decision, self.speed, made)
+            self.log.describe(self.plan)
+            check_memory(self.plan)
 
     def _import_stages(self) -> None:
         """Import what will be run, before threads do it side by side; an interrupt is put off: in

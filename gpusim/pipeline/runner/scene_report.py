@@ -30,8 +30,10 @@ from gpusim.plan.machine_speed import Speed
 from gpusim.plan.plan import Plan
 from gpusim.report import (
     BodyForce,
+    FieldPicture,
     FramePair,
     Link,
+    LoadPath,
     Measurement,
     Mechanics,
     Published,
@@ -40,9 +42,11 @@ from gpusim.report import (
     Stage,
     StressPeak,
 )
+from gpusim.report.text import number
 from gpusim.scene import Scene
 from gpusim.scene.cost import effects
 from gpusim.scene.frames import frame_word
+from gpusim.visualization.color_scale import format_value
 
 _FIRST = ("solve", "geometry", "linear theory")
 """Stages whose notes a report has before the others'."""
@@ -74,6 +78,7 @@ class SceneReport:
         told = [result.report(scene, self.out) for result in results]
         measurements = [item for one in told for item in one.measurements]
         solution = self._said("solve").get("solution")
+        fields, path = self._fields()
         return Report(
             scene=scene.name,
             adapter=self._adapters(),
@@ -85,8 +90,11 @@ class SceneReport:
             measurements=tuple(measurements),
             published=_published(scene, measurements),
             warnings=self._warnings(results),
+            fields=fields,
+            load_path=path,
             description=scene.description,
             failure=failure,
+            highlights=_highlights(fields),
             facts=self._facts(),
             scene_text=scene.to_toml(),
             frames=_pairs(scene, self.out, told),
@@ -147,6 +155,12 @@ class SceneReport:
         )
         return Mechanics(last, solution["energy_balance"], tuple(reactions), tuple(loads), peaks)
 
+    def _fields(self) -> tuple[tuple[FieldPicture, ...], LoadPath | None]:
+        """Pictures of the bodies, and how they go with the load."""
+        said = self._said("fields")
+        pictures = tuple(FieldPicture(**_tuples(row)) for row in said.get("pictures", ()))
+        return pictures, LoadPath(**_tuples(said["path"])) if said.get("path") else None
+
     def _noted(self, first: bool) -> list[Notes]:
         """In the order of the stages; the ``first`` ones, or the others."""
         return [
@@ -192,6 +206,8 @@ class SceneReport:
         links.append(Link("Numbers of this report", inside(self.out, "report.json")))
         for label, suffix in (("Solution for ParaView", ".pvd"), ("Measured points", ".csv")):
             links += [Link(label, file) for file in sorted(files) if file.suffix == suffix]
+        if any(file.parent.name == "calibration" for file in files):
+            links.append(Link("Calibration for other programs", inside(self.out, "calibration")))
         return tuple(links)
 
 
@@ -243,6 +259,22 @@ def failure_text(error: BaseException) -> str:
     return str(error) if isinstance(error, GpusimError) else f"{type(error).__name__}: {error}"
 
 
+def _tuples(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Plain data as dataclasses have it."""
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
+
+
+def _highlights(fields: Sequence[FieldPicture]) -> dict[str, tuple[str, str]]:
+    """The largest displacement and stress."""
+    cards = {}
+    for one in fields:
+        if one.field in ("displacement", "von_mises"):
+            x, y, z = map(format_value, one.position_mm)
+            place = f"frame {one.frame}, {one.body} at ({x}, {y}, {z}) mm"
+            cards[f"Largest {one.title}"] = f"{number(one.largest, 4)} {one.unit}", place
+    return cards
+
+
 def _published(scene: Scene, measurements: Sequence[Measurement]) -> tuple[Published, ...]:
     """The main number of each measure beside what somebody else reached."""
     rows = []
@@ -271,5 +303,10 @@ def _pairs(scene: Scene, out: Path, told: Sequence[Reported]) -> tuple[FramePair
         caption = f"Camera {camera.name}, {columns} x {rows} px; {when}."
         sensor = scene.sensor_of(camera.name)
         bits = 16 if sensor.shift else sensor.bits
-        pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits))
+        images = [
+            (f"frame {k}" if own else f"{word} {factor:g}", image_path(scene, out, camera.name, k))
+            for k, factor in enumerate(factors)
+        ]
+        pairs.append(FramePair(camera.name, paths[0], paths[1], caption, tuple(crops[:4]), bits,
+                               tuple(one for one in images if one[1].is_file())))  # fmt: skip
     return tuple(pairs)

@@ -30,7 +30,7 @@ class StageLog:
     def __init__(self, decision: Decision, plan: Plan, progress: Progress) -> None:
         self._progress, self._lock = progress, Lock()
         self._public = {place: decision.public(place) for place in decision.scenes}
-        self._details = {stage.name: stage.detail for stage in plan.stages}
+        self.describe(plan)
         self._left: Counter[tuple[str, str]] = Counter()
         self._names: dict[str, tuple[str, str]] = {}
         for place, stages in self._public.items():
@@ -39,6 +39,10 @@ class StageLog:
                     if task.runs and task.places[0][0] == place and task.key not in self._names:
                         self._names[task.key] = place, stage.name
                         self._left[place, stage.name] += 1
+
+    def describe(self, plan: Plan) -> None:
+        """Take the words that are told while a stage works from a plan."""
+        self._details = {stage.name: stage.detail for stage in plan.stages}
 
     def begin(self, place: str) -> None:
         """Tell what isn't run."""

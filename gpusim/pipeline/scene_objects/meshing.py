@@ -13,9 +13,9 @@ from gpusim import mesh
 from gpusim.arrays.array_types import Bool, Float, Int, Long
 from gpusim.errors import InputError
 from gpusim.field import Field, read_field
-from gpusim.files.input_file import Reader, read_input
+from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.mesh import Faces, Mesh
-from gpusim.mesh.formats.cad_cache import cached_cad_mesh
+from gpusim.mesh.formats.cad_cache import cached_cad_mesh, is_kept
 from gpusim.mesh.selection import EmptySelection
 from gpusim.pipeline.scene_objects.arguments import arguments_of
 from gpusim.report import MeshSummary
@@ -86,7 +86,7 @@ def _of_cells(bricks: Mesh, cells: str) -> Mesh:
 def _from_file(recipe: m.FileMeshTable, read: Reader) -> Mesh:
     file = read(recipe.path)
     if recipe.size is not None:
-        return cached_cad_mesh(**{**arguments_of(mesh.mesh_cad, recipe), "path": file})
+        return cached_cad_mesh(**_cad_arguments(recipe, file))
     grid = mesh.read_mesh(file, scale=recipe.scale)
     linear = [kind for kind in grid.cells if mesh.CELL_TYPES[kind].linear == kind]
     if recipe.order == 1 or not linear:
@@ -94,6 +94,17 @@ def _from_file(recipe: m.FileMeshTable, read: Reader) -> Mesh:
     what = f"{Path(recipe.path).name}: order 2 for a mesh of mixed order"
     require(len(linear) == len(grid.cells), what, ", ".join(grid.cells), "linear cells")
     return mesh.quadratic(grid)
+
+
+def _cad_arguments(recipe: m.FileMeshTable, file: InputFile) -> dict[str, Any]:
+    return {**arguments_of(mesh.mesh_cad, recipe), "path": file}
+
+
+def waits_for_gmsh(recipe: m.MeshRecipe, read: Reader = read_input) -> bool:
+    """Whether a mesh is that of a CAD file which hasn't been meshed before."""
+    if not isinstance(recipe, m.FileMeshTable) or recipe.size is None:
+        return False
+    return not is_kept(**_cad_arguments(recipe, read(recipe.path)))
 
 
 def size_warnings_of(name: str, recipe: m.MeshRecipe, grid: Mesh) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from gpusim.pipeline.scene_objects.meshing import (
     read_given_field,
     surface_faces_of,
 )
+from gpusim.scene.cost import Counts
 from gpusim.scene.description import model as m
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.scene.frames import Placed
@@ -148,6 +149,14 @@ def mesh_body(body: m.Body, read: Reader = read_input, grid: Mesh | None = None)
     if grid is None:
         grid = field.mesh if field is not None else build_mesh(body.mesh, read)
     return MeshedBody(body, grid, Skin(grid, mesh.boundary_faces(grid)), field)
+
+
+def counts_of(bodies: Iterable[MeshedBody]) -> Counts:
+    """How large the meshes are that were made of files."""
+    return {
+        one.body.mesh: (one.mesh.node_count, one.mesh.cell_count)
+        for one in bodies if isinstance(one.body.mesh, m.FileMeshTable | m.FieldMeshTable)
+    }  # fmt: skip
 
 
 def paint_body(body: m.Body, meshed: MeshedBody, read: Reader = read_input) -> BodyParts:

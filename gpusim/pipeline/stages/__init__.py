@@ -8,7 +8,9 @@ passes:
   afterwards.
 - `mechanics`: Models, their solution, the motions that follow, stress by frame.
 - `images`: Pictures of frames and of calibration targets: radiance, exposure, the picture.
+- `fields`: Pictures of the bodies in the colours of their fields, and how far forces move them.
 - `truth`: truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.
 - `measuring`: Measurements of a run, one after the other.
+- `camera_files`: Calibration files of the cameras, for other programs.
 - `mesh_files`: Meshes for other programs: VTU, PVD and STL, by body and frame.
 """

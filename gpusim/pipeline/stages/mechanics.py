@@ -154,10 +154,8 @@ class Stresses:
         self._stored.close()
         self._source.close()
 
-    def fields(
-        self, body: int, frame: int, parts: MeshedBody
-    ) -> tuple[dict[str, Float], dict[str, Float]]:
-        """Point data and cell data for ParaView; zero in a frame without."""
+    def of(self, body: int, frame: int, parts: MeshedBody) -> tuple[Float, Float]:
+        """Nodal stress and the elements' shares of the error; zero in a frame without."""
         nodal, share = f"stress{body}_{frame}", f"error{body}_{frame}"
         stress, error = np.zeros((parts.mesh.node_count, 6)), np.zeros(parts.mesh.cell_count)
         if nodal in self._stored:
@@ -167,7 +165,7 @@ class Stresses:
             where = f"stress of body {parts.body.name!r}"
             require(fits, where, f"shape {found.shape}", expected)
             stress, error = found, of_cells
-        return {"stress": stress, "von_mises": fem.von_mises(stress)}, {"error_share": error}
+        return stress, error
 
 
 def write_stresses(

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.arrays.array_types import Int
+from gpusim.export.body_state import BodyState
+from gpusim.export.field_catalogue import VTU_ARRAYS
 from gpusim.export.meshes import write_pvd, write_region_stls, write_vtu
 from gpusim.graph.runner import Inputs
 from gpusim.graph.session import Session
@@ -54,11 +56,15 @@ def _write(
             u = objects.displacement(index, step)
             if output.vtu:
                 file = new_file(f"solution/{name}-{step:04d}.vtu")
+                stress, share = stresses.of(index, step, parts) if stresses else (None, None)
+                state = BodyState(parts.mesh, u, nodal_stress=stress, stored_error_share=share)
+                arrays = {name: VTU_ARRAYS[name] for name in (VTU_ARRAYS if stresses else ["u"])}
                 of_points, of_cells = (
-                    stresses.fields(index, step, parts) if stresses is not None else ({}, {})
+                    {name: one.of(state) for name, one in arrays.items() if one.place == place}
+                    for place in ("nodes", "elements")
                 )
                 write_vtu(
-                    file, parts.mesh.points, parts.mesh.cells, point_data={"u": u, **of_points},
+                    file, parts.mesh.points, parts.mesh.cells, point_data=of_points,
                     cell_data=of_cells,
                 )  # fmt: skip
                 steps.append((time, file))

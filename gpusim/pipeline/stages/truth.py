@@ -1,4 +1,8 @@
-"""truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes."""
+"""truth.h5: what every pixel that sees a body sees, in every frame, and the bodies' nodes.
+
+What a camera sees is found by a stage of its own, and put into one file with what the others see,
+as it is packed: a new camera leaves the others alone.
+"""
 
 from __future__ import annotations
 
@@ -27,28 +31,44 @@ from gpusim.scene.description import model as m
 from gpusim.scene.frames import FrameTable, frame_word
 
 Sight = tuple[Frame, Window]
+_WHOLE, _PART = "truth.h5", ".truth.h5"
 
 
 def truth(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
-    """The layers that the scene asks for; frame by frame, so that no two are held at once."""
-    frames = FrameTable(inputs.row)
-    board = "" if scene.calibration is None else scene.calibration.board
-    objects = scene_objects(scene, inputs, [one.shown for one in frames], board)
-    path = inputs.new_file("truth.h5")
-    bodies, word = objects.bodies, frame_word(scene)
+    """The whole file: mesh and nodes, and the cameras of the stages that are named."""
+    made, table = inputs.row
+    frames = FrameTable(table)
+    objects = scene_objects(scene, inputs, [one.shown for one in frames])
+    path = inputs.new_file(_WHOLE)
+    bodies = objects.bodies
     regions = [f"{parts.body.name}/{name}" for parts in bodies for name in parts.surface.paints]
     attributes = {
         "version": __version__,
         "scene": scene.name,
         "pixels": "those that see a body",
-        "cameras": ", ".join(spec.name for spec in scene.cameras),
+        "cameras": ", ".join(name for names in made.values() for name in names),
     }
     with TruthWriter(path, regions=regions, attributes=attributes) as file:
         if bodies:
-            _write_nodes(file, objects, frames, word)
+            _write_nodes(file, objects, frames, frame_word(scene))
+        for number, (stage, names) in enumerate(made.items()):
+            inputs.progress(number / len(made), f"takes in {', '.join(names)}")
+            with inputs.open(stage, _PART) as part:
+                file.take_cameras(part, names)
+    return StageResult({_WHOLE: path}, notes_of(), _WHOLE, dict.fromkeys(made, _WHOLE))
+
+
+def seen(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
+    """The layers that the scene asks for, of its cameras; frame by frame, so that no two are held
+    at once."""
+    board, table = inputs.row
+    frames = FrameTable(table)
+    objects = scene_objects(scene, inputs, [one.shown for one in frames], board)
+    path = inputs.new_file(_PART)
+    with TruthWriter(path) as file:
         _write_cameras(file, scene)
-        _write_frames(file, objects, frames, word, session, inputs.progress)
-    return StageResult({"truth.h5": path}, notes_of(adapter=session.adapter), "truth.h5")
+        _write_frames(file, objects, frames, frame_word(scene), session, inputs.progress)
+    return StageResult({_PART: path}, notes_of(adapter=session.adapter), f"{len(frames)} frames")
 
 
 def _write_cameras(file: TruthWriter, scene: Scene) -> None:

@@ -34,15 +34,27 @@ class CameraTable(Table):
 
     The lens is ``sensor_mm`` and ``focal_mm``, or ``fx_px`` … ``cy_px``, or ``calibration``; the
     pose ``position_mm`` and ``target_mm``, or a rotation and ``translation_mm``, or the file's.
+
+    Example::
+
+        name = "front"
+        sensor_mm = [8.8, 6.6]
+        resolution_px = [2560, 1920]
+        focal_mm = 25.0
+        position_mm = [100.0, -600.0, 5.0]
+        target_mm = [100.0, 0.0, 5.0]
     """
 
     name: Name
+    """Of its folder of images, and what [[measure]] and --set call it."""
     sensor_mm: PositivePair | None = None
     """Width and height of the sensor."""
     pixel_um: Length | None = None
     """Side of its pixels, in place of ``sensor_mm``."""
     resolution_px: Annotated[tuple[Side, Side], Listed()]
+    """Columns and rows of its pictures."""
     focal_mm: Length | None = None
+    """Distance from the centre of projection to the sensor; with ``sensor_mm`` or ``pixel_um``."""
     fx_px: Length | None = None
     """Focal length in columns; the pixel in column i and row j is centred at (i, j)."""
     fy_px: Length | None = None

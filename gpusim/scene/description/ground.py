@@ -51,7 +51,9 @@ class PaintedTable(Table):
     bump_stretch: Annotated[float, Field(ge=1, le=1e4)] = 1.0
     """How many times longer they are in that direction."""
     bump_seed: Seed = 0
+    """Another seed, another relief."""
     name: Name
+    """What [[measure]] and --set call it; unique among the paints of bodies, or of props."""
     where: WhereTable = WhereTable()
     """The faces; without it all."""
     albedo_: Annotated[Shade | None, Field(alias="albedo")] = None

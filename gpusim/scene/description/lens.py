@@ -12,7 +12,13 @@ Rows = Annotated[tuple[Numbers, ...], Listed(1, 401)]
 
 
 class GaussianTable(Table):
-    """A round Gaussian point spread."""
+    """A round Gaussian point spread.
+
+    Example::
+
+        type = "gaussian"
+        sigma_px = 0.6
+    """
 
     type: Literal["gaussian"]
     sigma_px: Annotated[float, Field(gt=0, le=30)]
@@ -20,27 +26,50 @@ class GaussianTable(Table):
 
 
 class AiryTable(Table):
-    """Diffraction at a round aperture."""
+    """Diffraction at a round aperture.
+
+    Example::
+
+        type = "airy"
+        f_number = 8.0
+        wavelength_nm = 532.0
+    """
 
     type: Literal["airy"]
     f_number: Annotated[float, Field(gt=0, le=256)]
+    """Focal length over diameter of the aperture."""
     wavelength_nm: Annotated[float, Field(gt=0, le=20_000)] = 550.0
+    """Of the light."""
 
 
 class DiscTable(Table):
-    """An even disc, as of a lens that is out of focus everywhere alike."""
+    """An even disc, as of a lens that is out of focus everywhere alike.
+
+    Example::
+
+        type = "disc"
+        radius_px = 1.5
+    """
 
     type: Literal["disc"]
     radius_px: Annotated[float, Field(gt=0, le=30)]
+    """Of the blurred image of a point."""
 
 
 class MeasuredTable(Table):
-    """A measured point spread."""
+    """A measured point spread.
+
+    Example::
+
+        type = "measured"
+        kernel = [[0.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 0.0]]
+    """
 
     type: Literal["measured"]
     kernel: Rows
     """Rows of one odd length, an odd number of them; scaled to sum 1, centred on the middle."""
     samples_per_px: Annotated[float, Field(gt=0, le=64)] = 1.0
+    """Entries of the kernel per pixel, in each direction."""
 
     @model_validator(mode="after")
     def _check(self) -> MeasuredTable:
@@ -65,7 +94,13 @@ PsfTable = Annotated[Psf, Field(discriminator="type")]
 
 
 class VignettingTable(Table):
-    """Fall-off towards the corners: the product of what is given."""
+    """Fall-off towards the corners: the product of what is given.
+
+    Example::
+
+        cos4 = false
+        polynomial = [-0.2, 0.03]
+    """
 
     cos4: bool = True
     """The natural law, cos^4 of the angle to the axis."""
@@ -88,7 +123,16 @@ class VignettingTable(Table):
 
 
 class LensTable(Table):
-    """A real lens; what isn't given isn't rendered."""
+    """A real lens; what isn't given isn't rendered.
+
+    Example::
+
+        psf = { type = "gaussian", sigma_px = 0.6 }
+        f_number = 8.0
+        focal_mm = 25.0
+        focus_distance_mm = 600.0
+        vignetting = { cos4 = true }
+    """
 
     psf: PsfTable | None = None
     """The image of a point."""
@@ -107,6 +151,7 @@ class LensTable(Table):
     """Points of the aperture that are rendered; without it as many, up to 256, as
     ``render.error`` needs."""
     vignetting: VignettingTable | None = None
+    """Fall-off of brightness towards the corners; without it none."""
 
     @model_validator(mode="after")
     def _check(self) -> LensTable:
@@ -137,7 +182,13 @@ class LensTable(Table):
 
 
 class ShutterTable(Table):
-    """Exposure in time, around the instant of each frame; needs ``analysis.frame_rate_Hz``."""
+    """Exposure in time, around the instant of each frame; needs ``analysis.frame_rate_Hz``.
+
+    Example::
+
+        exposure_ms = 5.0
+        line_time_us = 10.0
+    """
 
     exposure_ms: Annotated[float, Field(ge=0)] = 0.0
     """What moves during it is blurred; dark current gathers during it."""

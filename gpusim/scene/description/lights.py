@@ -32,6 +32,7 @@ Radiance = Annotated[float, Field(ge=0)]
 
 class _Lamp(TintedTable):
     name: Name
+    """What messages and --set call it."""
     shadows: bool = True
     """Whether surfaces hide it."""
 
@@ -59,13 +60,22 @@ class _Powered(_Lamp):
 
 
 class PointTable(_Powered):
-    """A small lamp that shines evenly in all directions."""
+    """A small lamp that shines evenly in all directions.
+
+    Example::
+
+        name = "bulb"
+        type = "point"
+        position_mm = [-300.0, -900.0, 500.0]
+        power_W = 40.0
+    """
 
     type: Literal["point"]
 
 
 class _Aimed(_Powered):
     target_mm: Vector
+    """A point that it shines at."""
 
     @model_validator(mode="after")
     def _check_aim(self) -> _Aimed:
@@ -75,7 +85,17 @@ class _Aimed(_Powered):
 
 
 class SpotTable(_Aimed):
-    """A small lamp with a beam, as of a halogen spot."""
+    """A small lamp with a beam, as of a halogen spot.
+
+    Example::
+
+        name = "spot"
+        type = "spot"
+        position_mm = [-300.0, -900.0, 500.0]
+        target_mm = [100.0, 0.0, 5.0]
+        cone_deg = 40.0
+        power_lm = 4000.0
+    """
 
     type: Literal["spot"]
     cone_deg: Annotated[float, Field(gt=0, lt=180)] = 60.0
@@ -85,16 +105,35 @@ class SpotTable(_Aimed):
 
 
 class AreaTable(_Aimed):
-    """A lamp with a face, which looks at its target and radiates as a diffuse surface does."""
+    """A lamp with a face, which looks at its target and radiates as a diffuse surface does.
+
+    Example::
+
+        name = "panel"
+        type = "area"
+        position_mm = [0.0, -900.0, 400.0]
+        target_mm = [100.0, 0.0, 5.0]
+        size_mm = [300.0, 200.0]
+        power_W = 30.0
+    """
 
     type: Literal["area"]
     size_mm: PositivePair
     """Width (level) and height: how soft its shadows are."""
     shape: Literal["rectangle", "ellipse"] = "rectangle"
+    """Of its face; "ellipse" fills ``size_mm`` as a disc does."""
 
 
 class SunTable(_Lamp):
-    """Light from infinitely far."""
+    """Light from infinitely far.
+
+    Example::
+
+        name = "sun"
+        type = "sun"
+        direction = [0.3, 1.0, -1.0]
+        irradiance_W_m2 = 500.0
+    """
 
     type: Literal["sun"]
     direction: Direction
@@ -106,9 +145,17 @@ class SunTable(_Lamp):
 
 
 class AmbientTable(TintedTable):
-    """What the surroundings send back, equally from every direction."""
+    """What the surroundings send back, equally from every direction.
+
+    Example::
+
+        name = "room"
+        type = "ambient"
+        radiance_W_m2_sr = 0.5
+    """
 
     name: Name
+    """What messages and --set call it."""
     type: Literal["ambient"]
     radiance_W_m2_sr: Length
     """Radiance of the surroundings."""
@@ -118,9 +165,18 @@ class AmbientTable(TintedTable):
 
 class EnvironmentTable(TintedTable):
     """Surroundings that light all faces and are mirrored by glossy ones: bright sky (or ceiling)
-    above and ground below, or a picture of them all."""
+    above and ground below, or a picture of them all.
+
+    Example::
+
+        name = "hall"
+        type = "environment"
+        sky_W_m2_sr = 1.0
+        ground_W_m2_sr = 0.3
+    """
 
     name: Name
+    """What messages and --set call it."""
     type: Literal["environment"]
     sky_W_m2_sr: Radiance | None = None
     """Radiance above the horizon; or give file."""

@@ -24,16 +24,29 @@ Factors = Annotated[Amplitude, Listed(1, 10_000)]
 
 
 class WhereTable(Table):
-    """All given conditions hold together; positions are those of the unloaded shape."""
+    """All given conditions hold together; positions are those of the unloaded shape.
+
+    Example::
+
+        x_min_mm = 150.0
+        x_max_mm = 200.0
+        normal = "+z"
+    """
 
     set: Annotated[str, Field(min_length=1, max_length=200)] | None = None
     """A named set of the mesh."""
     x_min_mm: float | None = None
+    """Smallest x that is selected; a face counts if all its nodes are inside."""
     x_max_mm: float | None = None
+    """Largest x that is selected."""
     y_min_mm: float | None = None
+    """Smallest y that is selected."""
     y_max_mm: float | None = None
+    """Largest y that is selected."""
     z_min_mm: float | None = None
+    """Smallest z that is selected."""
     z_max_mm: float | None = None
+    """Largest z that is selected."""
     normal: SignedAxis | None = None
     """Faces that look this way; for nodes: the nodes of such faces."""
     tolerance_mm: Annotated[float, Field(ge=0)] = 0.001
@@ -94,12 +107,21 @@ class _Driven(Table):
 
 
 class SupportTable(_Driven):
-    """Nodes that are held, or moved by a given amount."""
+    """Nodes that are held, or moved by a given amount.
+
+    Example::
+
+        name = "clamp"
+        where = { set = "x_min" }
+        fix = ["x", "y", "z"]
+    """
 
     name: Name
+    """What messages and --set call it."""
     type: Literal["fixed", "symmetry"] = "fixed"
     """"symmetry": flat faces don't move along their normal, which is x, y or z."""
     where: WhereTable
+    """The nodes that are held: say a set, a bound or a normal."""
     fix: Annotated[tuple[Axis, ...], Listed(1, 3, different=True)] = ("x", "y", "z")
     """The directions in which the nodes are held."""
     displacement_mm: Vector = (0.0, 0.0, 0.0)
@@ -133,75 +155,149 @@ class SupportTable(_Driven):
 
 class _Load(_Driven):
     name: Name
+    """What messages and --set call it."""
     amplitude_: Annotated[Factors | None, Field(alias="amplitude")] = None
     """One factor per frame for this load; without it the analysis' load_factors."""
 
 
 class _Force(_Load):
     where: WhereTable
+    """The faces (of type "nodal_force" the nodes) that it acts on."""
     force_N: Vector
+    """Its x, y and z components, at load factor 1."""
 
 
 class ForceTable(_Force):
-    """A total force, spread evenly over the area of the faces."""
+    """A total force, spread evenly over the area of the faces.
+
+    Example::
+
+        name = "pull"
+        type = "force"
+        where = { set = "x_max" }
+        force_N = [1000.0, 0.0, 0.0]
+    """
 
     type: Literal["force"]
 
 
 class NodalForceTable(_Force):
-    """The same force on every node."""
+    """The same force on every node.
+
+    Example::
+
+        name = "corners"
+        type = "nodal_force"
+        where = { x_min_mm = 200.0, z_min_mm = 10.0 }
+        force_N = [0.0, 0.0, -5.0]
+    """
 
     type: Literal["nodal_force"]
 
 
 class LineForceTable(_Load):
-    """A total force, spread evenly over the length of a line of element edges."""
+    """A total force, spread evenly over the length of a line of element edges.
+
+    Example::
+
+        name = "edge"
+        type = "line_force"
+        where = { x_min_mm = 200.0, z_min_mm = 10.0 }
+        force_N = [0.0, 0.0, -50.0]
+    """
 
     type: Literal["line_force"]
     where: WhereTable
     """The nodes of the line: say two bounds, or a named set."""
     force_N: Vector
+    """x, y and z components of the whole, at load factor 1."""
 
 
 class PressureTable(_Load):
-    """A pressure on faces; positive pushes into the body."""
+    """A pressure on faces; positive pushes into the body.
+
+    Example::
+
+        name = "water"
+        type = "pressure"
+        where = { normal = "+z" }
+        pressure_MPa = 0.1
+    """
 
     type: Literal["pressure"]
     where: WhereTable
+    """The faces that it acts on."""
     pressure_MPa: float
+    """At load factor 1; negative pulls."""
 
 
 class TractionTable(_Load):
-    """A force per area on faces."""
+    """A force per area on faces.
+
+    Example::
+
+        name = "friction"
+        type = "traction"
+        where = { normal = "+z" }
+        traction_MPa = [0.02, 0.0, 0.0]
+    """
 
     type: Literal["traction"]
     where: WhereTable
+    """The faces that it acts on."""
     traction_MPa: Vector
+    """Its x, y and z components, at load factor 1."""
 
 
 class GravityTable(_Load):
-    """The body's own weight."""
+    """The body's own weight.
+
+    Example::
+
+        name = "weight"
+        type = "gravity"
+        acceleration_m_s2 = [0.0, 0.0, -9.81]
+    """
 
     type: Literal["gravity"]
     acceleration_m_s2: Vector = (0.0, 0.0, -9.80665)
+    """x, y and z components; by default the earth's, with z up."""
 
 
 class CentrifugalTable(_Load):
-    """Steady rotation about an axis: the body is pulled outward."""
+    """Steady rotation about an axis: the body is pulled outward.
+
+    Example::
+
+        name = "spin"
+        type = "centrifugal"
+        axis_point_mm = [0.0, 0.0, 0.0]
+        axis = [0.0, 0.0, 1.0]
+        speed_rpm = 3000.0
+    """
 
     type: Literal["centrifugal"]
     axis_point_mm: Vector = (0.0, 0.0, 0.0)
     """A point on the axis."""
     axis: Direction = (0.0, 0.0, 1.0)
+    """Direction of the axis; its length doesn't matter."""
     speed_rpm: float
     """Turns per minute; the amplitude scales the force, not the speed."""
 
 
 class ThermalTable(_Load):
-    """A temperature change of the whole body; the material's expansion_per_K says what it does."""
+    """A temperature change of the whole body; the material's expansion_per_K says what it does.
+
+    Example::
+
+        name = "heat"
+        type = "thermal"
+        temperature_change_K = 80.0
+    """
 
     type: Literal["thermal"]
     temperature_change_K: float
+    """From the unloaded shape to load factor 1."""
 
 
 Load = (

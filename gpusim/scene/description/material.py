@@ -27,12 +27,22 @@ SeveralPositive = Length | Annotated[tuple[Length, Length, Length], Listed()]
 
 
 class MaterialTable(Table):
-    """A linear elastic material: isotropic with one number per key, orthotropic with three."""
+    """A linear elastic material: isotropic with one number per key, orthotropic with three.
+
+    Example::
+
+        name = "steel"
+        youngs_modulus_GPa = 210.0
+        poissons_ratio = 0.3
+        density_kg_m3 = 7850.0
+    """
 
     name: Name
+    """What [[body]] and [[body.part]] call it."""
     type: Literal["isotropic", "orthotropic"] = "isotropic"
+    """"isotropic": alike in all directions; "orthotropic": three axes, as wood or laminates."""
     youngs_modulus_GPa: SeveralPositive
-    """Orthotropic: [E1, E2, E3] along the material axes."""
+    """Orthotropic: [E1, E2, E3] along the material axes; isotropic: one for all directions."""
     poissons_ratio: Several
     """Orthotropic: [nu12, nu23, nu31]; nu12: contraction along 2 when pulled along 1."""
     shear_modulus_GPa: Annotated[tuple[Length, Length, Length], Listed()] | None = None
@@ -42,7 +52,7 @@ class MaterialTable(Table):
     axis_2: Direction = (0.0, 1.0, 0.0)
     """Orthotropic: direction of material axis 2, made perpendicular to axis_1; 3 follows."""
     density_kg_m3: Annotated[float, Field(ge=0)] = 0.0
-    """Gravity and rotation need it."""
+    """Mass per volume; gravity and rotation need it."""
     expansion_per_K: Several = 0.0
     """Linear thermal expansion; orthotropic: one number or [a1, a2, a3]."""
 

@@ -38,6 +38,7 @@ class MeasureTable(Table):
     """
 
     name: Name
+    """Of its files in measure/, and of its rows in the report."""
     type: str
 
     references: ClassVar[Mapping[str, str]] = {}

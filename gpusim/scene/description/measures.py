@@ -29,7 +29,13 @@ from .table import (
 
 
 class PublishedTable(Table):
-    """What somebody else reached; the report sets it beside this run's error."""
+    """What somebody else reached; the report sets it beside this run's error.
+
+    Example::
+
+        error_percent = 0.26
+        source = "Zdziebko & Holak, Sensors 2021, 21(18), 6046"
+    """
 
     error_percent: Annotated[float, Field(ge=0)]
     """Relative error of the measure's main number: the last marker's displacement."""
@@ -52,6 +58,7 @@ class MarkerMeasureTable(MeasureTable):
     subset_px: Annotated[int, Field(ge=5, le=1001)] | None = None
     """Side of the tracked square, odd; without it as large as the marker allows."""
     published: PublishedTable | None = None
+    """A result of somebody else, for the report to compare with."""
 
     def seconds(self, markers: int, pixels: int, frames: int) -> float:
         """Each frame is compared with the first."""
@@ -65,12 +72,23 @@ class MarkerMeasureTable(MeasureTable):
 
 
 class DeflectionTable(MarkerMeasureTable):
-    """The deflection line of every frame, in the image of one camera."""
+    """The deflection line of every frame, in the image of one camera.
+
+    Example::
+
+        name = "deflection"
+        type = "deflection"
+        camera = "side"
+        groups = ["side-markers"]
+        static = ["wall-markers"]
+        direction = "-z"
+    """
 
     type: Literal["deflection"]
     references = {"camera": "camera", **MarkerMeasureTable.references}
 
     camera: Name
+    """Name of the [[camera]] in whose pictures it is measured."""
     direction: SignedAxis
     """Of the deflection that counts as positive."""
 
@@ -99,6 +117,14 @@ class StereoTable(MarkerMeasureTable):
 
     The cameras' calibration comes from the images of [calibration], which has to show a checker;
     the markers' displacement between frame 0 and every other one from triangulation.
+
+    Example::
+
+        name = "space"
+        type = "stereo"
+        cameras = ["left", "right"]
+        groups = ["markers"]
+        lens = "radtan"
     """
 
     type: Literal["stereo"]
@@ -128,7 +154,13 @@ class StereoTable(MarkerMeasureTable):
 
 
 class RegionTable(Table):
-    """The part of a picture that is measured: pixels for which everything given here holds."""
+    """The part of a picture that is measured: pixels for which everything given here holds.
+
+    Example::
+
+        paint = "speckle"
+        polygon_px = [[100.0, 80.0], [900.0, 80.0], [900.0, 600.0], [100.0, 600.0]]
+    """
 
     paint: Name | None = None
     """Where the camera sees this paint, of a body or of a prop."""
@@ -146,6 +178,15 @@ class DicTable(CorrelationTable):
     One ``camera`` measures in px, and in mm with a scale or on the plane of a calibration target;
     two ``cameras``, calibrated from the images of [calibration], measure shape and displacement in
     space.
+
+    Example::
+
+        name = "field"
+        type = "dic"
+        cameras = ["left", "right"]
+        roi = { paint = "speckle" }
+        subset_px = 21
+        step_px = 7
     """
 
     type: Literal["dic"]
@@ -156,6 +197,7 @@ class DicTable(CorrelationTable):
     step_px: Annotated[int, Field(ge=1, le=1000)] = 10
     """Distance of the points."""
     strain: Literal["green-lagrange", "hencky", "small", "none"] = "green-lagrange"
+    """Which strain is taken from the displacements; "small" of one camera alone."""
     strain_window: Annotated[int, Field(ge=3, le=101)] = 5
     """Points across the window of the virtual strain gauge, odd."""
     formats: Annotated[
@@ -177,7 +219,15 @@ class DicTable(CorrelationTable):
 
 
 class DamageTable(MeasureTable):
-    """Differences of a deflection line between the variants, and where their slope changes."""
+    """Differences of a deflection line between the variants, and where their slope changes.
+
+    Example::
+
+        name = "damage"
+        type = "damage"
+        of = "deflection"
+        reference = "whole"
+    """
 
     type: Literal["damage"]
     references = {"of": "measure of a deflection", "reference": "variant"}

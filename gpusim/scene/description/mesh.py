@@ -50,7 +50,14 @@ Cells = Literal["hex8", "hex20", "hex27", "tet4", "tet10", "wedge6", "wedge15"]
 
 class NotchRecipeTable(Table):
     """A slot cut into a box or a beam; elements get finer towards it. Its faces are the set
-    "notch_1" (2, … in the order of the file)."""
+    "notch_1" (2, … in the order of the file).
+
+    Example::
+
+        position_mm = 60.0
+        width_mm = 2.0
+        depth_mm = 4.0
+    """
 
     position_mm: float
     """Of its middle, along ``axis``."""
@@ -59,6 +66,7 @@ class NotchRecipeTable(Table):
     depth_mm: Length
     """Into the body, from ``side``."""
     axis: Axis = "x"
+    """The direction along which position and width are counted."""
     side: SignedAxis = "-y"
     """The side that it is cut into; along the third axis it goes right through."""
     cells: Annotated[int, Field(ge=1, le=100)] = 2
@@ -90,10 +98,18 @@ class _Notchable(_Builder):
 
 
 class BoxMeshTable(_Notchable):
-    """A block along the axes. Its sides are the sets "x_min" … "z_max"."""
+    """A block along the axes. Its sides are the sets "x_min" … "z_max".
+
+    Example::
+
+        builder = "box"
+        size_mm = [200.0, 20.0, 10.0]
+        divisions = [40, 4, 4]
+    """
 
     builder: Literal["box"]
     size_mm: Annotated[tuple[Length, Length, Length], Listed()]
+    """Along x, y and z."""
     divisions: Divisions
     """Elements along x, y, z (away from notches)."""
     origin_mm: Vector = (0.0, 0.0, 0.0)
@@ -101,7 +117,16 @@ class BoxMeshTable(_Notchable):
 
 
 class BeamMeshTable(_Notchable):
-    """A bar whose axis is the x axis, from x = 0. Its sides are the sets "x_min" … "z_max"."""
+    """A bar whose axis is the x axis, from x = 0. Its sides are the sets "x_min" … "z_max".
+
+    Example::
+
+        builder = "beam"
+        length_mm = 300.0
+        width_mm = 30.0
+        height_mm = 6.0
+        divisions = [60, 6, 2]
+    """
 
     builder: Literal["beam"]
     length_mm: Length
@@ -134,6 +159,11 @@ class CraneMeshTable(_Builder):
     The column's outer face is x = 0 and its clamped foot ends at z = 0; the beam reaches along +x
     and lies on top of the column; both are centred on y = 0. Named sets: "foot" (z <= 0), "load"
     (top of the last ``load_length_mm``), "front" (-y), "back" (+y), "tip" (the free end).
+
+    Example::
+
+        builder = "crane"
+        element_mm = 6.0
     """
 
     builder: Literal["crane"]
@@ -144,7 +174,9 @@ class CraneMeshTable(_Builder):
     length_mm: Length = 597.0
     """Of the beam, from the column's outer face."""
     column_thickness_mm: Length = 6.0
+    """Of the column, along x."""
     beam_thickness_mm: Length = 4.0
+    """Of the beam, along z."""
     width_mm: Length = 40.0
     """Of both members, along y."""
     load_length_mm: Length = 108.0
@@ -166,6 +198,7 @@ class CraneMeshTable(_Builder):
 
 class _Holed(_Builder):
     hole_diameter_mm: Length
+    """Of the round hole, or of each."""
     around: Annotated[int, Field(ge=8, le=10_000, multiple_of=4)] = 32
     """Elements around a hole."""
     radial: Count = 8
@@ -178,12 +211,23 @@ class PlateMeshTable(_Holed):
     """A plate with a round hole at the origin, length along x, width along y, thickness from z = 0.
 
     Sets "hole" and "x_min" … "z_max". Midside nodes of hex20 and hex27 lie on the circle.
+
+    Example::
+
+        builder = "plate_with_hole"
+        length_mm = 100.0
+        width_mm = 40.0
+        thickness_mm = 3.0
+        hole_diameter_mm = 12.0
     """
 
     builder: Literal["plate_with_hole"]
     length_mm: Length
+    """Along x, from -length/2 to length/2."""
     width_mm: Length
+    """Along y, from -width/2 to width/2."""
     thickness_mm: Length
+    """Along z, from 0."""
 
     @model_validator(mode="after")
     def _check(self) -> PlateMeshTable:
@@ -199,17 +243,26 @@ class BracketMeshTable(_Holed):
 
     The base lies on z = 0 and reaches along +x, the wall stands on x = 0 and reaches along +z.
     Sets "base", "wall", "base_hole", "wall_hole", "base_end", "wall_end", "y_min", "y_max".
+
+    Example::
+
+        builder = "bracket"
+        wall_height_mm = 80.0
     """
 
     builder: Literal["bracket"]
     base_length_mm: Length = 60.0
+    """Of the base, along x, bend included."""
     wall_height_mm: Length = 80.0
+    """Of the wall, along z, bend included."""
     width_mm: Length = 40.0
     """Along y, from -width/2 to width/2."""
     thickness_mm: Length = 5.0
+    """Of the sheet."""
     fillet_radius_mm: Length = 6.0
     """Inner radius of the bend."""
     hole_diameter_mm: Length = 12.0
+    """Of the hole in each leg."""
     radial: Count = 5
     """Elements from a hole to the square around it."""
     bend: Count = 6
@@ -230,6 +283,7 @@ class BracketMeshTable(_Holed):
 
 class InFileUnitsTable(Table):
     unit: FileUnit = "mm"
+    """Of the file's coordinates."""
 
     @property
     def scale(self) -> float:
@@ -242,6 +296,12 @@ class FileMeshTable(InFileUnitsTable):
 
     Groups of the file are sets: Gmsh's physical groups, sets of Abaqus and Exodus, MED's groups;
     the faces of a CAD file are "face_1", "face_2", …
+
+    Example::
+
+        file = "bracket.step"
+        size_mm = 2.5
+        order = 2
     """
 
     builder: Literal["file"] = "file"
@@ -302,6 +362,10 @@ class FieldMeshTable(InFileUnitsTable):
 
     Frames between its times are interpolated linearly; a file whose first time is above 0 is taken
     to start undeformed at time 0.
+
+    Example::
+
+        file = "strip.frd"
     """
 
     path: Annotated[str, Field(min_length=1, alias="file")]

@@ -41,17 +41,34 @@ from .targets import (
 
 
 class PlainTable(PaintedTable):
-    """One even colour."""
+    """One even colour.
+
+    Example::
+
+        name = "steel"
+        type = "plain"
+        finish = "brushed steel"
+    """
 
     type: Literal["plain"]
 
 
 class LineTable(Table):
-    """Positions at equal distances on a straight line, both ends included."""
+    """Positions at equal distances on a straight line, both ends included.
+
+    Example::
+
+        start_mm = [10.0, 0.0, 5.0]
+        end_mm = [190.0, 0.0, 5.0]
+        count = 7
+    """
 
     start_mm: Vector
+    """Centre of the first."""
     end_mm: Vector
+    """Centre of the last."""
     count: Annotated[int, Field(ge=2, le=100_000)]
+    """How many, both ends included."""
 
 
 class Marker(NamedTuple):
@@ -62,7 +79,17 @@ class Marker(NamedTuple):
 
 
 class MarkersTable(PatternedTable):
-    """Square markers of 2x2 black and white fields, dark at the lower left and upper right."""
+    """Square markers of 2x2 black and white fields, dark at the lower left and upper right.
+
+    Example::
+
+        name = "side"
+        type = "markers"
+        where = { normal = "-y" }
+        albedo = 0.4
+        size_mm = 8.0
+        line = { start_mm = [10.0, 0.0, 5.0], end_mm = [190.0, 0.0, 5.0], count = 7 }
+    """
 
     type: Literal["markers"]
     size_mm: Length
@@ -70,8 +97,11 @@ class MarkersTable(PatternedTable):
     positions_mm: Annotated[tuple[Vector, ...], Listed(1)] | None = None
     """Their centres; or give line."""
     line: LineTable | None = None
+    """Their centres at equal distances on a straight line, in place of positions_mm."""
     dark: Shade = 0.04
+    """Albedo of the dark fields."""
     light: Shade = 0.9
+    """Albedo of the light fields."""
 
     @model_validator(mode="after")
     def _check(self) -> MarkersTable:
@@ -124,30 +154,64 @@ class MarkersTable(PatternedTable):
 
 
 class CheckerTable(PatternedTable):
-    """A chessboard; the field at its lower left corner is dark."""
+    """A chessboard; the field at its lower left corner is dark.
+
+    Example::
+
+        name = "fields"
+        type = "checker"
+        albedo = 0.9
+        cell_mm = 15.0
+        columns = 9
+        rows = 8
+        origin_mm = [0.0, 0.0, 0.0]
+    """
 
     type: Literal["checker"]
     cell_mm: Length
+    """Side of a field."""
     columns: Count
+    """Fields in a row."""
     rows: Count
+    """Rows of fields."""
     origin_mm: Vector
     """The lower left corner of the board, seen from outside."""
     dark: Shade = 0.04
+    """Albedo of the dark fields."""
     light: Shade = 0.9
+    """Albedo of the light fields."""
     called = {"cell_mm": "size"}
 
 
 class DotsTable(PatternedTable):
-    """A regular grid of round dots."""
+    """A regular grid of round dots.
+
+    Example::
+
+        name = "dots"
+        type = "dots"
+        where = { normal = "+z" }
+        albedo = 0.85
+        diameter_mm = 1.0
+        pitch_mm = 2.0
+        columns = 30
+        rows = 12
+        origin_mm = [2.0, -11.0, 6.0]
+    """
 
     type: Literal["dots"]
     diameter_mm: Length
+    """Of a dot."""
     pitch_mm: Length
+    """From one dot's centre to the next."""
     columns: Count
+    """Dots in a row."""
     rows: Count
+    """Rows of dots."""
     origin_mm: Vector
     """The centre of the dot at the lower left, seen from outside."""
     dot: Shade = 0.04
+    """Albedo of the dots."""
     called = {"dot": "albedo"}
 
     @model_validator(mode="after")
@@ -162,6 +226,18 @@ class SpeckleTable(PatternedTable):
 
     About 3 to 6 px wide in the image, half of the area covered, and edges at least half a pixel
     soft is what correlates well.
+
+    Example::
+
+        name = "speckle"
+        type = "speckle"
+        where = { normal = "-y" }
+        albedo = 0.8
+        diameter_mm = 0.4
+        coverage = 0.5
+        softness_mm = 0.05
+        spread = 0.3
+        seed = 1
     """
 
     unfolds: ClassVar[bool] = True
@@ -208,7 +284,17 @@ class SpeckleTable(PatternedTable):
 
 
 class PictureTable(PatternedTable):
-    """A picture: its values are albedo, its pixels squares on the surface."""
+    """A picture: its values are albedo, its pixels squares on the surface.
+
+    Example::
+
+        name = "photo"
+        type = "image"
+        albedo = 0.5
+        file = "speckle.png"
+        texel_mm = 0.05
+        origin_mm = [0.0, 0.0, 0.0]
+    """
 
     has_texels: ClassVar[bool] = True
     type: Literal["image"]

@@ -23,9 +23,14 @@ TruthLayer = Literal[
     "cameras",
     "normal",
 ]
+CalibrationFormat = Literal["opencv", "matchid", "vic", "dice", "kalibr"]
 
 Series = Annotated[tuple[float, ...], Listed(1, 10_000)]
 _FACTORS = (0.0, 1.0)
+OTHER_SOLVER = (
+    "what another program has solved goes into [body.field] file, or `gpusim render --field FILE`"
+)
+"""The way out where gpusim doesn't solve."""
 _PLANNED = ("modal", "transient", "harmonic", "dynamic", "buckling")
 
 
@@ -48,9 +53,10 @@ ANALYSIS_TYPES = {
 def _existing(value: Any) -> Any:
     if value in tuple(ANALYSIS_TYPES):
         return value
-    problem = "no such analysis yet" if value in _PLANNED else "unknown value"
     kinds = ", or ".join(f'"{name}" ({kind.about})' for name, kind in ANALYSIS_TYPES.items())
-    raise fault("", problem, value, kinds)
+    if value in _PLANNED:
+        raise fault("", "no such analysis yet", value, f"{kinds}; {OTHER_SOLVER}")
+    raise fault("", "unknown value", value, kinds)
 
 
 def _list_kinds(schema: dict[str, Any]) -> None:
@@ -58,7 +64,13 @@ def _list_kinds(schema: dict[str, Any]) -> None:
 
 
 class AnalysisTable(Table):
-    """Linear statics, or displacements that are given; one frame per load factor or time."""
+    """Linear statics, or displacements that are given; one frame per load factor or time.
+
+    Example::
+
+        type = "static"
+        load_factors = [0.0, 0.5, 1.0]
+    """
 
     type: Annotated[str, BeforeValidator(_existing), Field(json_schema_extra=_list_kinds)] = (
         "static"
@@ -91,7 +103,13 @@ class AnalysisTable(Table):
 
 
 class SolverTable(Table):
-    """How far to solve."""
+    """How far to solve.
+
+    Example::
+
+        tolerance = 1e-8
+        method = "direct"
+    """
 
     # the keys are arguments of `gpusim.fem.solve`
 
@@ -105,7 +123,13 @@ class SolverTable(Table):
 
 
 class RenderTable(Table):
-    """How exact the images are."""
+    """How exact the images are.
+
+    Example::
+
+        error = 0.1
+        background = 0.2
+    """
 
     error: Annotated[float, Field(gt=0, le=16)] = 0.25
     """Allowed error of a pixel, in grey levels of 8 bit: so many lens positions and moments."""
@@ -114,7 +138,14 @@ class RenderTable(Table):
 
 
 class OutputTable(Table):
-    """What is written beside images, measurements and report."""
+    """What is written beside images, measurements and report.
+
+    Example::
+
+        truth = ["reference", "displacement", "flow"]
+        vtu = true
+        stress = true
+    """
 
     truth: Annotated[tuple[TruthLayer, ...], Listed(different=True)] = ()
     """Layers of truth.h5, per camera and frame."""
@@ -124,11 +155,24 @@ class OutputTable(Table):
     """Stress, von Mises stress and an error indicator, in the .vtu files and the report."""
     stl: bool = False
     """The deformed surface, one file per paint and frame."""
+    fields: bool = True
+    """Pictures of the bodies in the colours of their displacement, stress and strain, in the folder
+    fields, and in the report. Stress and strain where stress is asked for, or the meshes have at
+    most 20,000 elements together."""
+    calibration: Annotated[tuple[CalibrationFormat, ...], Listed(different=True)] = ()
+    """The cameras as calibration files of these programs."""
 
 
 class VariantTable(Table):
-    """A state of the scene. With variants, a run makes all of them, in ``variants/<name>``."""
+    """A state of the scene. With variants, a run makes all of them, in ``variants/<name>``.
+
+    Example::
+
+        name = "notched"
+        set = { "body.beam.notch" = [{ position_mm = 60.0, width_mm = 2.0, depth_mm = 4.0 }] }
+    """
 
     name: Name
+    """Of its folder, and what measures and the report call it."""
     changes: Annotated[dict[str, Any], Field(alias="set")] = {}
     """Keys of the scene that are different: dotted paths, as in --set."""

@@ -36,7 +36,13 @@ PropLength = Annotated[float, Field(gt=0, le=1e10)]
 
 
 class PoseTable(Table):
-    """Where a prop is: turned about its own point, which then lies at ``position_mm``."""
+    """Where a prop is: turned about its own point, which then lies at ``position_mm``.
+
+    Example::
+
+        position_mm = [100.0, 5.0, 20.0]
+        rotation_deg = [0.0, 15.0, -20.0]
+    """
 
     position_mm: Vector
     """Of the prop's centre (of a mesh prop: of the point that its file's origin is)."""
@@ -51,6 +57,7 @@ class _Prop(Table):
     # it is built as described; `position` and `rotation` say how it stands, as those of a pose do,
     # and `origin` which point of it poses are about
     name: Name
+    """What [calibration], [[measure]] and --set call it."""
     poses_: Annotated[Poses | None, Field(alias="poses")] = None
     """One per frame, for a prop that moves; paint and ``where`` are of the prop as described."""
 
@@ -62,6 +69,7 @@ class _Prop(Table):
 
 class _Centred(_Prop):
     center_mm: Vector
+    """Its middle."""
 
     @property
     def position(self) -> Vec3:
@@ -72,14 +80,24 @@ class _Centred(_Prop):
 
 
 class PlateTable(_Centred):
-    """A rigid rectangular plate: a wall, a target. Only its front is seen."""
+    """A rigid rectangular plate: a wall, a target. Only its front is seen.
+
+    Example::
+
+        name = "wall"
+        center_mm = [100.0, 80.0, 5.0]
+        normal = [0.0, -1.0, 0.0]
+        size_mm = [400.0, 200.0]
+        paint = [{ name = "white", type = "plain", albedo = 0.8 }]
+    """
 
     type: Literal["plate"] = "plate"
-    """Needn't be said."""
+    """Needn't be said: a prop without type is a plate."""
     rotation: ClassVar[Vec3] = (0.0, 0.0, 0.0)
     normal: Direction
     """Out of its front."""
     up: Direction = (0.0, 0.0, 1.0)
+    """Roughly up on it: the direction of its height."""
     size_mm: Annotated[tuple[PropLength, PropLength], Listed()]
     """Width (across ``up``) and height, at most 1e10 mm: beyond, rounding moves what is on it."""
     paints: Annotated[tuple[PaintTable, ...], Field(alias="paint"), Listed(1, 1)]
@@ -128,7 +146,17 @@ class _Shaped(_Prop):
 
 
 class BoxTable(_Centred, _Shaped):
-    """A rigid block: a machine's frame, a base. Its sides are the sets "x_min" … "z_max"."""
+    """A rigid block: a machine's frame, a base. Its sides are the sets "x_min" … "z_max".
+
+    Example::
+
+        name = "base"
+        type = "box"
+        center_mm = [0.0, 0.0, -50.0]
+        size_mm = [120.0, 80.0, 40.0]
+        rotation_deg = [0.0, 0.0, 30.0]
+        paint = [{ name = "iron", type = "plain", finish = "painted steel" }]
+    """
 
     type: Literal["box"]
     size_mm: Annotated[tuple[PropLength, PropLength, PropLength], Listed()]
@@ -141,7 +169,16 @@ class BoxTable(_Centred, _Shaped):
 
 
 class ShapeTable(_Shaped, InFileUnitsTable):
-    """A rigid thing of any shape: a mesh or a file of faces (.stl .ply .obj .off .glb .gltf)."""
+    """A rigid thing of any shape: a mesh or a file of faces (.stl .ply .obj .off .glb .gltf).
+
+    Example::
+
+        name = "grip"
+        type = "mesh"
+        file = "grip.stl"
+        position_mm = [0.0, 0.0, 120.0]
+        paint = [{ name = "metal", type = "plain", finish = "brushed steel" }]
+    """
 
     type: Literal["mesh"]
     path: Annotated[str, Field(min_length=1, alias="file")]
@@ -174,6 +211,15 @@ class CalibrationTable(Table):
     """Images of a target for calibration, beside the frames: ``images/<camera>/calib-0000.png``.
 
     They show the target in each pose, without bodies and other props, in the scene's light.
+
+    Example::
+
+        board = "board"
+        cameras = ["left", "right"]
+        pose = [
+          { position_mm = [100.0, 0.0, 5.0], rotation_deg = [0.0, 0.0, 0.0] },
+          { position_mm = [90.0, 10.0, 0.0], rotation_deg = [20.0, 0.0, 15.0] },
+        ]
     """
 
     board: Name

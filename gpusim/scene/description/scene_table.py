@@ -56,7 +56,13 @@ class Body:
 
 
 class PartTable(Table):
-    """Elements of a body that are of another material."""
+    """Elements of a body that are of another material.
+
+    Example::
+
+        material = "brass"
+        where = { z_max_mm = 0.0 }
+    """
 
     material: Name
     """The name of a [[material]]."""
@@ -74,9 +80,37 @@ class PartTable(Table):
 
 
 class BodyTable(Table):
-    """A deformable body: a mesh of a material to be solved, or a field that is given."""
+    """A deformable body: a mesh of a material to be solved, or a field that is given.
+
+    Example::
+
+        name = "bar"
+        material = "steel"
+
+        [mesh]
+        builder = "box"
+        size_mm = [200.0, 20.0, 10.0]
+        divisions = [40, 4, 4]
+
+        [[support]]
+        name = "clamp"
+        where = { set = "x_min" }
+        fix = ["x", "y", "z"]
+
+        [[load]]
+        name = "pull"
+        type = "force"
+        where = { set = "x_max" }
+        force_N = [1000.0, 0.0, 0.0]
+
+        [[paint]]
+        name = "grey"
+        type = "plain"
+        albedo = 0.4
+    """
 
     name: Name
+    """Of its files, and what messages and --set call it."""
     material: Name | None = None
     """The name of a [[material]]."""
     field: FieldMeshTable | None = None
@@ -89,10 +123,14 @@ class BodyTable(Table):
     bodies); of 20-node bricks "full" or "reduced"; of 6-node wedges "full" or "exact". An element
     type that doesn't have it takes its own default."""
     mesh: MeshTable | None = None
+    """What it is made of; ``builder`` says how the mesh is made, or ``file`` from which it is
+    read."""
     notch: Annotated[tuple[NotchRecipeTable, ...], Listed()] = ()
     """Slots in a box or a beam."""
     support: Annotated[tuple[SupportTable, ...], Listed()] = ()
+    """What holds it."""
     load: Annotated[tuple[LoadTable, ...], Listed()] = ()
+    """What pulls, pushes, turns or heats it."""
     paint: Annotated[tuple[PaintTable, ...], Listed(1)]
     """A face belongs to the last entry that matches it."""
 
@@ -133,28 +171,62 @@ class BodyTable(Table):
 
 
 class SceneTable(Table):
-    """A gpusim scene: structure, loads, cameras, lights, and what to measure."""
+    """A gpusim scene: structure, loads, cameras, lights, and what to measure.
+
+    Example::
+
+        schema = 1
+        name = "A grey plate"
+
+        [[prop]]
+        name = "plate"
+        type = "plate"
+        center_mm = [0.0, 0.0, 0.0]
+        normal = [0.0, -1.0, 0.0]
+        size_mm = [100.0, 60.0]
+        paint = [{ name = "grey", type = "plain", albedo = 0.4 }]
+
+        [[camera]]
+        name = "front"
+        sensor_mm = [8.8, 6.6]
+        resolution_px = [1280, 960]
+        focal_mm = 25.0
+        position_mm = [0.0, -400.0, 0.0]
+        target_mm = [0.0, 0.0, 0.0]
+    """
 
     schema_: Annotated[Literal[1], Field(alias="schema")]
     """Version of the scene format."""
     name: Annotated[str, Field(min_length=1, max_length=200)]
+    """Title of the report."""
     description: str = ""
+    """A few sentences for the report."""
     material: Annotated[tuple[MaterialTable, ...], Listed()] = ()
+    """What bodies are made of."""
     body: Annotated[tuple[BodyTable, ...], Listed()] = ()
+    """Deformable bodies, which are solved and seen."""
     prop: Annotated[tuple[PropTable, ...], Listed()] = ()
+    """Rigid things in the picture: walls, boards, machines."""
     analysis: AnalysisTable = AnalysisTable()
+    """What is computed, and the frames that it is computed for."""
     solver: SolverTable = SolverTable()
+    """How far to solve."""
     camera: Annotated[tuple[CameraTable, ...], Listed()] = ()
+    """From where the scene is seen; each takes a picture of every frame."""
     light: Annotated[tuple[LightTable, ...], Listed()] = ()
-    """Without any, images show the albedo."""
+    """Lamps, sun and surroundings; without any, images show the albedo."""
     calibration: CalibrationTable | None = None
     """Images of a calibration target, beside the frames."""
     render: RenderTable = RenderTable()
+    """How exact the images are."""
     sensor: SensorTable = SensorTable()
+    """From radiance to grey values, for all cameras."""
     measure: Annotated[tuple[AnyMeasure, ...], Listed()] = ()
+    """What is measured in the pictures and compared with the truth."""
     variant: Annotated[tuple[VariantTable, ...], Listed()] = ()
     """States that are made in one run and compared."""
     output: OutputTable = OutputTable()
+    """What is written beside images, measurements and report."""
 
     @model_validator(mode="after")
     def _complete(self) -> SceneTable:

@@ -88,9 +88,19 @@ class SensorTable(_Electronics):
 
     Noise follows EMVA 1288: shot noise and dark current are Poisson distributed, the read-out's is
     normal, and pixels differ in offset and gain.
+
+    Example::
+
+        bits = 12
+        format = "tiff"
+        full_well_e = 10500.0
+        read_noise_e = 2.4
+        prnu_percent = 0.5
+        seed = 1
     """
 
     format: Literal["png", "tiff"] = "png"
+    """Of the pictures' files."""
     seed: Seed = 0
     """Of the noise; every camera and frame has its own, independent of the others."""
     series: Annotated[int, Field(ge=0, lt=100_000)] = 0
@@ -156,6 +166,11 @@ class CameraSensorTable(_Electronics):
     """What is another sensor in one camera: keys given here replace those of [sensor].
 
     A ``preset`` given here replaces all that [sensor] says of gain, noise and black level.
+
+    Example::
+
+        bits = 12
+        gain_DN_per_e = 0.4
     """
 
     model_config = ConfigDict(json_schema_extra=_without_defaults)

@@ -12,6 +12,7 @@ import inspect
 import math
 import re
 import sys
+import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
@@ -28,6 +29,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
+from gpusim.files.input_file import results_hint
+
 _SMALLEST, _LARGEST = 1e-30, 1e30
 _LARGEST_COUNT = 2**63 - 1
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}  # per unit of a file
@@ -43,7 +46,9 @@ UNITS: dict[str, Callable[[Any], float] | None] = {
     "rpm": lambda value: value * math.tau / 60.0,
     "percent": lambda value: value / 100.0,
     "deg": math.radians,
-    **dict.fromkeys(("px", "N", "Hz", "K", "s", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")),
+    **dict.fromkeys(
+        ("px", "N", "Hz", "K", "s", "W", "lm", "m_s2", "W_m2", "W_m2_sr", "kg_m3", "per_K")
+    ),
     **dict.fromkeys(("e", "e_per_s", "DN", "DN_per_e")),
 }
 """By the end of a key: what makes its value one in SI, if it isn't."""
@@ -191,11 +196,19 @@ def _field_texts(module: str) -> dict[str, dict[str, str]]:
 
 
 def add_descriptions(schema: dict[str, Any], table: type[BaseModel]) -> None:
-    """Enter the texts of the fields in a table's JSON schema."""
+    """Enter the texts of the fields in a table's JSON schema, and the example of its docstring:
+    as TOML, and as what that says."""
     texts = descriptions(table)
     for name, info in table.model_fields.items():
+        entry = schema["properties"][info.alias or name]
         if name in texts:
-            schema["properties"][info.alias or name]["description"] = texts[name]
+            entry["description"] = texts[name]
+        elif "const" in entry:
+            entry["description"] = "Says which kind of table it is."
+    about, *example = schema.get("description", "").split("\n\nExample::\n\n")
+    if example:
+        text = inspect.cleandoc(example[0])
+        schema |= {"description": about, "examples": [tomllib.loads(text)], "x-toml": text}
 
 
 class Table(BaseModel):
@@ -262,7 +275,8 @@ def known_suffix(kind: str, file: str, known: Collection[str]) -> str:
     """The ending of a file; raises a fault for the key ``file`` if it isn't a ``known`` one."""
     suffix = PurePath(file).suffix.lower()
     if suffix not in known:
-        raise fault("file", f"unknown kind of {kind}", file, "one of " + ", ".join(known))
+        expected = "one of " + ", ".join(known) + results_hint(file)
+        raise fault("file", f"unknown kind of {kind}", file, expected)
     return suffix
 
 

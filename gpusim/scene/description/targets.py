@@ -25,11 +25,22 @@ class _Centred(PatternedTable):
     positions_mm: Places
     """Their centres."""
     dark: Shade = 0.05
+    """Albedo of what is dark."""
     light: Shade = 0.9
+    """Albedo of what is light."""
 
 
 class CirclesTable(_Centred):
-    """Concentric circles: the largest is dark, then light and dark alternate."""
+    """Concentric circles: the largest is dark, then light and dark alternate.
+
+    Example::
+
+        name = "rings"
+        type = "circles"
+        albedo = 0.8
+        positions_mm = [[10.0, 0.0, 5.0], [190.0, 0.0, 5.0]]
+        diameters_mm = [8.0, 5.0, 2.0]
+    """
 
     type: Literal["circles"]
     diameters_mm: Annotated[tuple[Length, ...], Listed(1)]
@@ -44,15 +55,38 @@ class CirclesTable(_Centred):
 
 
 class StarTable(_Centred):
-    """Siemens stars: dark spokes as wide as the light gaps between them."""
+    """Siemens stars: dark spokes as wide as the light gaps between them.
+
+    Example::
+
+        name = "star"
+        type = "star"
+        albedo = 0.8
+        positions_mm = [[100.0, 0.0, 5.0]]
+        diameter_mm = 9.0
+        spokes = 72
+    """
 
     type: Literal["star"]
     diameter_mm: Length
+    """Of a star."""
     spokes: Annotated[int, Field(ge=2, le=1000)] = 36
+    """Dark ones; as many gaps."""
 
 
 class ArucoTable(_Centred):
-    """ArUco or AprilTag markers; the ground around them has to be light."""
+    """ArUco or AprilTag markers; the ground around them has to be light.
+
+    Example::
+
+        name = "tags"
+        type = "aruco"
+        albedo = 0.9
+        positions_mm = [[10.0, 0.0, 5.0], [190.0, 0.0, 5.0]]
+        size_mm = 8.0
+        ids = [3, 7]
+        dictionary = "4X4_50"
+    """
 
     type: Literal["aruco"]
     size_mm: Length
@@ -69,7 +103,17 @@ class ArucoTable(_Centred):
 
 
 class RingCodesTable(PatternedTable):
-    """Coded targets of photogrammetry: a disc, and around it a ring of light and dark bits."""
+    """Coded targets of photogrammetry: a disc, and around it a ring of light and dark bits.
+
+    Example::
+
+        name = "coded"
+        type = "ring_codes"
+        albedo = 0.05
+        positions_mm = [[10.0, 0.0, 5.0], [190.0, 0.0, 5.0]]
+        codes = [91, 379]
+        diameter_mm = 3.0
+    """
 
     type: Literal["ring_codes"]
     positions_mm: Places
@@ -94,19 +138,37 @@ class RingCodesTable(PatternedTable):
 
 
 class CharucoTable(PatternedTable):
-    """OpenCV's ChArUco board: a chessboard with a marker in every light square."""
+    """OpenCV's ChArUco board: a chessboard with a marker in every light square.
+
+    Example::
+
+        name = "board"
+        type = "charuco"
+        albedo = 0.9
+        square_mm = 30.0
+        marker_mm = 22.0
+        columns = 7
+        rows = 5
+        origin_mm = [0.0, 0.0, 0.0]
+    """
 
     type: Literal["charuco"]
     square_mm: Length
+    """Side of a field."""
     marker_mm: Length
     """Side of the markers, less than that of the squares."""
     columns: Count
+    """Fields in a row."""
     rows: Count
+    """Rows of fields."""
     origin_mm: Vector
     """The lower left corner of the board, seen from outside."""
     dictionary: str = "4X4_50"
+    """OpenCV's name without DICT_, as for "aruco"."""
     dark: Shade = 0.05
+    """Albedo of dark fields and markers."""
     light: Shade = 0.9
+    """Albedo of light fields."""
 
     @model_validator(mode="after")
     def _check(self) -> CharucoTable:
@@ -116,18 +178,36 @@ class CharucoTable(PatternedTable):
 
 
 class LinesTable(PatternedTable):
-    """Lines at equal distances, along the surface's horizontal, its up direction, or both."""
+    """Lines at equal distances, along the surface's horizontal, its up direction, or both.
+
+    Example::
+
+        name = "grid"
+        type = "lines"
+        albedo = 0.85
+        pitch_mm = 2.0
+        width_mm = 0.4
+        along = "both"
+        columns = 40
+        rows = 8
+        origin_mm = [10.0, 0.0, 1.0]
+    """
 
     type: Literal["lines"]
     pitch_mm: Length
+    """From one line's middle to the next."""
     width_mm: Length
+    """Of a line."""
     along: Literal["both", "across", "up"] = "both"
+    """Which lines: those across the surface's up direction, those along it, or both."""
     columns: Count
+    """Pitches of the grid in a row."""
     rows: Count
     """Pitches of the grid."""
     origin_mm: Vector
     """The crossing at the lower left, seen from outside."""
     line: Shade = 0.05
+    """Albedo of the lines."""
     called = {"line": "albedo"}
 
     @property

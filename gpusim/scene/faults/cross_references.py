@@ -43,7 +43,7 @@ def check_document(document: Mapping[str, Any]) -> Found:
     checks.fields()
     checks.poses()
     checks.calibration()
-    checks.truth_layers()
+    checks.outputs()
     checks.shutters()
     checks.shadows()
     return checks.found
@@ -279,9 +279,13 @@ class _Checks:
             got, wanted = Words("no camera"), "at least one [[camera]]"
             self.add(("calibration",), "needs a camera", got, wanted)
 
-    def truth_layers(self) -> None:
+    def outputs(self) -> None:
+        """Cameras for those that are of cameras, and not more than they take."""
         output, cameras = self.document.get("output"), len(self.cameras)
         layers = output.get("truth") if isinstance(output, Mapping) else None
+        if isinstance(output, Mapping) and output.get("calibration") and not cameras:
+            got, wanted = Words("no camera"), "at least one [[camera]]"
+            self.add(("output", "calibration"), "needs a camera", got, wanted)
         if isinstance(layers, list) and "cameras" in layers and cameras > _BITS:
             got, wanted = Words(f"{cameras} cameras"), f"at most {_BITS}"
             self.add(("output", "truth"), 'layer "cameras" has a bit per camera', got, wanted)

@@ -11,12 +11,19 @@ from pydantic import ValidationError
 
 from gpusim.errors import Fault, InputError, similar_name
 from gpusim.printable import printable
+from gpusim.scene.description.processing import OTHER_SOLVER
 from gpusim.scene.description.table import Words, name_and_unit
 
 from .key_paths import Keys, Origins, dotted, origin_of
 from .schema_places import Place, expected, locate
 
 MOST = 200  # faults that are looked into; to find the nearest word of each takes a while
+_WAYS_OUT = {
+    "video": "pictures are files; `ffmpeg -framerate 25 -i images/front/%04d.png -c:v ffv1 "
+    "front.mkv` joins them",
+    "analysis.geometry": f"it is linear; {OTHER_SOLVER}",
+}
+"""What is asked for and isn't there, and what to do in its place."""
 _OUT_OF_RANGE = {"greater_than", "greater_than_equal", "less_than", "less_than_equal"}
 _OF_WRONG_TYPE = {
     "float_type", "int_type", "int_from_float", "int_parsing_size", "string_type", "bool_type",
@@ -84,6 +91,8 @@ def _fault(
     if kind == "extra_forbidden":
         near = similar_name(str(place.keys[-1]), place.valid_keys)
         keys = "" if near else "one of " + ", ".join(place.valid_keys)
+        if key in _WAYS_OUT:
+            return Fault(key, "no such key yet", hint=_WAYS_OUT[key])
         return Fault(key, "unknown key", "", keys, _did_you_mean(near))
     if kind == "missing":
         return Fault(key, "missing", "", _wanted(place))

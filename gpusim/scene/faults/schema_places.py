@@ -64,7 +64,7 @@ class Place:
     @property
     def tags(self) -> list[str]:
         """Values of the key that chooses the variant, if there are variants here."""
-        return list(_variants(_plain(self.value)))
+        return list(table_kinds(plain_node(self.value)))
 
 
 def locate(location: Sequence[str | int]) -> Place:
@@ -73,8 +73,8 @@ def locate(location: Sequence[str | int]) -> Place:
     here: Node = cached_schema()
     table = value = here
     for step in location:
-        here = _plain(here)
-        variants = _variants(here)
+        here = plain_node(here)
+        variants = table_kinds(here)
         if step in variants:
             here = variants[str(step)]
             continue
@@ -94,7 +94,7 @@ def _of_reference(reference: str) -> Node:
     return found
 
 
-def _plain(node: Node) -> Node:
+def plain_node(node: Node) -> Node:
     """What a reference refers to; without the choice of having no value."""
     while True:
         options = [one for one in node.get("anyOf", ()) if one.get("type") != "null"]
@@ -106,12 +106,12 @@ def _plain(node: Node) -> Node:
             return node
 
 
-def _variants(node: Node) -> dict[str, Node]:
+def table_kinds(node: Node) -> dict[str, Node]:
     """Tag -> table of a choice of tables that ``type`` or ``builder`` tells apart; else empty."""
     if "discriminator" not in node:
         return {}
     key = node["discriminator"]["propertyName"]
-    tables = [_plain(one) for one in node["oneOf"]]
+    tables = [plain_node(one) for one in node["oneOf"]]
     return {table["properties"][key]["const"]: table for table in tables}
 
 

@@ -1,8 +1,5 @@
 """What the preview window shows.
 
-- `body_state`: A body in one frame, from which its fields follow.
-- `mesh_edges`: Lines of a mesh on its surface: borders of elements, and edges where it is creased
-  or ends.
 - `depth_of_field`: Depths between which a camera is sharp.
 - `content`: What is shown: surfaces by frame, cameras, lights, states of the bodies.
 - `loading`: Content from a file: a scene, a run's output folder, a mesh or a CAD file.

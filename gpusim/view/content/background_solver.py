@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from gpusim.scene import Scene
+from gpusim.scene.cost import Counts
 
 _CHILD = (
     "import os, pickle, sys; getattr(os, 'nice', int)(10); "  # the window comes first
@@ -27,13 +28,13 @@ _CHILD = (
 
 
 class BackgroundSolver:
-    """The solution of a scene in the making.
+    """The solution of a scene in the making; ``made``: how large its meshes of files are.
 
     ``progress``: 0 to 1, and words. ``done``: with files below ``folder`` as a run writes them.
     ``fault``: what ended it otherwise.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, made: Counts | None = None) -> None:
         self.progress: tuple[float, str] = (0.0, "solving")
         self.done, self.fault = False, ""
         self._folder = tempfile.TemporaryDirectory(prefix="gpusim-view-")
@@ -42,7 +43,7 @@ class BackgroundSolver:
             [sys.executable, "-P", "-c", _CHILD], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, env={**os.environ, "PYTHONWARNINGS": "ignore"},
         )  # fmt: skip
-        call = pickle.dumps(sys.path) + pickle.dumps((os.getpid(), scene, self.folder))
+        call = pickle.dumps(sys.path) + pickle.dumps((os.getpid(), scene, made, self.folder))
         self._thread = threading.Thread(target=self._follow, args=(call,), daemon=True)
         self._thread.start()
 
@@ -86,7 +87,7 @@ def solve_here() -> None:
     from gpusim.parallel.processes import end_with
     from gpusim.view.content.loading import check_room
 
-    parent, scene, folder = pickle.load(sys.stdin.buffer)
+    parent, scene, made, folder = pickle.load(sys.stdin.buffer)
     end_with(parent)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
@@ -96,7 +97,7 @@ def solve_here() -> None:
         answers.flush()
 
     try:
-        check_room(scene, "model", "solve", "stress")
+        check_room(scene, "model", "solve", "stress", made=made)
         _solve(scene, folder, lambda share, text: tell(share=share, text=text))
     except GpusimError as error:
         tell(fault=str(error))

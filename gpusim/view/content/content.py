@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.export.body_state import BodyState
 from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
@@ -25,10 +26,9 @@ from gpusim.scene.frames import frame_word
 from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
-from gpusim.view.content.body_state import BodyState
 from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
-from gpusim.view.content.mesh_edges import crease_edges
 from gpusim.view.picture.neutral import unpainted
+from gpusim.visualization.mesh_edges import crease_edges
 
 if TYPE_CHECKING:  # a third of a second to import, which the first picture doesn't need
     from gpusim.fem import Model
@@ -208,7 +208,7 @@ class Content:
         assert objects is not None
         parts, stress = objects.bodies[body], None
         if self.stresses is not None and not solved:
-            stress = self.stresses.fields(body, frame, parts)[0]["stress"]
+            stress, _ = self.stresses.of(body, frame, parts)
         model = self.model(body) if stress is None else None
         return BodyState(
             parts.mesh, self.displacement(body, frame), model, parts.body.formulation,

@@ -22,6 +22,7 @@ from gpusim.pipeline.scene_objects.solution import SceneSolution
 from gpusim.pipeline.scene_objects.surfaces import build_body, build_prop
 from gpusim.plan.plan import make_plan
 from gpusim.scene import Scene, load_scene
+from gpusim.scene.cost import Counts
 from gpusim.scene.description.prop import SURFACE_SUFFIXES
 from gpusim.scene.description.table import FileUnit, file_unit, metres
 from gpusim.scene.frames import frame_table
@@ -116,10 +117,10 @@ def _scene(path: Path, earlier: Content | None = None) -> Content:
     )
 
 
-def check_room(scene: Scene, *stages: str) -> None:
+def check_room(scene: Scene, *stages: str, made: Counts | None = None) -> None:
     """Raises InputError, as a run would, where one of these stages of it needs more memory than
-    there is."""
-    plan = make_plan(scene)
+    there is. ``made``: as `make_plan` has it."""
+    plan = make_plan(scene, made=made)
     kept = tuple(stage for stage in plan.stages if stage.name.split("/")[-1] in stages)
     check_memory(replace(plan, stages=kept))
 

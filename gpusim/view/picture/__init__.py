@@ -1,6 +1,5 @@
 """The preview window's picture: coarse while the view moves, exact when it is still.
 
-- `placement`: Where a picture lies in the window.
 - `neutral`: The paint and the light of what has none, and of who switches those of a scene off.
 - `moving_picture`: The renderer's picture without shadows and soft edges: what is shown while the
   view moves.

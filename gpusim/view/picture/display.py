@@ -12,7 +12,7 @@ from gpusim.arrays.srgb import encoded
 from gpusim.gpu import Device, Recording
 from gpusim.optics.frame import Frame
 from gpusim.optics.sensor.channels import Weights
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.placement import Placement
 
 
 def draw_frame(

@@ -19,7 +19,7 @@ from gpusim.surface.color import Color
 from gpusim.surface.surface import Surface
 from gpusim.view.picture.display import draw_enlarged, draw_frame
 from gpusim.view.picture.moving_picture import moving_picture, unshadowed
-from gpusim.view.picture.placement import Placement
+from gpusim.visualization.placement import Placement
 
 STILL = 0.15
 """s without a change, after which the picture gets finer."""

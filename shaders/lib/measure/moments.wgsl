@@ -11,48 +11,78 @@ const MOMENTS = 21u;
 // Sums over the subset; of the reference: w (gx gx, gx gy, gy gy, f f) times the monomials of
 // degree 0 to 0, 2 or 4 (by shape), then w (gx, gy, f gx, f gy) times the basis functions
 // 1, a, b, a^2/2, ab, b^2/2 (the first 1, 3 or 6).
-var<workgroup> total: array<vec4f, MOMENTS>;
-var<workgroup> descent_sum: array<f32, 12>; // sum of w d over the pixels, by unknown
-var<workgroup> descent_dot: array<f32, 12>; // sum of w f d
+var<private> total: array<vec4f, MOMENTS>;
+var<private> descent_sum: array<f32, 12>; // sum of w d over the pixels, by unknown
+var<private> descent_dot: array<f32, 12>; // sum of w f d
 
-// Add a pixel: weight, grey value less its mean, gradient, local position.
-fn add_pixel(m: ptr<function, array<vec4f, MOMENTS>>, w: f32, f: f32, g: vec2f, s: vec2f) {
-    let q = w * vec4f(g.x * g, g.y * g.y, f * f);
-    let v = w * vec4f(g, f * g);
-    (*m)[0] += q;
+// The same over a line of pixels, of one b: times the powers of a.
+struct Line {
+    q0: vec4f, // w (gx gx, gx gy, gy gy, f f)
+    q1: vec3f, // w (gx gx, gx gy, gy gy) a
+    q2: vec3f,
+    q3: vec3f,
+    q4: vec3f,
+    v0: vec4f, // w (gx, gy, f gx, f gy)
+    v1: vec4f,
+    v2: vec4f,
+}
+
+// Add a pixel: weight, grey value less its mean, gradient, local position along the line.
+fn add_pixel(line: ptr<function, Line>, w: f32, f: f32, g: vec2f, a: f32) {
+    let q = w * vec3f(g.x * g, g.y * g.y);
+    let wg = w * g;
+    let v = vec4f(wg, f * wg);
+    (*line).q0 += vec4f(q, w * f * f);
+    (*line).v0 += v;
+    if (shape == 0u) { return; }
+    let aa = a * a;
+    (*line).q1 += a * q;
+    (*line).q2 += aa * q;
+    (*line).v1 += a * v;
+    if (shape != 3u) { return; }
+    (*line).q3 += aa * a * q;
+    (*line).q4 += aa * aa * q;
+    (*line).v2 += 0.5 * aa * v;
+}
+
+// Add the line at b to `total`.
+fn add_line_moments(line: Line, b: f32) {
+    total[0] += line.q0;
     if (shape == 0u) {
-        (*m)[1] += v;
+        total[1] += line.v0;
         return;
     }
-    let aa = s.x * s.x;
-    let ab = s.x * s.y;
-    let bb = s.y * s.y;
-    (*m)[1] += s.x * q;
-    (*m)[2] += s.y * q;
-    (*m)[3] += aa * q;
-    (*m)[4] += ab * q;
-    (*m)[5] += bb * q;
+    let q0 = vec4f(line.q0.xyz, 0.0);
+    let q1 = vec4f(line.q1, 0.0);
+    let q2 = vec4f(line.q2, 0.0);
+    let bb = b * b;
+    total[1] += q1;
+    total[2] += b * q0;
+    total[3] += q2;
+    total[4] += b * q1;
+    total[5] += bb * q0;
     if (shape != 3u) {
-        (*m)[6] += v;
-        (*m)[7] += s.x * v;
-        (*m)[8] += s.y * v;
+        total[6] += line.v0;
+        total[7] += line.v1;
+        total[8] += b * line.v0;
         return;
     }
-    (*m)[6] += aa * s.x * q;
-    (*m)[7] += aa * s.y * q;
-    (*m)[8] += bb * s.x * q;
-    (*m)[9] += bb * s.y * q;
-    (*m)[10] += aa * aa * q;
-    (*m)[11] += aa * ab * q;
-    (*m)[12] += aa * bb * q;
-    (*m)[13] += ab * bb * q;
-    (*m)[14] += bb * bb * q;
-    (*m)[15] += v;
-    (*m)[16] += s.x * v;
-    (*m)[17] += s.y * v;
-    (*m)[18] += 0.5 * aa * v;
-    (*m)[19] += ab * v;
-    (*m)[20] += 0.5 * bb * v;
+    let q3 = vec4f(line.q3, 0.0);
+    total[6] += q3;
+    total[7] += b * q2;
+    total[8] += bb * q1;
+    total[9] += bb * b * q0;
+    total[10] += vec4f(line.q4, 0.0);
+    total[11] += b * q3;
+    total[12] += bb * q2;
+    total[13] += bb * b * q1;
+    total[14] += bb * bb * q0;
+    total[15] += line.v0;
+    total[16] += line.v1;
+    total[17] += b * line.v0;
+    total[18] += line.v2;
+    total[19] += b * line.v1;
+    total[20] += 0.5 * bb * line.v0;
 }
 
 // Sums of each unknown's descent image, from `total`.

@@ -1,12 +1,12 @@
-// Normal equations of one subset in workgroup memory, worked on by a single thread.
+// Normal equations of one subset in a thread's own memory.
 // The NumPy form is gpusim/measure/correlation/icgn.py.
 
 const MIN_PIVOT = 1e-5;
 
 override unknowns: u32;
 
-var<workgroup> factor: array<f32, 144>; // rows of 12; first the matrix, then its Cholesky factor
-var<workgroup> step: array<f32, 12>;    // right side, then solution
+var<private> factor: array<f32, 144>; // rows of 12; first the matrix, then its Cholesky factor
+var<private> step: array<f32, 12>;    // right side, then solution
 
 // Cholesky factor in place; false where a motion can't be told from the grey values.
 fn factorize() -> bool {

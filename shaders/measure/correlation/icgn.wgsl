@@ -1,32 +1,36 @@
-// Match one subset per workgroup: inverse-compositional Gauss-Newton with ZNSSD.
+// Match one subset per thread: inverse-compositional Gauss-Newton with ZNSSD.
 // Same steps as `correlate_numpy` in gpusim/measure/correlation/icgn.py; see the formulas there.
 //
 // float32 is enough because everything it touches is small: grey values have range 1, positions
-// are offsets from whole pixels, and the sums are taken over f - scale (g - offset), not over g.
+// are offsets from whole pixels, and the sums are taken over f - scale (g - offset), not over g, and
+// line by line.
 //
-// What concerns the subset as a whole is computed by every thread alike, so that all of them
-// take the same branches; only the normal equations are left to one thread.
+// Threads never wait for each other, and what a subset does once (normal equations, steps) costs a
+// vector of eight subsets as much as one: with the threads of a workgroup in one subset it took
+// more than half of the time of a small one on a CPU.
 #import lib/measure/spline
 #import lib/measure/warp
 #import lib/measure/normal_equations
 #import lib/measure/moments
 
 const FLOATS_IN = 14u;  // per subset: fraction of its point x, y; 12 start coefficients
-const FLOATS_OUT = 16u; // per subset: 12 coefficients, zncc, iterations, status, sigma
+const FLOATS_OUT = 17u; // per subset: 12 coefficients, zncc, iterations, status, sigma, residual
 const MIN_CONTRAST = 5e-4;
 const MIN_WEIGHT = 0.3;
 const SLACK = 0.1;
 const FASTEST = 0.03;
 const MOST_NOISE = 0.75;
+const MOST_STRETCH = 0.2; // see nine_values
 
 // gpusim.measure.correlation.matching.Status
 const OK = 0.0;
 const OUTSIDE = 1.0;
 const NO_TEXTURE = 2.0;
 const NOT_CONVERGED = 3.0;
+const PATIENCE = 20u;
 const NEVER = -2.0; // zncc before the first iteration
 
-// at most 32; on a CPU adapter the vector width, so that no lane waits for another vector
+// of a workgroup; on a CPU adapter the vector width
 override threads: u32;
 // 0: every pixel of the subset has the same weight, `window` isn't read
 override windowed: u32;
@@ -37,6 +41,7 @@ struct Params {
     max_iterations: u32,
     tolerance: f32,
     max_move: f32,
+    least_zncc: f32, // below, nothing has been found after PATIENCE iterations
     slope_noise: f32, // see Settings
     window_sum: f32,
     beyond: f32, // status of a subset that leaves the box
@@ -55,52 +60,6 @@ struct Params {
 @group(0) @binding(5) var<storage, read> starts: array<f32>;
 @group(0) @binding(6) var<storage, read_write> result: array<f32>;
 
-var<workgroup> partial: array<vec4f, 672>; // threads * MOMENTS at most
-var<workgroup> solvable: u32;
-
-// Sums over the threads of the first `count` vectors that each left in `partial`, into `total`;
-// always in the same order. There are never more vectors than can be left, so that the first turn
-// may run in every thread.
-fn reduce(thread: u32, count: u32) {
-    workgroupBarrier();
-    var k = thread;
-    loop {
-        let first = min(k, count - 1u) * threads;
-        var sum = partial[first];
-        var t = 1u;
-        loop {
-            sum += partial[first + t];
-            t++;
-            if (t >= threads) { break; }
-        }
-        if (k < count) { total[k] = sum; }
-        k += threads;
-        if (k >= count) { break; }
-    }
-    workgroupBarrier();
-}
-
-// Where a thread is in its walk over the subset, row by row, without divisions.
-struct Walk {
-    index: u32,
-    column: u32,
-    row: u32,
-}
-
-fn walk_from(thread: u32, width: u32) -> Walk {
-    return Walk(thread, thread % width, thread / width);
-}
-
-fn walk_on(at: Walk, width: u32, columns: u32, rows: u32) -> Walk {
-    let column = at.column + columns;
-    let over = column >= width;
-    return Walk(
-        at.index + threads,
-        select(column, column - width, over),
-        at.row + rows + select(0u, 1u, over),
-    );
-}
-
 // Loops test at their end: software drivers pass over a body until no lane is left, so that a test
 // at its beginning costs one pass more. The first turn runs in threads that have no pixel, too.
 fn weight_of(pixel: vec2i, mask: f32) -> f32 {
@@ -114,31 +73,68 @@ fn remaining(size: f32, before: f32) -> f32 {
     return select(size, size * ratio / (1.0 - ratio), before > 0.0 && ratio < 0.5);
 }
 
+// Sums over a line of pixels or over the subset.
 struct Sums {
     head: vec4f, // w e, w e f, w e e, number of pixels beyond the box
-    // w e (gx, gy) times 1 and a; b and a^2/2; ab and b^2/2
+    // w e (gx, gy) times 1 and a; b and a^2/2; ab and b^2/2 (the last three stay 0 in a line)
     a: vec4f,
     b: vec4f,
     c: vec4f,
 }
 
-// Add a pixel whose deformed grey value, less the level and times the contrast, is `there`;
-// `counted` is false for what a square of pixels has beyond the subset.
+// Add a pixel of a line; its deformed grey value, less the level and times the contrast, is `there`.
 fn add_residual(
-    own: ptr<function, Sums>, first: vec2i, pixel: vec2i, fraction: vec2f, half: f32, mean: f32,
-    there: f32, inside: bool, counted: bool,
+    line: ptr<function, Sums>, at: vec2i, pixel: vec2i, a: f32, mean: f32, there: f32,
+    inside: bool, counted: bool,
 ) {
-    let r = textureLoad(reference, first + pixel);
+    let r = textureLoad(reference, at);
     let w = select(0.0, weight_of(pixel, r.w), counted);
     let f = r.x - mean;
     let e = select(0.0, f - there, inside);
-    let s = (vec2f(pixel) - half - fraction) / half;
     let we = w * e;
     let v = we * r.yz;
-    (*own).head += vec4f(we, we * f, we * e, select(1.0, 0.0, inside || !counted));
-    (*own).a += vec4f(v, s.x * v);
-    (*own).b += vec4f(s.y * v, 0.5 * s.x * s.x * v);
-    (*own).c += vec4f(s.x * s.y * v, 0.5 * s.y * s.y * v);
+    (*line).head += vec4f(we, we * f, we * e, select(1.0, 0.0, inside || !counted));
+    (*line).a += vec4f(v, a * v);
+    if (shape == 3u) { (*line).b += vec4f(vec2f(0.0), 0.5 * a * a * v); }
+}
+
+// The same for three neighbours.
+fn add_three(
+    line: ptr<function, Sums>, first: vec2i, pixel: vec2i, a: vec3f, mean: f32, there: vec3f,
+    inside: vec3<bool>, counted: vec3<bool>,
+) {
+    let at = first + pixel;
+    let one = vec2i(1, 0);
+    add_residual(line, at, pixel, a.x, mean, there.x, inside.x, counted.x);
+    add_residual(line, at + one, pixel + one, a.y, mean, there.y, inside.y, counted.y);
+    add_residual(line, at + 2 * one, pixel + 2 * one, a.z, mean, there.z, inside.z, counted.z);
+}
+
+// Whether positions lie in a closed box.
+fn inside(x: vec3f, y: vec3f, lowest: vec2f, highest: vec2f) -> vec3<bool> {
+    let in_x = (x >= lowest.xxx) & (x <= highest.xxx);
+    return in_x & (y >= lowest.yyy) & (y <= highest.yyy);
+}
+
+// Displacements of three pixels of the line at b.
+struct Moves {
+    x: vec3f,
+    y: vec3f,
+}
+
+fn three_displacements(c: Warp, a: vec3f, b: f32) -> Moves {
+    let p = displacement(c, vec2f(a.x, b));
+    let q = displacement(c, vec2f(a.y, b));
+    let r = displacement(c, vec2f(a.z, b));
+    return Moves(vec3f(p.x, q.x, r.x), vec3f(p.y, q.y, r.y));
+}
+
+// Add the sums of the line at b to those of the subset.
+fn add_line(own: ptr<function, Sums>, line: Sums, b: f32) {
+    (*own).head += line.head;
+    (*own).a += line.a;
+    (*own).b += vec4f(b * line.a.xy, line.b.zw);
+    if (shape == 3u) { (*own).c += vec4f(b * line.a.zw, 0.5 * b * b * line.a.xy); }
 }
 
 // Variance of a displacement; `noise` is what noise adds to the squared slopes it is told from.
@@ -152,18 +148,21 @@ fn widened(index: u32, noise: f32) -> f32 {
     return variance(index) / (rest * rest);
 }
 
-// The most that neighbouring pixels are apart along an axis after the warp, diagonal ones too.
-fn spread(c: Warp, half: f32) -> f32 {
+// How much neighbouring pixels, diagonal ones too, are closer or further apart along an axis after
+// the warp, px.
+fn stretch(c: Warp, half: f32) -> f32 {
     // second derivatives act over the subset's half width and half a pixel
     let bend_x = abs(c.x.high.x) + 2.0 * abs(c.x.high.y) + abs(c.x.high.z);
     let bend_y = abs(c.y.high.x) + 2.0 * abs(c.y.high.y) + abs(c.y.high.z);
     return max(
-        abs(1.0 + c.x.low.y / half) + abs(c.x.low.z / half) + 1.2 * bend_x / half,
-        abs(1.0 + c.y.low.z / half) + abs(c.y.low.y / half) + 1.2 * bend_y / half,
-    );
+        abs(c.x.low.y) + abs(c.x.low.z) + 1.2 * bend_x,
+        abs(c.y.low.y) + abs(c.y.low.z) + 1.2 * bend_y,
+    ) / half;
 }
 
-fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) {
+fn write(
+    id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32, residual: f32,
+) {
     let at = id * FLOATS_OUT;
     result[at] = c.x.low.x;
     result[at + 1u] = c.x.low.y;
@@ -181,6 +180,7 @@ fn write(id: u32, c: Warp, zncc: f32, iterations: u32, status: f32, sigma: f32) 
     result[at + 13u] = f32(iterations);
     result[at + 14u] = status;
     result[at + 15u] = sigma;
+    result[at + 16u] = residual;
 }
 
 fn start_of(id: u32) -> Warp {
@@ -198,30 +198,28 @@ fn start_of(id: u32) -> Warp {
 }
 
 // Right side of the normal equations, left in `step`: the sums by unknown, less what a change of
-// offset (lift) and of gain (along) explains.
-fn set_right_side(lift: f32, gain: f32) {
+// offset (lift) and of gain explains.
+fn set_right_side(sums: Sums, lift: f32, gain: f32) {
+    step[0] = sums.a.x;
     if (shape == 0u) {
-        step[0] = total[1].x;
-        step[1] = total[1].y;
+        step[1] = sums.a.y;
     } else if (shape == 1u) {
-        step[0] = total[1].x;
-        step[1] = total[1].y;
-        step[2] = total[1].w - total[2].x;
+        step[1] = sums.a.y;
+        step[2] = sums.a.w - sums.b.x;
     } else {
         let terms = unknowns / 2u;
-        step[0] = total[1].x;
-        step[1] = total[1].z;
-        step[2] = total[2].x;
-        step[terms] = total[1].y;
-        step[terms + 1u] = total[1].w;
-        step[terms + 2u] = total[2].y;
+        step[1] = sums.a.z;
+        step[2] = sums.b.x;
+        step[terms] = sums.a.y;
+        step[terms + 1u] = sums.a.w;
+        step[terms + 2u] = sums.b.y;
         if (shape == 3u) {
-            step[3] = total[2].z;
-            step[4] = total[3].x;
-            step[5] = total[3].z;
-            step[9] = total[2].w;
-            step[10] = total[3].y;
-            step[11] = total[3].w;
+            step[3] = sums.b.z;
+            step[4] = sums.c.x;
+            step[5] = sums.c.z;
+            step[9] = sums.b.w;
+            step[10] = sums.c.y;
+            step[11] = sums.c.w;
         }
     }
     for (var k = 0u; k < unknowns; k++) {
@@ -230,23 +228,13 @@ fn set_right_side(lift: f32, gain: f32) {
 }
 
 @compute @workgroup_size(threads)
-fn main(
-    @builtin(local_invocation_index) thread: u32,
-    @builtin(workgroup_id) group: vec3u,
-    @builtin(num_workgroups) groups: vec3u,
-) {
-    let id = group.y * groups.x + group.x;
+fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) groups: vec3u) {
+    let id = thread.y * groups.x * threads + thread.x;
     if (id >= params.count) { return; }
     let place = places[id];
     let half = f32(params.half);
-    let width = 2u * params.half + 1u;
-    let pixels = width * width;
+    let width = 2 * i32(params.half) + 1;
     let fraction = vec2f(starts[id * FLOATS_IN], starts[id * FLOATS_IN + 1u]);
-    let columns = threads % width;
-    let rows = threads / width;
-    let across = params.half + 1u; // squares of 2x2 pixels
-    let block_columns = threads % across;
-    let block_rows = threads / across;
     let first = place.xy - vec2i(i32(params.half));
     let lowest = vec2f(params.box.xy - place.zw) - SLACK;
     let highest = vec2f(params.box.zw - place.zw) + SLACK;
@@ -254,54 +242,57 @@ fn main(
     var c = begin;
 
     // reference: weight, mean
-    var own = vec4f(0.0);
-    var at = walk_from(thread, width);
+    var weight = 0.0;
+    var sum = 0.0;
+    var y = 0;
     loop {
-        let pixel = vec2i(i32(at.column), i32(at.row));
-        let r = textureLoad(reference, first + pixel);
-        let w = select(0.0, weight_of(pixel, r.w), at.index < pixels);
-        own += vec4f(w, w * r.x, 0.0, 0.0);
-        at = walk_on(at, width, columns, rows);
-        if (at.index >= pixels) { break; }
+        var line = vec2f(0.0);
+        var x = 0;
+        loop {
+            let r = textureLoad(reference, first + vec2i(x, y));
+            let w = weight_of(vec2i(x, y), r.w);
+            line += vec2f(w, w * r.x);
+            x++;
+            if (x >= width) { break; }
+        }
+        weight += line.x;
+        sum += line.y;
+        y++;
+        if (y >= width) { break; }
     }
-    partial[thread] = own;
-    reduce(thread, 1u);
-    let of_reference = workgroupUniformLoad(&total[0]);
-    let weight = of_reference.x;
-    let mean = of_reference.y / max(weight, 1e-30);
+    let mean = sum / max(weight, 1e-30);
     let enough = weight >= MIN_WEIGHT * params.window_sum && weight > f32(unknowns) + 2.0;
 
     // reference: normal matrix
-    var moments = array<vec4f, MOMENTS>();
-    at = walk_from(thread, width);
+    total = array<vec4f, MOMENTS>();
+    y = 0;
     loop {
-        let pixel = vec2i(i32(at.column), i32(at.row));
-        let r = textureLoad(reference, first + pixel);
-        let w = select(0.0, weight_of(pixel, r.w), at.index < pixels);
-        add_pixel(&moments, w, r.x - mean, r.yz, (vec2f(pixel) - half - fraction) / half);
-        at = walk_on(at, width, columns, rows);
-        if (at.index >= pixels) { break; }
-    }
-    let vectors = select(select(2u, 9u, shape > 0u), MOMENTS, shape > 2u);
-    for (var k = 0u; k < vectors; k++) {
-        partial[k * threads + thread] = moments[k];
-    }
-    reduce(thread, vectors);
-    let energy = workgroupUniformLoad(&total[0]).w;
-    if (thread == 0u) {
-        solvable = 0u;
-        if (enough && energy > MIN_CONTRAST * MIN_CONTRAST * weight) {
-            set_sums();
-            set_matrix();
-            project_matrix(weight, energy);
-            solvable = select(0u, 1u, factorize());
+        var line = Line();
+        var x = 0;
+        loop {
+            let r = textureLoad(reference, first + vec2i(x, y));
+            let w = weight_of(vec2i(x, y), r.w);
+            add_pixel(&line, w, r.x - mean, r.yz, (f32(x) - half - fraction.x) / half);
+            x++;
+            if (x >= width) { break; }
         }
+        add_line_moments(line, (f32(y) - half - fraction.y) / half);
+        y++;
+        if (y >= width) { break; }
     }
-    let possible = workgroupUniformLoad(&solvable) == 1u;
+    let energy = total[0].w;
+    var possible = enough && energy > MIN_CONTRAST * MIN_CONTRAST * weight;
+    if (possible) {
+        set_sums();
+        set_matrix();
+        project_matrix(weight, energy);
+        possible = factorize();
+    }
 
     var status = select(select(OUTSIDE, NO_TEXTURE, enough), NOT_CONVERGED, possible);
     var zncc = NEVER;
     var sigma = 0.0;
+    var residual = 0.0;
     var level = mean;
     var contrast = 1.0;
     var iteration = 0u;
@@ -310,70 +301,81 @@ fn main(
         iteration++;
         // given explicitly: naga doesn't reset a variable of a loop body by itself
         var own = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
-        let close = spread(c, half) < 1.99;
-        let squares = select(0u, across * across, close);
-        var at = walk_from(thread, across);
+        let close = stretch(c, half) < MOST_STRETCH;
+        let together = select(0, width, close);
+        y = 0;
         loop {
-            let has = at.index < squares;
-            let pixel = 2 * vec2i(i32(at.column), i32(at.row));
-            let x = vec4f(vec2f(pixel).xx + vec2f(0.0, 1.0), vec2f(pixel).xx + vec2f(0.0, 1.0)) - half;
-            let y = vec4f(vec2f(pixel).yy, vec2f(pixel).yy + 1.0) - half;
-            let d0 = displacement(c, (vec2f(x.x, y.x) - fraction) / half);
-            let d1 = displacement(c, (vec2f(x.y, y.y) - fraction) / half);
-            let d2 = displacement(c, (vec2f(x.z, y.z) - fraction) / half);
-            let d3 = displacement(c, (vec2f(x.w, y.w) - fraction) / half);
-            let x_there = x + vec4f(d0.x, d1.x, d2.x, d3.x);
-            let y_there = y + vec4f(d0.y, d1.y, d2.y, d3.y);
-            let g = spline_values(deformed, place.zw, x_there, y_there);
-            let in_x = (x_there >= lowest.xxxx) & (x_there <= highest.xxxx);
-            let inside = in_x & (y_there >= lowest.yyyy) & (y_there <= highest.yyyy);
-            let e = contrast * (g - level);
-            let more = (pixel + 1 < vec2i(i32(width))) & vec2(has);
-            add_residual(&own, first, pixel, fraction, half, mean, e.x, inside.x, has);
-            add_residual(&own, first, pixel + vec2i(1, 0), fraction, half, mean, e.y, inside.y, more.x);
-            add_residual(&own, first, pixel + vec2i(0, 1), fraction, half, mean, e.z, inside.z, more.y);
-            add_residual(&own, first, pixel + 1, fraction, half, mean, e.w, inside.w, all(more));
-            at = walk_on(at, across, block_columns, block_rows);
-            if (at.index >= squares) { break; }
+            var upper = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
+            var middle = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
+            var lower = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
+            let lines = vec3f(f32(y)) + vec3f(0.0, 1.0, 2.0) - half;
+            let b = (lines - fraction.y) / half;
+            var x = 0;
+            loop {
+                let columns = vec3f(f32(x)) + vec3f(0.0, 1.0, 2.0) - half;
+                let a = (columns - fraction.x) / half;
+                let u = three_displacements(c, a, b.x);
+                let v = three_displacements(c, a, b.y);
+                let w = three_displacements(c, a, b.z);
+                let x_there = mat3x3f(columns + u.x, columns + v.x, columns + w.x);
+                let y_there = mat3x3f(lines.x + u.y, lines.y + v.y, lines.z + w.y);
+                let g = nine_values(deformed, place.zw, x_there, y_there);
+                let in_line = vec3i(x, x + 1, x + 2) < vec3i(together);
+                let at = vec2i(x, y);
+                add_three(&upper, first, at, a, mean, contrast * (g[0] - level),
+                    inside(x_there[0], y_there[0], lowest, highest), in_line);
+                add_three(&middle, first, at + vec2i(0, 1), a, mean, contrast * (g[1] - level),
+                    inside(x_there[1], y_there[1], lowest, highest), in_line & vec3(y + 1 < width));
+                add_three(&lower, first, at + vec2i(0, 2), a, mean, contrast * (g[2] - level),
+                    inside(x_there[2], y_there[2], lowest, highest), in_line & vec3(y + 2 < width));
+                x += 3;
+                if (x >= together) { break; }
+            }
+            add_line(&own, upper, b.x);
+            add_line(&own, middle, b.y);
+            add_line(&own, lower, b.z);
+            y += 3;
+            if (y >= together) { break; }
         }
-        // stretched so much that neighbours are further apart than two pixels
-        let single = select(pixels, 0u, close);
-        at = walk_from(thread, width);
+        // one by one
+        let single = select(width, 0, close);
+        y = 0;
         loop {
-            let has = at.index < single;
-            let pixel = vec2i(i32(at.column), i32(at.row));
-            let offset = vec2f(pixel) - half;
-            let x = offset + displacement(c, (offset - fraction) / half);
-            let low = floor(x);
-            let inside = all(x >= lowest) && all(x <= highest);
-            let g = spline_value(deformed, place.zw + vec2i(low), x - low);
-            add_residual(&own, first, pixel, fraction, half, mean, contrast * (g - level), inside, has);
-            at = walk_on(at, width, columns, rows);
-            if (at.index >= single) { break; }
+            var line = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
+            let b = (f32(y) - half - fraction.y) / half;
+            var x = 0;
+            loop {
+                let pixel = vec2i(x, y);
+                let a = (f32(x) - half - fraction.x) / half;
+                let there = vec2f(pixel) - half + displacement(c, vec2f(a, b));
+                let low = floor(there);
+                let within = all(there >= lowest) && all(there <= highest);
+                let g = spline_value(deformed, place.zw + vec2i(low), there - low);
+                let e = contrast * (g - level);
+                add_residual(&line, first + pixel, pixel, a, mean, e, within, x < single);
+                x++;
+                if (x >= single) { break; }
+            }
+            add_line(&own, line, b);
+            y++;
+            if (y >= single) { break; }
         }
-        partial[thread] = own.head;
-        partial[threads + thread] = own.a;
-        if (shape > 0u) { partial[2u * threads + thread] = own.b; }
-        if (shape > 2u) { partial[3u * threads + thread] = own.c; }
-        reduce(thread, select(select(2u, 3u, shape > 0u), 4u, shape > 2u));
-        let head = workgroupUniformLoad(&total[0]);
-        let lift = head.x / weight;
-        let along = head.y;
-        let rest = head.z - head.x * lift;
+        let lift = own.head.x / weight;
+        let along = own.head.y;
+        let rest = own.head.z - own.head.x * lift;
         let seen = energy - 2.0 * along + rest; // energy of contrast * g
-        if (head.w > 0.0) {
+        if (own.head.w > 0.0) {
             status = params.beyond;
             break;
         }
         if (!(seen > 1e-10 * energy)) { break; }
         zncc = (energy - along) / sqrt(energy * seen);
+        if (iteration >= PATIENCE && zncc < params.least_zncc) { break; }
         level -= lift / contrast;
         contrast *= sqrt(energy / seen);
-        if (thread == 0u) {
-            set_right_side(lift, along / energy);
-            solve();
-        }
-        let d = warp_of(workgroupUniformLoad(&step));
+        set_right_side(own, lift, along / energy);
+        solve();
+        let d = warp_of(step);
         c = compose_inverse(c, d, half);
         let moved = max(abs(c.x.low.x - begin.x.low.x), abs(c.y.low.x - begin.y.low.x));
         if (!(moved <= params.max_move)) { break; }
@@ -382,16 +384,14 @@ fn main(
         before = size;
         if (rest_of_way <= params.tolerance) {
             status = OK;
-            if (thread == 0u) {
-                let left = max((energy * rest - along * along) / seen, 0.0)
-                    / (weight - f32(unknowns) - 2.0);
-                let second = select(unknowns / 2u, 1u, shape < 2u);
-                let noise = params.slope_noise * (1.0 - zncc) * energy;
-                let spread = widened(0u, noise);
-                sigma = sqrt(left * max(spread, widened(second, noise)));
-            }
+            residual = max((energy * rest - along * along) / seen, 0.0)
+                / (weight - f32(unknowns) - 2.0);
+            let second = select(unknowns / 2u, 1u, shape < 2u);
+            let noise = params.slope_noise * (1.0 - zncc) * energy;
+            let spread = widened(0u, noise);
+            sigma = sqrt(residual * max(spread, widened(second, noise)));
             break;
         }
     }
-    if (thread == 0u) { write(id, c, zncc, iteration, status, sigma); }
+    write(id, c, zncc, iteration, status, sigma, residual);
 }

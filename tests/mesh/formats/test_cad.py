@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gpusim.errors import InputError
+from gpusim.files.input_file import read_input
 from gpusim.mesh import (
     Mesh,
     SizeBox,
@@ -18,6 +19,7 @@ from gpusim.mesh import (
     mesh_quality,
     set_faces,
 )
+from gpusim.mesh.formats import cad
 from tests.support.gmsh_meshes import Gmsh
 
 PLATE = 40 * 30 * 10 - np.pi * 6**2 * 10
@@ -160,6 +162,28 @@ def test_more_elements_than_any_machine_holds(files: Path, suffix: str) -> None:
     size, scale = (1e-4, 1.0) if suffix == "step" else (1e-7, 1e-3)
     with pytest.raises(InputError, match=r"size; got .*which makes about .*e\+1\d elements"):
         mesh_cad(files / f"plate.{suffix}", size=size, scale=scale)
+
+
+@pytest.mark.parametrize("suffix", ["step", "stl"])
+def test_a_sheet_is_estimated_by_its_faces(
+    tmp_path: Path, suffix: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By its volume it would be refused twenty times too late."""
+    path = tmp_path / f"sheet.{suffix}"
+    with Gmsh() as gmsh:
+        gmsh.model.occ.addBox(0, 0, 0, 200, 100, 0.2)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(path))
+    real = mesh_cad(path, size=5.0).cell_count
+    monkeypatch.setattr(cad, "_MAX_ELEMENTS", 5000.0)
+    with Gmsh() as gmsh, pytest.raises(InputError, match="size; got 5 in the file") as error:
+        cad._load(gmsh, read_input(path, "a CAD file"), path)
+        cad._refuse_too_many(gmsh, read_input(path, "a CAD file"), 5e-3, 1e-3)
+    found = re.search(r"about (\S+) elements; expected at least (\S+)", str(error.value))
+    assert found is not None
+    assert float(found[1]) == pytest.approx(real, rel=0.15)  # of one digit
+    assert mesh_cad(path, size=float(found[2])).cell_count == pytest.approx(5000, rel=0.15)
 
 
 def test_files_on_which_gmsh_dies_or_hangs(files: Path, tmp_path: Path) -> None:

@@ -24,6 +24,8 @@ GOAL = 1e-2
 """Relative error up to which the largest displacement counts as good."""
 LEAST_MEAN = 0.1
 """Share of the RMS strain from which on a mean strain is told: near zero it says nothing."""
+AT_REST = 1e-9
+"""px or mm of displacement that rounding makes."""
 BEYOND = ", beyond the subsets' smoothing"
 
 Row = tuple[str, str, float, float]
@@ -94,7 +96,7 @@ def _noise(result: PointFields) -> Iterator[Row]:
     if np.isfinite(result.calibration_px):
         yield "calibration, reprojection error", "px", result.calibration_px, 0.0
     moved = result.values("true", result.displacements)
-    still = [place for place, one in enumerate(moved) if not one.any()]
+    still = [place for place, one in enumerate(moved) if np.abs(one).max() <= AT_REST]
     if still:
         yield "noise floor (frames at rest)", "px", rms(result.raw_px[still]), 0.0
     yield "mean square of error over sigma", "1", mean(scores(result)[-1] ** 2), 1.0

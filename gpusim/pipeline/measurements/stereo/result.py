@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
+from gpusim.arrays.round_numbers import round_down
 from gpusim.files.atomic_files import safe_name
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.marker_measurement import GOAL, MarkerResult
 from gpusim.pipeline.measurements.results import Reported, csv_text
 from gpusim.report import Drawing, Measurement
-from gpusim.report.figures import round_down
 from gpusim.report.measurement_figures import (
     RigCamera,
     draw_calibration,

@@ -3,7 +3,9 @@ the truth."""
 
 from __future__ import annotations
 
+import copy
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,15 +30,15 @@ MEASURES: tuple[dict[str, Any], ...] = (
     {"camera": "right", "plane_pose": 0, "lens": "pinhole", "roi": {"where": {"x_max_mm": 1.0}}},
     {**PAIR, "formats": ["csv", "h5", "mat"]},
 )
+NOISE = {"bits": 12, "exposure": "auto", "full_well_e": 20_000.0, "read_noise_e": 20.0}
+"""About 12 of 4095 levels where it is bright."""
 Get = Callable[[int], FullFieldResult]
 
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
     out = tmp_path_factory.mktemp("dic") / "out"
-    # noise of about 12 of 4095 levels
-    noise = {"bits": 12, "exposure": "auto", "full_well_e": 20_000.0, "read_noise_e": 20.0}
-    return gs.run(speckled_plate(*MEASURES, sensor=noise), out), out
+    return gs.run(speckled_plate(*MEASURES, sensor=NOISE), out), out
 
 
 @pytest.fixture
@@ -126,6 +128,26 @@ def test_the_report_says_what_was_measured(done: tuple[gs.Report, Path], found: 
     assert sum(row["name"].startswith("field3") for row in numbers["measurements"]) > 10
     page = (out / "report.html").read_text()
     assert "field3: displacement in frame 1" in page and "field0: strain in frame 1" in page
+
+
+def test_a_frame_at_rest_tells_the_noise(tmp_path: Path) -> None:
+    frames = {"analysis": {"load_factors": [0.0, 0.0, 1.0]}, "sensor": NOISE}
+    report = gs.run(speckled_plate({"camera": "left", "frames": [1]}, **frames), tmp_path)
+    told = {item.name: item.measured for item in report.measurements}
+    still = told["field0: noise floor (frames at rest)"]
+    assert still == pytest.approx(told["field0: noise floor (median sigma)"], rel=0.3)
+    assert still == told["field0: RMS error in the picture"] > 1e-3
+
+
+def test_a_blank_surface_is_told(tmp_path: Path) -> None:
+    body = copy.deepcopy(speckled_plate().document["body"])
+    body[0]["paint"] = [{"name": "plain", "type": "plain", "albedo": 0.5}]
+    report = gs.run(speckled_plate({"camera": "left"}, body=body), tmp_path)
+    (warning,) = report.warnings
+    assert re.fullmatch(
+        r"measure 'field0': (\d+) of \1 points lost in frame 1: \1 no texture", warning
+    )
+    assert report.measurements[0].verdict == "bad"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,70 @@
+"""``gpusim render``: pictures and truth of a displacement file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from gpusim.cli.console import (
+    BackendOption,
+    Json,
+    Output,
+    ProgressDisplay,
+    Quiet,
+    exit_codes,
+    importing,
+    out,
+    starting,
+)
+from gpusim.errors import require
+from gpusim.files.output_folder import check_folder
+
+Unit = Annotated[Literal["m", "cm", "mm", "um", "in"], typer.Option(help="Of its lengths.")]
+Step = Annotated[Literal["last", "all"], typer.Option(help="States that follow the first one.")]
+
+
+def render(
+    field: Annotated[Path, typer.Option(metavar="FILE", help=".frd .vtu .pvd .npz or Exodus.")],
+    output: Output,
+    unit: Unit = "mm",
+    displacement: Annotated[str | None, typer.Option(help="Name of its nodal variable.")] = None,
+    camera: Annotated[Path | None, typer.Option(help="Calibration file; else one is made.")] = None,
+    resolution: Annotated[str | None, typer.Option(metavar="WxH", help="Of pictures, px.")] = None,
+    speckle_mm: Annotated[float | None, typer.Option(help="Mean diameter; else 4 px.")] = None,
+    step: Step = "last",
+    backend: BackendOption = "auto",
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Render what another program has computed: pictures and truth; nothing is solved.
+
+    gpusim render --field result.frd -o out
+
+    gpusim render --field result.vtu --unit m --camera rig.caldat --resolution 2448x2048 -o out
+    """
+    with exit_codes():
+        check_folder(output)
+        sides = re.fullmatch(r"(\d{1,5})x(\d{1,5})", resolution or "1x1")
+        require(sides is not None, "--resolution", repr(resolution), "like 2448x2048")
+        size = (int(sides[1]), int(sides[2])) if sides and resolution else None
+        with importing(), starting(output, backend):
+            from gpusim.pipeline import run
+            from gpusim.pipeline.field_scene import field_scene
+
+            scene = field_scene(
+                field, unit=unit, displacement=displacement, camera=camera, resolution=size,
+                speckle_mm=speckle_mm, step=step,
+            )  # fmt: skip
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            report = run(scene, output, backend=backend, progress=progress)
+        if as_json:
+            out(report.to_json().rstrip())
+        elif not quiet:
+            made = f"{output / 'scene.toml'}"
+            words = [f"warning: {text}" for text in report.warnings]
+            words += ["", f"Report: {output / 'report.html'}"]
+            words += [f"To change camera, paint or light, or to measure: edit {made}, then"]
+            out("\n".join([*words, f"  gpusim run {made} -o {output}"]))

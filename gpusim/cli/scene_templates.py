@@ -1,0 +1,105 @@
+"""Commented scenes made from templates: of a part of the user's own, and of what is there."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from gpusim.applications.part_outline import part_outline
+from gpusim.arrays.array_types import Float
+from gpusim.printable import printable
+from gpusim.scene import load_scene
+from gpusim.scene.description.mesh import CAD_SUFFIXES
+
+OWN = Path(__file__).parent / "templates"
+_PIXELS, _FOCAL = (2448, 2048), 35.0 / 3.45e-3  # of the templates' cameras: px, focal length in px
+_MARGIN, _HALF_ANGLE = 1.15, 10.0  # around the part; degrees from the middle to a camera
+_STRESS = 60e6  # Pa in the mean section
+_PLATE = np.array([[-0.05, -0.02, 0.0], [0.05, 0.02, 0.003]])  # corners of plate_with_hole, m
+
+
+@dataclass(frozen=True, eq=False)
+class StereoRig:
+    """Two cameras at ``left`` and ``right`` that look at ``target`` (m) behind a surface with this
+    ``normal``, which ``across`` (to the right) and ``up`` lie in; ``pixel``: its side there (m)."""
+
+    left: Float
+    right: Float
+    target: Float
+    normal: Float
+    across: Float
+    up: Float
+    pixel: float
+
+
+def stereo_rig(low: Float, high: Float, normal: Float) -> StereoRig:
+    """Cameras that see all of a box (m), its longer side level, from where ``normal`` points."""
+    sides, centre = high - low, 0.5 * (low + high)
+    # the shorter one of the axes that aren't along the view
+    upward = np.eye(3)[int(np.argmin(np.where(np.abs(normal) > 0.7, np.inf, sides)))]
+    across = np.cross(upward, normal) / np.linalg.norm(np.cross(upward, normal))
+    up = np.cross(normal, across)
+    wide, tall, deep = (float(np.abs(way) @ sides) for way in (across, up, normal))
+    pixel = _MARGIN * max(wide / _PIXELS[0], tall / _PIXELS[1])
+    away, angle = pixel * _FOCAL + 0.5 * deep, np.deg2rad(_HALF_ANGLE)
+    middle, aside = centre + away * np.cos(angle) * normal, away * np.sin(angle) * across
+    return StereoRig(middle - aside, middle + aside, centre, normal, across, up, pixel)
+
+
+def scene_of_template(path: Path, output: Path) -> str:
+    """The text of a template; the files that an example needs are copied beside the scene."""
+    if path.parent == OWN:
+        return _filled(path.name, output, rig=stereo_rig(_PLATE[0], _PLATE[1], np.eye(3)[2]))
+    for name, _ in load_scene(path).files:
+        place = output.parent / Path(name).relative_to(path.parent)
+        if not place.exists():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(name, place)
+    return path.read_text(encoding="utf-8").replace(f"examples/{path.name}", str(output))
+
+
+def scene_of_part(path: Path, output: Path) -> str:
+    """The text of a scene of a CAD or mesh file: held at one end, pulled at the other."""
+    part = part_outline(path)
+    seen, force = part.broadside(), np.zeros(3)
+    assert seen.normal is not None  # broadsides have one
+    section = part.volume / (part.high - part.low)[part.axis]
+    force[part.axis] = float(f"{_STRESS * section:.1g}")
+    relative = Path(os.path.relpath(path.resolve(), output.parent.resolve())).as_posix()
+    return _filled(
+        "part.toml", output, part=part, file=relative, cad=path.suffix.lower() in CAD_SUFFIXES,
+        seen=seen, force=force, rig=stereo_rig(part.low, part.high, seen.normal),
+    )  # fmt: skip
+
+
+def _filled(template: str, output: Path, **values: Any) -> str:
+    """The text of a template, with a measurement where there is a kind for that."""
+    made = Environment(
+        loader=FileSystemLoader(OWN), undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    made.filters |= {
+        "mm": lambda place: _vector(1e3 * place), "vector": _vector, "short": _short,
+        "quoted": lambda text: json.dumps(text, ensure_ascii=False), "printable": printable,
+    }  # fmt: skip
+    values |= {"scene": shlex.quote(str(output)), "name": output.stem}
+    return made.get_template(template).render(values)
+
+
+def _vector(values: Float) -> str:
+    """A list of floats as TOML has it; what is zero but for rounding is 0.0."""
+    clean = np.where(np.abs(values) > 1e-6 * np.abs(values).max(), values, 0.0)
+    return str([float(f"{value:.9g}") for value in clean])
+
+
+def _short(value: float) -> str:
+    """Two digits are enough for what is to be changed."""
+    return str(float(f"{value:.2g}"))

@@ -1,0 +1,156 @@
+"""Pictures of the bodies in the colours of their fields, and how far forces move them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+
+import cv2
+import numpy as np
+
+from gpusim.arrays.array_types import Float
+from gpusim.export.body_state import BodyState
+from gpusim.export.field_catalogue import BODY
+from gpusim.export.images import encoded_picture
+from gpusim.graph.runner import Inputs
+from gpusim.graph.session import Session
+from gpusim.graph.stage import StageResult
+from gpusim.pipeline.notes import notes_of
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from gpusim.pipeline.scene_objects.modelling import temperature
+from gpusim.pipeline.scene_objects.moving_bodies import MovingBodies, moving_bodies
+from gpusim.report import FieldPicture, LoadPath
+from gpusim.scene import Scene
+from gpusim.scene.frames import FrameTable
+from gpusim.visualization.body_picture import BodyPictures, DisplacedBody, extremes
+from gpusim.visualization.turntable import ISOMETRIC, Turntable
+
+CHEAP_CELLS = 20_000
+"""Of meshes whose stress is recovered without being asked for: a fifth of a second."""
+MATTERS = 0.1
+"""Of the largest displacement: a component of this length is shown, if there are others."""
+MOST_STATES = 101
+"""Of a load path."""
+ALIKE = 0.5
+"""Of the largest compression: tension by as much is shown rather."""
+PNG = (cv2.IMWRITE_PNG_COMPRESSION, 6)
+ROUNDED = 1e-6
+"""Of the forces in supports: a resultant below that is what they are rounded by."""
+
+
+def fields(scene: Scene, inputs: Inputs, session: Session) -> StageResult:
+    """Of the last frame in which a body has moved: displacement, the components that matter, and,
+    where it is asked for or costs little, von Mises stress and the largest principal strain."""
+    table, asked, word = inputs.row
+    frames = FrameTable(table)
+    objects = moving_bodies(scene, inputs, [one.shown for one in frames])
+    last = max(one.number for one in frames if not one.shown.unloaded)
+    bodies = [
+        DisplacedBody(parts.body.name, parts.skin, objects.displacement(number, last))
+        for number, parts in enumerate(objects.bodies)
+    ]
+    cells = sum(body.skin.mesh.cell_count for body in bodies)
+    solved = bool(inputs.get(f"model/{bodies[0].name}"))
+    stressed = solved and (asked or cells <= CHEAP_CELLS)
+    states = list(_states(objects, bodies, inputs, last)) if stressed else [
+        BodyState(body.skin.mesh, body.u) for body in bodies
+    ]  # fmt: skip
+    facts = {} if stressed or not solved else {
+        "fields": f"no stress or strain of {cells} elements: [output] stress = true asks for them"
+    }  # fmt: skip
+    notes = notes_of(facts=facts, adapter=session.adapter) | {"path": None, "pictures": []}
+    if not any(body.u.any() for body in bodies):
+        return StageResult({}, notes, "nothing has moved")
+    notes["path"] = asdict(_load_path(objects, frames, bodies, word))
+    if session.device is None:
+        return StageResult({}, notes, "no pictures without a device")
+    pictures = BodyPictures(session.device, bodies, _side(scene, bodies))
+    files: dict[str, bytes] = {}
+    for name in _chosen(states, stressed):
+        field = BODY[name]
+        values = [field.values(state) for state in states]
+        found = extremes(field, values).values()
+        one = max(found, key=lambda extreme: abs(extreme.value), default=None)
+        if one is None:
+            continue
+        body = bodies[one.body]
+        x, y, z = (1e3 * body.skin.mesh.points[one.node]).tolist()
+        file = f"fields/{name}.png"
+        files[file] = encoded_picture(pictures.draw(field, values), ".png", PNG)
+        notes["pictures"].append(asdict(FieldPicture(
+            name, field.title, field.unit, one.value, body.name, (x, y, z), last,
+            pictures.factor, file,
+        )))  # fmt: skip
+    return StageResult(files, notes, f"{len(files)} pictures")
+
+
+def _states(
+    objects: MovingBodies, bodies: Sequence[DisplacedBody], inputs: Inputs, frame: int
+) -> Iterator[BodyState]:
+    """The bodies as they were solved."""
+    for parts, body in zip(objects.bodies, bodies, strict=True):
+        model = inputs[f"model/{body.name}"].model
+        change = temperature(parts.body, frame)
+        yield BodyState(parts.mesh, body.u, model, parts.body.formulation, change)
+
+
+def _chosen(states: Sequence[BodyState], stressed: bool) -> Iterator[str]:
+    """Names of the fields that are shown."""
+    yield "displacement"
+    most = np.max([np.abs(state.u).max(axis=0) for state in states], axis=0)
+    components = np.flatnonzero(most >= MATTERS * max(state.length.max() for state in states))
+    if len(components) > 1:
+        yield from (f"displacement_{'xyz'[k]}" for k in components)
+    if stressed:
+        yield "von_mises"
+        first, third = (
+            max(float(np.abs(BODY[f"principal_strain_{k}"].of(state)).max()) for state in states)
+            for k in (1, 3)
+        )
+        yield "principal_strain_1" if first >= ALIKE * third else "principal_strain_3"
+
+
+def _side(scene: Scene, bodies: Sequence[DisplacedBody]) -> Turntable:
+    """From where the camera looks, if there is one and it sees the bodies' middle, else from above
+    a corner."""
+    middle = np.concatenate([body.rest.points for body in bodies]).mean(axis=0)
+    for spec in getattr(scene, "cameras", ()):
+        camera = build_camera(spec, scene.input)
+        x, y = camera.project(middle[None])[0]
+        if -0.5 <= x < camera.width - 0.5 and -0.5 <= y < camera.height - 0.5:
+            return Turntable().of_camera(camera, middle)
+    return ISOMETRIC
+
+
+def _load_path(
+    objects: MovingBodies, frames: FrameTable, bodies: Sequence[DisplacedBody], word: str
+) -> LoadPath:
+    """Of the node that moves most, along the way that it moves; the forces in its body's supports
+    along their resultant."""
+    far = [float(np.linalg.norm(body.u, axis=1).max()) for body in bodies]
+    number = int(np.argmax(far))
+    body, motion = bodies[number], objects.motions[number]
+    node = int(np.linalg.norm(body.u, axis=1).argmax())
+    shown = np.unique(np.linspace(0, len(frames) - 1, min(len(frames), MOST_STATES)).astype(int))
+    moved, forces, sizes = np.zeros((len(shown), 3)), np.zeros((len(shown), 3)), [0.0]
+    for k, frame in enumerate(shown):
+        state = frames[frame].shown.states[number]
+        if state is not None and motion is not None:
+            moved[k] = motion.displacement(state)[node]
+            reactions = motion.reactions(state)
+            forces[k] = reactions.sum(axis=0)
+            sizes.append(float(np.linalg.norm(reactions, axis=1).sum()))
+    if not np.linalg.norm(forces, axis=1).max() > ROUNDED * max(sizes):
+        forces[:] = 0.0
+    x, y, z = (1e3 * body.skin.mesh.points[node]).tolist()
+    return LoadPath(
+        body.name, (x, y, z), word.replace("_", " "), tuple(shown.tolist()),
+        tuple(frames[frame].factor for frame in shown),
+        tuple((1e3 * _along(moved)).tolist()), tuple(_along(forces).tolist()),
+    )  # fmt: skip
+
+
+def _along(vectors: Float) -> Float:
+    """Components of vectors (F, 3) along the longest of them."""
+    longest = vectors[np.linalg.norm(vectors, axis=1).argmax()]
+    return np.asarray(vectors @ longest / max(float(np.linalg.norm(longest)), 1e-300))

@@ -1,0 +1,87 @@
+"""Backgrounds of noise are told from patterns, and not tried."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpusim.measure import Status, dic, grid_points
+from gpusim.measure.correlation import propagation
+from gpusim.measure.correlation.plain_subsets import plain_subsets
+from tests.support.measure_images import speckles
+
+NOISE = 3.0
+ROI = (4, 4, 326, 168)
+
+
+def plate_before_a_wall(light: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Speckle in the left half, moved by (1.3, -0.6) px; a wall with a ramp of light beside it."""
+    row, column = np.indices((173, 331), dtype=np.float64)
+    rng, images = np.random.default_rng(5), []
+    for shift, edge in (((0.0, 0.0), 150.0), ((1.3, -0.6), 151.3)):
+        wall = 90.0 + light * column + 0.5 * light * row
+        image = np.where(column < edge, speckles(331, 173, shift=shift), wall)
+        images.append(np.clip(np.rint(image + NOISE * rng.normal(size=image.shape)), 0, 255))
+    before, after = (image.astype(np.uint8) for image in images)
+    return before, after
+
+
+@pytest.mark.parametrize("light", [0.0, 0.2])
+def test_a_wall_is_without_texture_and_nothing_is_tried_there(
+    monkeypatch: pytest.MonkeyPatch, light: float
+) -> None:
+    before, after = plate_before_a_wall(light)
+    tried: list[np.ndarray] = []
+    attempt = propagation.Front.attempt
+
+    def counted(self: propagation.Front, which: np.ndarray, *rest: object, **more: object) -> None:
+        tried.append(self.points[which])
+        attempt(self, which, *rest, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(propagation.Front, "attempt", counted)
+    result = dic(before, after, subset=21, step=6, roi=ROI, backend="numpy")
+    x = result.points[:, 0]
+    wall, plate = x > 165, x < 135
+    assert (result.status[wall] == Status.NO_TEXTURE).mean() >= 0.99
+    assert result.ok[plate].all()
+    # one point in 64 is a seed, searched before anything is known, and a few aren't told
+    number = sum(int((points[:, 0] > 165).sum()) for points in tried)
+    assert number <= 0.1 * wall.sum()
+
+
+def test_noise_that_matches_is_a_pattern() -> None:
+    """Pixels drawn one by one, as white as noise can be, that moved by whole pixels."""
+    first = np.random.default_rng(8).integers(20, 230, (140, 190)).astype(np.uint8)
+    second = np.roll(first, (2, 3), axis=(0, 1))
+    result = dic(first, second, subset=21, step=6, roi=(6, 6, 180, 130), backend="numpy")
+    assert result.ok.all() and np.abs(result.displacement - [3, 2]).max() < 0.01
+
+
+def test_white_noise_of_the_known_strength_is_plain_and_patterns_are_not() -> None:
+    points = grid_points((173, 331), subset=21, step=8)
+    noise = NOISE * np.random.default_rng(1).normal(size=(173, 331))
+    assert plain_subsets(100 + noise, points, 10, NOISE**2).mean() >= 0.98
+    assert plain_subsets(100 + 0.0 * noise, points, 10, NOISE**2).all()
+    assert not plain_subsets(100 + 3.0 * noise, points, 10, NOISE**2).any()  # too strong
+    pattern = speckles(331, 173)
+    weak = pattern * (2.0 * NOISE / pattern.std())
+    assert not plain_subsets(weak + noise, points, 10, NOISE**2).any()
+
+
+def test_what_is_masked_altogether_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, after = plate_before_a_wall()
+    mask = np.zeros(before.shape, dtype=bool)
+    mask[:, :150] = True
+    tried: list[np.ndarray] = []
+    attempt = propagation.Front.attempt
+
+    def counted(self: propagation.Front, which: np.ndarray, *rest: object, **more: object) -> None:
+        tried.append(self.points[which])
+        attempt(self, which, *rest, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(propagation.Front, "attempt", counted)
+    result = dic(before, after, subset=21, step=6, roi=ROI, mask=mask, backend="numpy")
+    x = result.points[:, 0]
+    assert (result.status[x > 161] == Status.MASKED).all()
+    assert result.ok[x < 135].all()
+    assert max(points[:, 0].max(initial=0) for points in tried) < 162
