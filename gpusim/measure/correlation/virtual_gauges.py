@@ -7,12 +7,13 @@ import numpy as np
 
 from gpusim.arrays.array_types import Float
 from gpusim.measure.correlation.strain import StrainKind, strain_of_tangents
-from gpusim.validation import require_one_of
+from gpusim.validation import require, require_one_of, unmasked
 
 _LEAST = 3
 """Subsets to which planes are fitted."""
 
 
+@unmasked()
 def extensometer(ends: Float, displacement: Float) -> tuple[float, float, float]:
     """Length between two ends now, how much it has grown, and the engineering strain (l - l0) / l0.
 
@@ -26,6 +27,9 @@ def extensometer(ends: Float, displacement: Float) -> tuple[float, float, float]
     >>> gs.measure.extensometer(np.array([[10.0, 20], [60, 20]]), np.array([[0.0, 3], [1, 3]]))
     (51.0, 1.0, 0.02)
     """
+    shapes = np.shape(ends), np.shape(displacement)
+    require(shapes[0] == shapes[1] and len(shapes[0]) == 2 and shapes[0][0] == 2, "ends",
+            f"shapes {shapes[0]} and {shapes[1]}", "ends and displacement (2, D)")  # fmt: skip
     before, change = ends[1] - ends[0], displacement[1] - displacement[0]
     start, now = np.linalg.norm(before), np.linalg.norm(before + change)
     # l^2 - l0^2 without the difference of large numbers
@@ -33,6 +37,7 @@ def extensometer(ends: Float, displacement: Float) -> tuple[float, float, float]
     return float(now), float(longer), float(longer / start)
 
 
+@unmasked()
 def gauge(
     pixels: Float, places: Float, displacement: Float, kind: StrainKind = "green-lagrange"
 ) -> Float:
@@ -50,11 +55,15 @@ def gauge(
     Examples
     --------
     >>> pixels = np.array([[10.0, 10], [20, 10], [10, 20], [20, 20]])
-    >>> gs.measure.gauge(pixels, pixels, pixels * [0.02, 0.0]).round(6)
+    >>> gs.measure.gauge(pixels, pixels, pixels * [0.02, 0.0]).round(6) + 0.0
     array([[0.0202, 0.    ],
            [0.    , 0.    ]])
     """
     require_one_of("kind", kind, ("green-lagrange", "hencky"))
+    shapes = [np.shape(one) for one in (pixels, places, displacement)]
+    fits = shapes[0][1:] == (2,) and shapes[1] == shapes[2] and shapes[1][:1] == shapes[0][:1]
+    require(fits and shapes[1][1:] in ((2,), (3,)), "gauge", f"shapes {shapes}",
+            "pixels (N, 2), places and displacement (N, 2) or (N, 3)")  # fmt: skip
     known = np.isfinite(np.hstack([pixels, places, displacement])).all(axis=1)
     offset = pixels[known] - pixels[known].mean(axis=0) if known.any() else pixels[known]
     if known.sum() < _LEAST or np.linalg.matrix_rank(offset) < 2:

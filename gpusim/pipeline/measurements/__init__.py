@@ -19,12 +19,7 @@ in which data passes:
 - `deflection`: The kind "deflection": displacements in the image of one camera.
 - `stereo`: The kind "stereo": points in space from several cameras.
 - `dic`: The kind "dic": displacements and strains of surfaces by digital image correlation.
-- `series`: A few places over frames: what the kinds "extensometer", "gauge", "line" and "point"
-  share.
-- `extensometer`: The kind "extensometer": the length between two ends, and its engineering strain.
-- `gauge`: The kind "gauge": the mean strain of a rectangle, as a strain gauge there would read it.
-- `line`: The kind "line": displacements and strains along a straight line.
-- `point`: The kind "point": displacements of named points.
+- `series`: The kinds "extensometer", "gauge", "line" and "point": a few places over frames.
 - `damage`: The kind "damage": deflection lines of the variants compared, and where their slope
   changes.
 """

@@ -7,10 +7,16 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from .correlation_table import CorrelationTable, LensModel
+from .correlation_measures import (
+    CorrelationTable,
+    ExtensometerTable,
+    GaugeTable,
+    LensModel,
+    LineMeasureTable,
+    PointMeasureTable,
+)
 from .loads import WhereTable
 from .measure_table import TABLES, AnyKind, MeasureFault, MeasureTable
-from .series_measures import ExtensometerTable, GaugeTable, LineMeasureTable, PointMeasureTable
 from .table import (
     Length,
     Listed,

@@ -8,7 +8,14 @@ horizontal.
 """
 
 from .camera import CameraTable
-from .correlation_table import CorrelationTable
+from .correlation_measures import (
+    CorrelationTable,
+    ExtensometerTable,
+    GaugeTable,
+    LineMeasureTable,
+    PointMeasureTable,
+    SeriesTable,
+)
 from .ground import PaintedTable, PatternedTable
 from .lens import LensTable, Psf, ShutterTable, VignettingTable
 from .lights import (
@@ -83,12 +90,5 @@ from .processing import (
 from .prop import BoxTable, CalibrationTable, PlateTable, PoseTable, Prop, PropTable, ShapeTable
 from .scene_table import Body, Part, SceneTable
 from .sensor import CameraSensorTable, Gains, SensorTable
-from .series_measures import (
-    ExtensometerTable,
-    GaugeTable,
-    LineMeasureTable,
-    PointMeasureTable,
-    SeriesTable,
-)
 from .table import Vec3
 from .targets import ArucoTable, CharucoTable, CirclesTable, LinesTable, RingCodesTable, StarTable

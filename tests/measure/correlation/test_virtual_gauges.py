@@ -56,3 +56,10 @@ def test_lost_subsets_do_not_count() -> None:
 def test_another_strain_is_refused() -> None:
     with pytest.raises(InputError, match="kind"):
         gauge(PIXELS, PIXELS, 0.0 * PIXELS, "small")
+
+
+def test_shapes_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(InputError, match="ends; got shapes"):
+        extensometer(np.zeros((3, 2)), np.zeros((3, 2)))
+    with pytest.raises(InputError, match="gauge; got shapes"):
+        gauge(PIXELS, PIXELS[:5], PIXELS[:5])
