@@ -35,12 +35,11 @@ def _rectangle(spec: m.GaugeTable, picture: ReferencePicture) -> dict[str, Float
 
 
 def _strains(spec: m.GaugeTable, sample: Sample) -> Columns:
-    """In the picture's axes, and the principal ones."""
-    strains = dict(mean_strains(spec, sample))
+    """The principal ones, and those in the picture's axes."""
+    strains = mean_strains(spec, sample)
     exx, eyy, exy = strains.values()
-    radius = np.hypot(0.5 * (exx - eyy), exy)
-    mean = 0.5 * (exx + eyy)
-    return strains | {"e1": mean + radius, "e2": mean - radius}
+    mean, radius = 0.5 * (exx + eyy), np.hypot(0.5 * (exx - eyy), exy)
+    return {"e1": mean + radius, "e2": mean - radius, **strains}
 
 
 register_series(m.GaugeTable, SeriesKind("gauge", _rectangle, _strains))

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Float, Long
-from gpusim.errors import InputError
+from gpusim.errors import require
 from gpusim.pipeline.measurements.dic.correlating import points_within
 from gpusim.pipeline.measurements.material_points import TrueMotion
 from gpusim.pipeline.measurements.region_of_interest import RegionOfInterest, region_of_interest
@@ -73,25 +73,22 @@ class ReferencePicture:
         InputError
             The first one isn't within the picture, or sees nothing.
         """
-        half, camera = self.spec.subset_px // 2, self.spec.views[0]
-        viewer = self.motion.camera(camera)
+        half, camera = self.spec.subset_px // 2, self.motion.camera(self.spec.views[0])
         place = np.repeat(np.arange(len(patches)), [len(one) for one in patches.values()])
-        pixels = np.rint(np.concatenate([*patches.values()]))
-        size = np.array([viewer.width, viewer.height])
-        fits = np.all((pixels >= half) & (pixels < size - half), axis=1)
-        surface = np.full(len(pixels), -1)
-        surface[fits] = self.motion.seen_at(camera, pixels[fits]).surface
-        middle = np.searchsorted(place, np.arange(len(patches)))
-        for name, first in zip(patches, middle, strict=True):
-            if surface[first] < 0:
-                x, y = pixels[first]
-                raise InputError(
-                    f"measure {self.spec.name!r}: {name}; got ({x:.0f}, {y:.0f}) px of camera "
-                    f"{camera!r}, with {size[0]} x {size[1]} px, and nothing seen there; expected "
-                    f"a place on a surface, {half} px inside the picture"
-                )
-        kept = surface == surface[middle][place]
-        return PlacedSubsets(tuple(patches), pixels[kept], place[kept])
+        asked = PlacedSubsets(tuple(patches), np.rint(np.concatenate([*patches.values()])), place)
+        size = np.array([camera.width, camera.height])
+        fits = np.all((asked.pixels >= half) & (asked.pixels < size - half), axis=1)
+        surface = np.full(len(place), -1)
+        surface[fits] = self.motion.seen_at(self.spec.views[0], asked.pixels[fits]).surface
+        for name, first in zip(patches, asked.middle, strict=True):
+            x, y = asked.pixels[first]
+            require(
+                surface[first] >= 0, f"measure {self.spec.name!r}: {name}",
+                f"({x:.0f}, {y:.0f}) px of camera {self.spec.views[0]!r}, where it sees nothing",
+                f"a place on a surface, {half} px or more inside the picture",
+            )  # fmt: skip
+        kept = surface == surface[asked.middle][place]
+        return PlacedSubsets(asked.names, asked.pixels[kept], place[kept])
 
     def anchors(self, dic: m.DicTable) -> Float:
         """Pixels (A, 2) all over what is textured: by these a rig is laid on the structure."""

@@ -85,8 +85,6 @@ class SeriesResult(Result):
         """Of the place where the main quantity is largest, of all places if they are few, and the
         error of all of them in all frames."""
         told = [self.told(one) for one in self.quantities]
-        if self.table.what == "gauge":
-            told.sort(key=lambda one: -abs(float(one[3][-1, 0])))
         order = np.argsort(-np.abs(told[0][3][-1]), kind="stable")
         places = order if len(order) <= MOST_ROWS and not self.along else order[:1]
         goal: float | None = GOAL
