@@ -81,17 +81,24 @@ class SeriesResult(Result):
         seen = Overlay(f"{self.name}: tracked subsets", picture, self.points_px, self.moved_px)
         return Reported([*self._measurements()], [*self._series(scene)], [seen])
 
+    def _title(self, *parts: str) -> str:
+        """Of a number or a curve; the only place of a measure has no name of its own."""
+        return f"{self.name}: {', '.join(part for part in parts if part != self.table.what)}"
+
     def _measurements(self) -> Iterator[Measurement]:
         """Of the place where the main quantity is largest, of all places if they are few, and the
         error of all of them in all frames."""
         told = [self.told(one) for one in self.quantities]
+        main = told[0][1]
+        # what is largest comes first: a deflection, not how far the line moved along itself
+        told.sort(key=lambda one: (one[1] != main, -np.nan_to_num(np.abs(one[3][-1])).max()))
         order = np.argsort(-np.abs(told[0][3][-1]), kind="stable")
         places = order if len(order) <= MOST_ROWS and not self.along else order[:1]
         goal: float | None = GOAL
         for place in places:
             for name, unit, *values in told:
                 measured, true = (float(one[-1, place]) for one in values)
-                what = f"{self.name}: {self.table.points[place]}, {name}"
+                what = self._title(self.table.points[place], name)
                 yield Measurement.compare(what, unit, measured, true, tolerance_relative=goal)
                 goal = None
         for name, unit, found, real in told:
@@ -115,6 +122,6 @@ class SeriesResult(Result):
             name, unit, measured, true = self.told(quantity)
             for curve, at in curves:
                 yield Series(
-                    f"{self.name}: {name}, {curve}", x, measured[at], true[at], label, name, unit,
+                    self._title(name, curve), x, measured[at], true[at], label, name, unit,
                     figure=f"{self.name}: {name}{how}",
                 )  # fmt: skip

@@ -146,11 +146,12 @@ def test_lost_points_are_told_with_the_reason(done: tuple[gs.Report, Path], foun
 def test_what_the_report_says(done: tuple[gs.Report, Path], found: Get) -> None:
     report, out = done
     told = {one.name: one for one in report.measurements}
-    strain = told["pixels: length, strain"]
+    strain = told["pixels: strain"]
     assert strain.unit == "um/m" and strain.truth == pytest.approx(4000.0, rel=1e-9)
     assert strain.verdict == "bad"  # it came nearer
+    assert told["points: right, u"].truth == pytest.approx(0.0605, rel=1e-9)
     assert told["points: RMS error of u, all frames"].unit == "mm"
-    assert {"points: u, right", "gauge: exx, gauge"} <= {one.name for one in report.series}
+    assert {"points: u, right", "gauge: exx"} <= {one.name for one in report.series}
     rows = (out / "measure" / "points.csv").read_text().splitlines()
     assert rows[0].startswith("frame,point,status,followed,x_px,y_px,") and len(rows) == 1 + 2 * 2
     page = (out / "report.html").read_text()
