@@ -56,11 +56,16 @@ class CorrelationTable(MeasureTable):
     then measures in mm on that plane, with the lens undone."""
     lens: LensModel = "brown"
     """What the calibration is to find."""
+    calibration: str | None = None
+    """The pair's calibration file (OpenCV, Kalibr, MatchID, VIC, DICe), cameras known by their
+    names or else in this order, in place of the images of [calibration]; or "true": the cameras as
+    they are."""
 
     @property
     def uses_calibration(self) -> bool:
-        """Pairs do, and one camera on the plane of a pose."""
-        return self.cameras is not None or self.plane_pose is not None
+        """Pairs without a calibration do, and one camera on the plane of a pose."""
+        pair = self.cameras is not None and self.calibration is None
+        return pair or self.plane_pose is not None
 
     def pictures(self, frames: int) -> list[tuple[str, int]]:
         """The first frame, and those that are measured."""
@@ -88,6 +93,9 @@ class CorrelationTable(MeasureTable):
         if self.mm_per_px is not None and self.plane_pose is not None:
             expected = "mm_per_px or plane_pose"
             raise fault("mm_per_px", "lengths are told twice", self.mm_per_px, expected)
+        if self.calibration is not None and self.cameras is None:
+            raise fault("calibration", "of a pair, but one camera is given", self.calibration,
+                        "cameras, or none")  # fmt: skip
         return self
 
     @classmethod
@@ -96,11 +104,13 @@ class CorrelationTable(MeasureTable):
     ) -> Iterator[MeasureFault]:
         """A calibration where one is needed, with that pose; frames that there are."""
         calibration, pose = document.get("calibration"), entry.get("plane_pose")
-        if ("cameras" in entry or pose is not None) and calibration is None:
-            key = () if "cameras" in entry else ("plane_pose",)
+        pair = "cameras" in entry and "calibration" not in entry
+        if (pair or pose is not None) and calibration is None:
+            key = () if pair else ("plane_pose",)
             yield (
                 key, "needs images of a target", Words("no [calibration]"),
-                "[calibration] of a checker or charuco",
+                "[calibration] of a checker or charuco"
+                + ", or calibration, a file" * pair,
             )  # fmt: skip
         poses = calibration.get("pose") if isinstance(calibration, dict) else None
         if isinstance(poses, list) and isinstance(pose, int) and not pose < len(poses):

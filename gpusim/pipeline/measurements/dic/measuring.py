@@ -5,8 +5,6 @@ What is measured comes from pictures and calibrations alone (`correlating`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
 from gpusim.pipeline.measurements.dic.correlating import (
@@ -14,6 +12,7 @@ from gpusim.pipeline.measurements.dic.correlating import (
 )
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.rig import rig_of_file
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
@@ -59,21 +58,23 @@ def measured_at(
 
 
 def unloaded_motion(
-    what: str, views: Sequence[str], scene: Scene, unloaded: Unloaded
+    spec: m.CorrelationTable, scene: Scene, unloaded: Unloaded
 ) -> TrueMotion | None:
     """What cameras see before there are pictures; None if the first picture may show another thing.
-    Raises InputError if one of them sees nothing."""
-    for name in views if unloaded.strict else ():
+    Raises InputError if one of them sees nothing, or for a calibration that doesn't fit."""
+    if spec.calibration not in (None, "true"):
+        rig_of_file(spec, scene)
+    for name in spec.views if unloaded.strict else ():
         if name in unloaded.blind:
-            raise InputError(f"{what}: {unloaded.blind[name]}")
+            raise InputError(f"measure {spec.name!r}: {unloaded.blind[name]}")
     objects = SceneObjects(scene, (), unloaded.bodies)
     return TrueMotion(objects, unloaded.surfaces) if unloaded.strict else None
 
 
 def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
-    """There is something to measure; raises InputError if not."""
+    """There is something to measure, with a calibration that fits; raises InputError if not."""
     what, camera = f"measure {spec.name!r}", spec.views[0]
-    motion = unloaded_motion(what, spec.views, scene, unloaded)
+    motion = unloaded_motion(spec, scene, unloaded)
     if motion is None:
         return []
     try:

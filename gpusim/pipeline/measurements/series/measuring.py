@@ -68,7 +68,7 @@ class SeriesKind:
         common = {key: getattr(spec, key) for key in m.CorrelationTable.model_fields}
         rest = {"type": "dic", "strain": "none", "step_px": ANCHOR_STEP * spec.subset_px}
         dic, points = m.DicTable.model_construct(**common | rest), subsets.pixels
-        if spec.uses_calibration:
+        if spec.cameras is not None or spec.plane_pose is not None:
             points = np.concatenate([points, picture.anchors(dic)])
         region = picture.region(points)
         field = TrueField.of(picture.motion, spec.views[0], region, points)
@@ -126,7 +126,7 @@ class SeriesKind:
 
     def checks(self, spec: m.SeriesTable, scene: Scene, unloaded: Unloaded) -> list[str]:
         """There is something to measure; raises InputError if not."""
-        motion = unloaded_motion(f"measure {spec.name!r}", spec.views, scene, unloaded)
+        motion = unloaded_motion(spec, scene, unloaded)
         if motion is not None:
             picture = ReferencePicture(spec, motion)
             picture.placed(self.patches(spec, picture))
