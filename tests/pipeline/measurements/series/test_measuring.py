@@ -167,11 +167,13 @@ def test_a_pair_reads_the_material(tmp_path: Path) -> None:
         {"name": "far", "type": "gauge", **common, "center_mm": [42.0, 0.0, 2.0],
          "size_mm": [20.0, 20.0]},
         {"name": "tip", "type": "point", **common, "points_mm": [[50.0, 20.0, 2.0]]},
+        {"name": "exact", "type": "point", **common, "points_mm": [[50.0, 20.0, 2.0]],
+         "calibration": "true"},
     ]}  # fmt: skip
     report = gs.run(gs.Scene.from_document(document), tmp_path / "out")
-    extension, far, tip = (
+    extension, far, tip, exact = (
         SeriesResult.read(tmp_path / "out/measure", name).table
-        for name in ("extension", "far", "tip")
+        for name in ("extension", "far", "tip", "exact")
     )
     nominal = 50e3 / (70e9 * 0.06 * 0.004)
     assert far["true_exx"][0, 0] == pytest.approx(nominal, rel=0.12)
@@ -180,8 +182,9 @@ def test_a_pair_reads_the_material(tmp_path: Path) -> None:
     assert extension["true_length_mm"][0, 0] == pytest.approx(90.0, abs=0.8)
     assert abs(extension["difference_strain"][0, 0]) < 20e-6
     # one point alone: the rig is laid on the structure by the rest of the speckle
-    error = tip.vectors("difference")[0, 0]
-    assert np.abs(error[:2]).max() < 2e-3 and abs(error[2]) < 8e-3
+    for one in (tip, exact):
+        error = one.vectors("difference")[0, 0]
+        assert np.abs(error[:2]).max() < 2e-3 and abs(error[2]) < 8e-3
     assert report.warnings == ()
 
 
