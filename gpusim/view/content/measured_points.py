@@ -27,13 +27,15 @@ from gpusim.view.content.picking import MaterialPoints, material_points
 
 PLACE = ("x_px", "y_px")
 """Columns of points in the first picture."""
+WIDEST = 40.0
+"""px of the picture that a point's square is wide, at most."""
 CORNERS = np.array([(0, 0), (-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 """Of a point's square, after its middle, in distances between points."""
 
 
 class Squares(NamedTuple):
     """Of the points (n,) numbered ``point`` the middle and the corners of a square on the surfaces,
-    as wide as points are apart: ``places`` (n, 5)."""
+    as wide as points are apart, `WIDEST` at most: ``places`` (n, 5)."""
 
     point: Long
     places: MaterialPoints
@@ -70,10 +72,10 @@ class MeasuredPoints:
         view = local_view(surfaces, camera, lit=False)
         triangle = Frame(view, device).ids()[row, column].astype(np.int64) - 1
         point, triangle = point[triangle >= 0], triangle[triangle >= 0]
-        step = 0.0
+        step = WIDEST
         if len(point) > 1:
             apart = np.asarray(scipy.spatial.cKDTree(at[point]).query(at[point], 2)[0])
-            step = float(np.median(apart[:, 1]))
+            step = min(float(np.median(apart[:, 1])), WIDEST)
         pixels = at[point, None] + step * CORNERS
         return Squares(point, material_points(view, surfaces, triangle, pixels))
 
@@ -91,6 +93,6 @@ def measured_points(path: Path) -> MeasuredPoints | None:
     except (OSError, EOFError, ValueError, KeyError, TypeError, BadZipFile) as error:
         expected = "what a run of this scene has written"
         raise InputError(f"{path}: damaged; got {error}; expected {expected}") from None
-    if not {*PLACE} <= {*table.columns} or not rest.get("cameras") or len(table.points) < 2:
+    if not {*PLACE} <= {*table.columns} or not rest.get("cameras"):
         return None
     return MeasuredPoints(path.stem, rest["cameras"][0], table)

@@ -96,7 +96,7 @@ def test_measured_true_and_their_difference(measured_run: Path, device: Device) 
 
 
 def test_points_beside_the_bodies_are_left_out(run_folder: Path, device: Device) -> None:
-    """In the background, out of the picture, nowhere; a single one is too small to be seen."""
+    """In the background, out of the picture, nowhere; a single one is 40 px wide."""
     content = load_content(run_folder)
     for x, y, shown in (
         ([100.0, 110.0, 120.0, 100.0, -3.0, np.nan], [60.0, 60.0, 60.0, 5.0, 60.0, 1.0], [0, 1, 2]),
@@ -109,6 +109,9 @@ def test_points_beside_the_bodies_are_left_out(run_folder: Path, device: Device)
         found = points.squares(content.surfaces(0), content.cameras[0], device)
         assert found.point.tolist() == shown
         assert np.isfinite(found.places.weights).all()
+        for corners in found.places.reference[:, 1:]:
+            at = content.cameras[0].project(corners)
+            np.testing.assert_allclose(np.ptp(at, axis=0), 10.0 if len(shown) > 1 else 40.0)
 
 
 def test_a_click_tells_the_nearest_point(measured_run: Path, device: Device) -> None:

@@ -26,6 +26,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     Moved,
     columns_of_places,
     compared_columns,
+    shape_columns,
     strain_columns,
     where_measured,
 )
@@ -68,8 +69,7 @@ class CameraPair(FieldMeasurement):
             true = MM * motion.displacement(field.material, frame)
             smooth = _seen_by(cameras, before, np.array([one.displacement[k] for one in levels]))
             columns = columns_of_places(views, frame, one.status)
-            for axis, now, real in zip("XYZ", laid.apply(one.shape).T, place.T, strict=True):
-                columns |= {f"measured_{axis}_mm": now, f"true_{axis}_mm": real}
+            columns |= shape_columns("XYZ", laid.apply(one.shape), place)
             moved = one.displacement @ laid.rotation.T
             columns |= compared_columns(("U_mm", "V_mm", "W_mm"), moved, true, smooth)
             if spec.strain != "none":

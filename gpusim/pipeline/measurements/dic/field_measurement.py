@@ -90,6 +90,15 @@ def compared_columns(names: tuple[str, ...], *values: Float) -> Columns:
     }
 
 
+def shape_columns(axes: str, found: Float, true: Float) -> Columns:
+    """Columns of places (M, K) mm in the first pictures: measured and true."""
+    return {
+        f"{kind}_{axis}_mm": column
+        for kind, each in (("measured", found), ("true", true))
+        for axis, column in zip(axes, each.T, strict=True)
+    }
+
+
 def strain_columns(*tensors: Float) -> Columns:
     """The same of strains (M, 2, 2)."""
     return compared_columns(tuple(STRAINS), *map(strain_components, tensors))

@@ -45,22 +45,38 @@ def measure_dic(
     roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
     points = points_within(what, roi.mask, spec)
     field = TrueField.of(motion, camera, roi, points)
+    return measured_at(field, spec, scene, sources)
+
+
+def measured_at(
+    field: TrueField, spec: m.DicTable, scene: Scene, sources: Sources
+) -> FullFieldResult:
+    """The same at the points of a ``field``."""
     frames = spec.measured(len(scene.analysis.load_factors))
     kind = OneCamera if spec.cameras is None else CameraPair
-    return kind(what, spec, scene, sources, field, frames).result()
+    return kind(f"measure {spec.name!r}", spec, scene, sources, field, frames).result()
+
+
+def unloaded_motion(
+    spec: m.CorrelationTable, scene: Scene, unloaded: Unloaded
+) -> TrueMotion | None:
+    """What cameras see before there are pictures; None if the first picture may show another thing.
+    Raises InputError if one of them sees nothing, or for a calibration that doesn't fit."""
+    if spec.calibration not in (None, "true"):
+        rig_of_file(spec, scene)
+    for name in spec.views if unloaded.strict else ():
+        if name in unloaded.blind:
+            raise InputError(f"measure {spec.name!r}: {unloaded.blind[name]}")
+    objects = SceneObjects(scene, (), unloaded.bodies)
+    return TrueMotion(objects, unloaded.surfaces) if unloaded.strict else None
 
 
 def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
     """There is something to measure, with a calibration that fits; raises InputError if not."""
     what, camera = f"measure {spec.name!r}", spec.views[0]
-    if spec.calibration not in (None, "true"):
-        rig_of_file(spec, scene)
-    if not unloaded.strict:
+    motion = unloaded_motion(spec, scene, unloaded)
+    if motion is None:
         return []
-    for name in spec.views:
-        if name in unloaded.blind:
-            raise InputError(f"{what}: {unloaded.blind[name]}")
-    motion = TrueMotion(SceneObjects(scene, (), unloaded.bodies), unloaded.surfaces)
     try:
         region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
     except InputError:  # it may be smaller than that

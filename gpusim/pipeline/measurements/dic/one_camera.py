@@ -26,6 +26,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     Moved,
     columns_of_places,
     compared_columns,
+    shape_columns,
     strain_columns,
     where_measured,
 )
@@ -63,6 +64,7 @@ class OneCamera(FieldMeasurement):
                 columns |= compared_columns(("u_mm", "v_mm"), found_mm.displacement, moved, slow)
                 columns["sigma_mm"] = found_mm.sigma
                 true_places = MM * field.motion.position(field.material, 0) @ scale.axes.T
+                columns |= shape_columns("xy", found_mm.points, true_places)
                 places, shifts = (found_mm.points, true_places), (found_mm.displacement, slow)
             if spec.strain != "none":
                 at = (

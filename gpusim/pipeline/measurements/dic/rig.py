@@ -41,7 +41,7 @@ def calibrated_rig(
     return rig_of(cameras) if spec.calibration == "true" else rig_of_file(spec, scene), float("nan")
 
 
-def rig_of_file(spec: m.DicTable, scene: Scene) -> Rig:
+def rig_of_file(spec: m.CorrelationTable, scene: Scene) -> Rig:
     """What the calibration file of ``spec`` has, cameras by their names or else in its order.
     Raises InputError for a file without two cameras of such pictures."""
     assert spec.calibration is not None
