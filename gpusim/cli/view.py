@@ -15,6 +15,15 @@ from gpusim.printable import printable
 
 PORT = 60649
 
+Legend = Annotated[
+    tuple[float, float] | None,
+    typer.Option(metavar="LOW HIGH", help="Of the field's legend, in its unit, held."),
+]
+Unit = Annotated[
+    Literal["m", "cm", "mm", "um", "in"] | None,
+    typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
+]
+
 
 def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"(\d+)[x×](\d+)", str(text))  # noqa: RUF001
@@ -40,10 +49,9 @@ def view(
     field: Annotated[
         str | None, typer.Option(help="Colour by a field: von_mises, displacement …")
     ] = None,
-    unit: Annotated[
-        Literal["m", "cm", "mm", "um", "in"] | None,
-        typer.Option(help="Of a mesh file's coordinates: mm unless said, of glTF m."),
-    ] = None,
+    legend: Legend = None,
+    keys: Annotated[str, typer.Option(help='Press these keys, once solved: "x g PageUp".')] = "",
+    unit: Unit = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Of the window, px.")] = "1280x800",
     serve: Annotated[
         bool, typer.Option("--serve", help="Show it in a browser on this machine.")
@@ -65,7 +73,7 @@ def view(
         if screenshot is not None:
             pictures.check_ending(screenshot)
         where = server.local_socket(port) if serve else None
-        loaded = frame is not None or field is not None
+        loaded = frame is not None or field is not None or bool(keys)
         solves = screenshot is None or loaded
         if screenshot is None:  # a CAD file takes seconds
             typer.echo(f"reading {printable(str(path))} …", err=True)
@@ -73,7 +81,7 @@ def view(
         try:
             if loaded:
                 pictures.wait_for_solution(viewer)
-            pictures.look_as_asked(viewer, camera, frame, field)
+            pictures.look_as_asked(viewer, camera, frame, field, legend=legend, keys=keys.split())
             if screenshot is not None:
                 pictures.save_screenshot(viewer, screenshot)
                 out(str(screenshot))

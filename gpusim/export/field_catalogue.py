@@ -2,16 +2,18 @@
 truth in pictures, and of what was measured, by the name that users write.
 
 A field is a row of a table: `BODY` (of a `gpusim.export.body_state.BodyState`), `TRUTH` (of a
-frame's truth layers), `PICTURE`, `SPACE`, `MAPPED` and `STRAIN` (of what a correlation gives).
-`VTU_ARRAYS` are whole vectors and tensors, in SI.
+frame's truth layers), `PICTURE`, `SPACE`, `MAPPED` and `STRAIN` (of what a correlation gives);
+`point_fields` makes those of a measurement's table. `VTU_ARRAYS` are whole vectors and tensors, in
+SI.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import prod
+from operator import itemgetter
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +22,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.export.layers import LAYERS, Layer
 from gpusim.measure import DicResult, MappedResult, StereoResult, StrainResult
+from gpusim.scene.description.table import name_and_unit
 from gpusim.validation import require_one_of
 
 Values = Callable[[Any], npt.NDArray[Any]]
@@ -228,6 +231,49 @@ _TENSOR = _measured(("tensor", "1", "exx exy eyx eyy"), ("principal", "1", "e1 e
                     ("residual", "1", "strain_residual"), signed=True)  # fmt: skip
 STRAIN = {name: _TENSOR[name] for name in ("exx", "eyy", "exy", "e1", "e2", "strain_residual")}
 """Of a `DicResult`, a `StereoResult`, a `MappedResult`, a `StrainResult`."""
+
+
+_OF_POINTS = ("measured", "true", "levelled", "difference")
+
+
+def point_fields(columns: Iterable[str]) -> Fields:
+    """Of a measurement at points: of its columns by their names, which end with their units, and
+    ``difference_<quantity>`` of what was measured and is known.
+
+    Examples
+    --------
+    >>> from gpusim.export.field_catalogue import point_fields
+    >>> fields = point_fields(["measured_U_mm", "true_U_mm", "sigma_U_mm"])
+    >>> [one.label() for one in fields.values()]
+    ['U measured (mm)', 'U true (mm)', 'U difference (mm)', 'sigma U (mm)']
+    """
+    names = list(columns)
+    quantities = [name.partition("_")[2] for name in names if name.startswith("measured_")]
+    names += [f"difference_{one}" for one in quantities if f"true_{one}" in names]
+
+    def place(name: str) -> int:
+        kind, _, quantity = name.partition("_")
+        compared = kind in _OF_POINTS and quantity in quantities
+        return quantities.index(quantity) if compared else len(quantities)
+
+    return {name: _point_field(name) for name in sorted(names, key=place)}
+
+
+def _point_field(name: str) -> Field:
+    kind, _, quantity = name.partition("_")
+    if kind not in _OF_POINTS:
+        word, unit = name_and_unit(name)
+        return Field(word.replace("_", " "), unit or "1", itemgetter(name), "points")
+    word, unit = name_and_unit(quantity)
+    of: Values = itemgetter(name)
+    if kind == "difference":
+        of = partial(_difference, f"measured_{quantity}", f"true_{quantity}")
+    signed, factor = kind == "difference" or word not in ("X", "Y", "Z"), 1.0 if unit else 1e3
+    return Field(f"{word} {kind}", unit or "10⁻³", of, "points", factor, signed)
+
+
+def _difference(measured: str, true: str, columns: Mapping[str, Float]) -> Float:
+    return np.asarray(columns[measured] - columns[true])
 
 
 @dataclass(frozen=True)

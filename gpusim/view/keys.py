@@ -29,7 +29,19 @@ KEYS = (
     Key("ArrowRight", "step_frame", "", (1,)),
     Key("+", "deform", "deformation twice, half as large", (2.0,)),
     Key("-", "deform", "", (0.5,)),
-    Key("f", "next_field", "colours of the next field, then paint"),
+    Key(" ", "play", "play the frames, stop"),
+    Key("f", "step_field", "colours of the next field, the one before; paint is one", (1,)),
+    Key("d", "step_field", "", (-1,)),
+    Key("t", "switch", "the list of fields", ("fields",)),
+    Key("n", "step_range", "legend of each frame, held, of all frames"),
+    Key("<", "widen_range", "legend half, twice as wide", (0.5,)),
+    Key(">", "widen_range", "", (2.0,)),
+    Key("x", "switch", "smallest and largest value, undeformed shape", ("extremes",)),
+    Key("g", "switch", "", ("undeformed",)),
+    Key("k", "next_cut", "cut across x, y, z; show its other side"),
+    Key("j", "turn_cut"),
+    Key("PageUp", "move_cut", "move the cut", (0.05,)),
+    Key("PageDown", "move_cut", "", (-0.05,)),
     Key("p", "switch", "paint, or plain grey", ("paint",)),
     Key("l", "switch", "the scene's lamps, or a headlight", ("light",)),
     Key("m", "switch", "mesh lines, supports, loads", ("mesh",)),
@@ -42,6 +54,9 @@ KEYS = (
     Key("h", "switch", "this help", ("help",)),
 )
 
+ALIASES = {"=": "+", "_": "-", "ArrowDown": "f", "ArrowUp": "d"}
+"""Keys that are as good as others."""
+
 MOUSE = (
     ("left drag", "orbit"),
     ("middle drag, Shift + left drag", "pan"),
@@ -50,7 +65,7 @@ MOUSE = (
     ("drag the bar below", "frame"),
 )
 
-SHOWN = {"ArrowLeft": "←", "ArrowRight": "→"}
+SHOWN = {"ArrowLeft": "←", "ArrowRight": "→", " ": "space"}
 
 
 def help_lines() -> list[tuple[str, str]]:

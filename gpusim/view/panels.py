@@ -1,4 +1,4 @@
-"""What is written over the picture: title, selection, slider, progress, help, messages, faults."""
+"""What is written over the picture: title, fields, slider, progress, help, messages, faults."""
 
 from __future__ import annotations
 
@@ -6,24 +6,12 @@ import textwrap
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
-from gpusim.errors import GpusimError
-from gpusim.export.field_catalogue import named_field
-from gpusim.view.camera_marks import (
-    draw_distortion,
-    draw_image_frame,
-    draw_principal_point,
-)
+from gpusim.view.body_marks import SIZE, draw_body_marks, mark_selection
+from gpusim.view.field_list import FieldRows, draw_field_list
 from gpusim.view.keys import help_lines
 from gpusim.view.view_state import ViewState
-from gpusim.visualization.color_scale import format_value
 from gpusim.visualization.legend import draw_legend, legend_width
-from gpusim.visualization.mesh_edges import element_edges
 from gpusim.visualization.overlay import INK, PAPER, Overlay
-from gpusim.visualization.symbols import Symbols
-
-SIZE = 14
-"""px of letters."""
 
 ACCENT, WARNING = "#1f6fb2", "#9c1c1c"
 EDGE = 14
@@ -34,12 +22,20 @@ BELOW = 5 * SIZE
 """px of the window's lower side for the slider and what it says."""
 
 
-def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
-    """Collect all that stands over a viewer's picture."""
+def draw_panels(viewer: ViewState, overlay: Overlay) -> FieldRows | None:
+    """Collect all that stands over a viewer's picture; returns the list of fields, if it is."""
+    rows = None
     if viewer.content is not None and viewer.picture.base is not None:
-        _draw_symbols(viewer, overlay)
-        _draw_selection(viewer, overlay, _draw_scale(viewer, overlay) + EDGE)
-    _draw_title(viewer, overlay)
+        draw_body_marks(viewer, overlay)
+        low = _draw_scale(viewer, overlay) + EDGE
+        if viewer.selected is not None:
+            text = mark_selection(viewer, overlay)
+            wide, _ = _panel_size(overlay, text)
+            _panel(overlay, round(viewer.size[0] - wide - EDGE), round(low), text)
+    below = _draw_title(viewer, overlay)
+    if viewer.shown["fields"]:
+        most = viewer.size[1] - below - 2.0 * BELOW
+        rows = draw_field_list(viewer, overlay, EDGE, below + 6.0, most)
     _draw_slider(viewer, overlay)
     if viewer.shown["help"]:
         _draw_help(viewer, overlay)
@@ -48,6 +44,7 @@ def draw_panels(viewer: ViewState, overlay: Overlay) -> None:
         above = _draw_message(viewer, overlay, viewer.fault, above, WARNING) - 6.0
     if viewer.message:
         _draw_message(viewer, overlay, viewer.message, above)
+    return rows
 
 
 def _panel_size(overlay: Overlay, text: str) -> tuple[float, float]:
@@ -66,7 +63,8 @@ def _panel(
     return x + wide, y + tall
 
 
-def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
+def _draw_title(viewer: ViewState, overlay: Overlay) -> float:
+    """Returns how far down it goes."""
     content = viewer.content
     lines = [content.title if content is not None else viewer.path.name]
     if content is not None and content.parts:
@@ -85,6 +83,8 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
         lines.append('grey, as pictures of channels = "mono"')
     if content is not None and content.moves and viewer.scale != 1.0:
         lines.append(f"deformation × {viewer.scale:g}")  # noqa: RUF001
+    if content is not None and content.cut is not None:
+        lines.append(content.cut.describe(content.bounds))
     right, bottom = _panel(overlay, EDGE, EDGE, "\n".join(lines))
     if viewer.solver is not None:
         share, text = viewer.solver.progress
@@ -94,6 +94,7 @@ def _draw_title(viewer: ViewState, overlay: Overlay) -> None:
     if not viewer.shown["help"]:
         low = viewer.size[1] - EDGE - (1.5 * SIZE if _has_slider(viewer) else 0.0)
         _panel(overlay, EDGE, low - _panel_size(overlay, "h: help")[1], "h: help")
+    return bottom
 
 
 def _draw_help(viewer: ViewState, overlay: Overlay) -> None:
@@ -128,8 +129,8 @@ def panels_taken(viewer: ViewState) -> tuple[float, float]:
     """Px of the window's right and lower side that the legend and the slider take; half of it at
     most, so that something is left to be seen."""
     right = 0.0
-    if viewer.field_values and viewer.field is not None:
-        title = named_field(viewer.field).label()
+    if viewer.field_values is not None:
+        title = _legend_title(viewer)
         right = 2.0 * EDGE + legend_width(viewer.overlay, viewer.color_scale, title, SIZE)
     below = BELOW if _has_slider(viewer) else 0.0
     return min(right, 0.5 * viewer.size[0]), min(below, 0.5 * viewer.size[1])
@@ -174,7 +175,7 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
     overlay.rectangle(left, top, at - left, BAR, ACCENT)
     overlay.rectangle(at - 5, top - 5, 10, BAR + 10, "white")
     overlay.rectangle(at - 4, top - 4, 8, BAR + 8, ACCENT)
-    text = viewer.content.frame_text(viewer.frame)
+    text = viewer.content.frame_text(viewer.frame) + ", playing" * viewer.playing
     wide, tall = _panel_size(overlay, text)
     _panel(overlay, round(0.5 * (viewer.size[0] - wide)), top - 8 - tall, text)
 
@@ -182,103 +183,16 @@ def _draw_slider(viewer: ViewState, overlay: Overlay) -> None:
 # -- over the picture
 
 
+def _legend_title(viewer: ViewState) -> str:
+    assert viewer.field_values is not None
+    kind = {"frame": "", "held": ", held", "frames": ", all frames"}[viewer.legend_range.kind]
+    return viewer.field_values.field.label() + kind
+
+
 def _draw_scale(viewer: ViewState, overlay: Overlay) -> float:
     """The legend of a field, in the corner; returns how far down it goes."""
-    if not viewer.field_values or viewer.field is None:
+    if viewer.field_values is None:
         return 0.0
-    title, right = named_field(viewer.field).label(), viewer.size[0] - EDGE
+    title, right = _legend_title(viewer), viewer.size[0] - EDGE
     tall = min(max(viewer.size[1] - 20.0 * SIZE, 4.0 * SIZE), 240.0)
     return EDGE + draw_legend(overlay, viewer.color_scale, title, right, EDGE, tall, SIZE)[1]
-
-
-def _draw_symbols(viewer: ViewState, overlay: Overlay) -> None:
-    """What stands in space; of what hides it only a sharp picture tells."""
-    content, picture, shown = viewer.content, viewer.picture, viewer.shown
-    assert content is not None
-    camera, _, _ = viewer.camera()
-    place, width, height = viewer.place, *viewer.size
-    hides = picture.base if not picture.waits else None
-    symbols = Symbols(overlay, camera, place, hides)
-    surfaces = viewer.surfaces()
-    if hides is not None:
-        for ends in content.creases:
-            symbols.lines(ends, "#00000090", 1.0)
-    for number, skin in enumerate(content.skins):
-        if shown["mesh"] and hides is not None:
-            symbols.elements(element_edges(surfaces[number], skin))
-        try:
-            model = content.model(number) if shown["supports"] or shown["loads"] else None
-        except GpusimError as error:  # the picture is as good without
-            viewer.fault = viewer.fault or str(error)
-            continue
-        if model is None:
-            continue
-        nodes = model.mesh.points + viewer.scale * content.displacement(number, viewer.frame)
-        if shown["supports"] and model.fixed is not None:
-            outside = np.unique(skin.faces.nodes[skin.faces.nodes >= 0])
-            symbols.supports(nodes[outside], model.fixed[outside])
-        if shown["loads"]:
-            symbols.loads(nodes, content.forces(number, viewer.frame))
-    if shown["cameras"]:
-        outline = content.outline(viewer.frame, viewer.scale)
-        others = [own for own in content.cameras if np.linalg.norm(own.eye - camera.eye) > 0.0]
-        symbols.cameras(others, 0.2 * float(np.ptp(outline, axis=0).max()))
-    if viewer.through is not None:
-        draw_image_frame(overlay, camera, place, width, height)
-        draw_principal_point(overlay, camera, place)
-        if shown["cameras"]:
-            draw_distortion(overlay, camera, place)
-    else:
-        below = 50.0 + panels_taken(viewer)[1]
-        symbols.tripod(width - 60.0, height - below, min(42.0, 0.1 * height))
-
-
-def _draw_selection(viewer: ViewState, overlay: Overlay, top: float) -> None:
-    """A mark where the selected material point is now, and what is known of it."""
-    found, content = viewer.selected, viewer.content
-    if found is None or content is None:
-        return
-    shown, true = (surfaces[found.surface].points[found.vertices]
-                   for surfaces in (viewer.surfaces(), content.surfaces(viewer.frame)))  # fmt: skip
-    at, moved = found.weights @ shown, found.weights @ true - found.reference
-    camera, _, _ = viewer.camera()
-    pixel = camera.project(at)
-    x, y = viewer.place.window(pixel)
-    if np.isfinite([x, y]).all():
-        for radius, color in ((7.0, "#000000a0"), (5.0, "#ffd23f")):
-            overlay.polygon([(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)],
-                            color)  # fmt: skip
-    text = "\n".join(_selection_lines(viewer, at, moved, pixel))
-    wide, _ = _panel_size(overlay, text)
-    _panel(overlay, round(viewer.size[0] - wide - EDGE), round(top), text)
-
-
-def _selection_lines(viewer: ViewState, at: Float, moved: Float, pixel: Float) -> list[str]:
-    found, content = viewer.selected, viewer.content
-    assert found is not None and content is not None
-    lines = [found.name if content.parts else f"{found.name}, paint {found.paint}"]
-    if found.element is not None:
-        lines.append(f"element {found.element}, node {found.node}")
-    if found.sets:
-        lines.append(f"set {', '.join(found.sets)}")
-    if viewer.through is not None:
-        whole, (seen, _, _) = content.cameras[viewer.through], viewer.camera()
-        share = np.array([whole.width / seen.width, whole.height / seen.height])
-        column, row = (pixel + 0.5) * share - 0.5
-        lines.append(f"pixel {column:.1f}, {row:.1f}")
-        if viewer.sharp is not None:
-            depth = float(whole.to_camera(at)[2])
-            lines.append(f"depth {1e3 * depth:.4g} mm: blur {viewer.sharp.blur_at(depth):.2g} px")
-
-    def mm(values: Float) -> str:
-        return ", ".join(format_value(round(1e3 * float(v), 3) + 0.0, 1e-2) for v in values) + " mm"
-
-    lines.append(f"at rest {mm(found.reference)}")
-    if content.moves and found.element is not None:
-        lines.append(f"moved by {mm(moved)}")
-    if viewer.field is not None and viewer.field_values and found.node is not None:
-        kind = named_field(viewer.field)
-        place = found.element if kind.place == "elements" else found.node
-        value = format_value(float(viewer.field_values[found.surface][place]))
-        lines.append(f"{kind.title} {value} {kind.unit}")
-    return lines

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy.typing as npt
 
 from gpusim.errors import InputError, NotConverged
 from gpusim.export.images import write_image
-from gpusim.validation import require
+from gpusim.validation import require, require_one_of
+from gpusim.view.keys import ALIASES, KEYS
 from gpusim.view.viewer import Viewer
 from gpusim.visualization.overlay import pixels_of
 
@@ -70,13 +72,22 @@ def wait_for_solution(viewer: Viewer) -> None:
         raise NotConverged(f"view {viewer.path}: {viewer.fault}")
 
 
-def look_as_asked(viewer: Viewer, camera: str | None, frame: int | None, field: str | None) -> None:
-    """Show a camera of the scene, a frame and a field.
+def look_as_asked(
+    viewer: Viewer,
+    camera: str | None,
+    frame: int | None,
+    field: str | None,
+    *,
+    legend: tuple[float, float] | None = None,
+    keys: Sequence[str] = (),
+) -> None:
+    """Show a camera of the scene, a frame and a field, its ``legend`` from one value to another,
+    and what ``keys`` do.
 
     Raises
     ------
     InputError
-        There is no such camera, frame or field, or the content can't be shown at all.
+        There is no such camera, frame, field or key, or the content can't be shown at all.
     """
     content = viewer.content
     if content is None:
@@ -91,3 +102,13 @@ def look_as_asked(viewer: Viewer, camera: str | None, frame: int | None, field: 
         viewer.show_frame(frame)
     if field is not None:
         viewer.show_field(field)
+    if legend is not None:
+        grows = -np.inf < legend[0] < legend[1] < np.inf
+        require(grows, "view --legend", "{:g} {:g}".format(*legend), "LOW HIGH, finite, growing")
+        require(field is not None, "view --legend", "no --field", "one that it is of")
+        viewer.hold_range(*legend)
+    known = [*(one.key.replace(" ", "space") for one in KEYS), *ALIASES]
+    for key in keys:
+        require_one_of("view --keys", key, known)
+        viewer.key(" " if key == "space" else key)
+        viewer.message = ""  # of what is seen now

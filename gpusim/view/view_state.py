@@ -1,4 +1,4 @@
-"""What is looked at: content, view and choices; and how it is drawn, into whatever window."""
+"""What is looked at: content, view and choices."""
 
 from __future__ import annotations
 
@@ -8,28 +8,27 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gpusim.arrays.array_types import Float
 from gpusim.errors import GpusimError, InputError
-from gpusim.export.field_catalogue import named_field
 from gpusim.gpu import Device
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
 from gpusim.pipeline.scene_objects.surfaces import counts_of
 from gpusim.scene.description.table import FileUnit
 from gpusim.surface.color import Color
-from gpusim.view.camera_marks import defocus_tint
 from gpusim.view.content.background_solver import BackgroundSolver
 from gpusim.view.content.content import Content
+from gpusim.view.content.cut import Cut
 from gpusim.view.content.depth_of_field import DepthOfField
+from gpusim.view.content.field_values import FieldValues, field_values
 from gpusim.view.content.file_watch import FileWatch
 from gpusim.view.content.loading import load_content, load_solution
-from gpusim.view.picking import Pick
+from gpusim.view.content.picking import Pick
+from gpusim.view.legend_range import LegendRange
 from gpusim.view.picture.neutral import BACKDROP, HEADLIGHT_WHITE, headlight
 from gpusim.view.picture.progressive_picture import ProgressivePicture, Shot
-from gpusim.visualization.color_scale import ColorScale, scale_of
-from gpusim.visualization.field_colors import corner_values, draw_field_colors, surface_field
+from gpusim.visualization.color_scale import ColorScale
+from gpusim.visualization.field_colors import SurfaceField, surface_field
 from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.placement import Placement
 from gpusim.visualization.turntable import Turntable
@@ -39,14 +38,8 @@ MESSAGE_SECONDS = 4.0
 
 UNSOLVED = "not solved"
 
-STRESS = ("von_mises", "stress_", "principal_stress_")
-"""How names of fields begin that are of the stress at nodes."""
-
-TINT = 0.4
-"""Opacity of the tint on what isn't sharp."""
-
-EXPOSED = 0.995
-"""Share of a lit picture's pixels that aren't white."""
+LOOP, SHORTEST, LONGEST = 4.0, 0.1, 0.5
+"""s that all frames are played in, and a frame stands at least and at most."""
 
 
 class ViewState:
@@ -70,19 +63,24 @@ class ViewState:
         self.through: int | None = None
         self.frame, self.scale, self.gain = 0, 1.0, 1.0
         self.field: str | None = None
+        self.seen_camera = 0
+        self.legend_range, self.playing = LegendRange(), False
+        self.cut: Cut | None = None
         self.selected: Pick | None = None
-        self.shown = {"paint": True, "light": True, "help": False, "mesh": False,
-                      "supports": False, "loads": False, "cameras": False}  # fmt: skip
+        self.shown = {"paint": True, "light": True} | dict.fromkeys(
+            ("help", "fields", "mesh", "supports", "loads", "cameras", "extremes", "undeformed"),
+            False,
+        )  # fmt: skip
         self.picture, self.overlay = ProgressivePicture(device), Overlay(device)
         self.watch = FileWatch([path])
         self.save: Callable[[Path], None] | None = None
         self.copy: Callable[[str], None] | None = None
         self._white: float | None = None
-        self.field_values: list[Float] = []
+        self.field_values: FieldValues | None = None
         self.color_scale = ColorScale(0.0, 1.0, ())
         self._framed: Turntable | None = None
         self._layout: tuple[Any, ...] = ()
-        self._until = 0.0
+        self._until = self._next_frame = 0.0
         self.load()
 
     def close(self) -> None:
@@ -124,6 +122,8 @@ class ViewState:
             if found.unloaded and self.solves and found.objects is not None:
                 self.solver = BackgroundSolver(found.objects.scene, counts_of(found.objects.bodies))
         self._white, self.selected = None, None
+        found.cut_at(self.cut)
+        self.seen_camera = max(min(self.seen_camera, len(found.cameras) - 1), 0)
         self.frame = min(self.frame, found.frames - 1)
         if self.through is not None and self.through >= len(found.cameras):
             self.look_through(None)
@@ -144,7 +144,17 @@ class ViewState:
                     self._solved()
         if self.message and time.monotonic() > self._until:
             self.message, news = "", True
-        return news
+        return self._played() or news
+
+    def _played(self) -> bool:
+        """Show the next frame, after the last one the first, if it is time for that."""
+        frames = self.content.frames if self.content is not None else 1
+        if not self.playing or frames < 2 or time.monotonic() < self._next_frame:
+            return False
+        with self.faults_shown():
+            self.show_frame((self.frame + 1) % frames)
+        self._next_frame = time.monotonic() + min(max(LOOP / frames, SHORTEST), LONGEST)
+        return True
 
     def _solved(self) -> None:
         solver, self.solver = self.solver, None
@@ -161,7 +171,7 @@ class ViewState:
     def _field_again(self) -> None:
         """The field of what is shown now; none until that is solved."""
         if self.content is not None and self.content.unloaded:
-            self.field_values = []
+            self.field_values = None
             self.changed()
             return
         with self.faults_shown():
@@ -203,6 +213,18 @@ class ViewState:
             return []
         return self.content.surfaces(self.frame, self.scale, self.shown["paint"])
 
+    def taken(self) -> tuple[float, float]:
+        """Px of the window's right and lower side where something stands over the picture."""
+        return 0.0, 0.0
+
+    def surface_fields(self) -> list[SurfaceField]:
+        """The field on the surfaces of the bodies; none where it is of points."""
+        found, skins = self.field_values, self.content.skins if self.content is not None else []
+        if found is None or found.points is not None:
+            return []
+        by_cell = found.field.place == "elements"
+        return [surface_field(*one, by_cell) for one in zip(skins, found.values, strict=True)]
+
     def look_through(self, number: int | None) -> None:
         """See what a camera of the scene sees; None: what the mouse moved before."""
         if self.through is None:
@@ -211,6 +233,9 @@ class ViewState:
         if number is not None and self.content is not None:
             middle = self.content.outline(self.frame, self.scale).mean(axis=0)
             self.view = self.view.of_camera(self.content.cameras[number], middle)
+            self.seen_camera = number
+            if self.field_values is not None:  # the truth is another
+                self.show_field(self.field)
         self._frame_again()
 
     def show_frame(self, frame: int) -> None:
@@ -223,14 +248,6 @@ class ViewState:
             self.frame = frame
             self.show_field(self.field)
 
-    def has_field(self, name: str) -> bool:
-        """Whether a field can be shown of what is solved, its stress at most recovered."""
-        content = self.content
-        if content is None or not content.skins or not content.moves:
-            return False
-        solved = content.is_solvable and not content.unloaded
-        return name.startswith(("displacement", *(STRESS if solved else ())))
-
     def show_field(self, name: str | None) -> None:
         """Colour the bodies by a field; None: as they are painted.
 
@@ -239,17 +256,34 @@ class ViewState:
         InputError
             There is no such field, or a body hasn't it.
         """
-        self.field, self.field_values, content = name, [], self.content
+        self.field, self.field_values, content = name, None, self.content
         if name is not None and content is not None and content.objects is None:
             self.field = None
             raise InputError(f"view --field; got {name!r} for a mesh; expected a scene or a run")
         if name is not None and content is not None:
-            kind, solved = named_field(name), not self.has_field(name)
-            self.field_values = [
-                kind.values(content.state(number, self.frame, solved))
-                for number in range(len(content.skins))
-            ]
-            self.color_scale = scale_of(self.field_values, kind.signed)
+            camera = self.seen_camera
+            found = field_values(content, name, self.frame, camera)
+
+            def of_all_frames() -> list[Float]:
+                every = (field_values(content, name, k, camera) for k in range(content.frames))
+                return [values for one in every for values in one.legend]
+
+            known_by = (id(content), id(content.solution), name, camera)
+            self.field_values = found
+            self.color_scale = self.legend_range.scale(found, of_all_frames, known_by)
+        self.changed()
+
+    def hold_range(self, low: float, high: float) -> None:
+        """The legend of the field that is shown, and of all others of its unit."""
+        if self.field_values is not None:
+            self.legend_range.hold(self.field_values.field.unit, low, high)
+            self.show_field(self.field)
+
+    def cut_at(self, cut: Cut | None) -> None:
+        """Show what of the bodies is before a plane; None: all of them."""
+        self.cut, self.selected = cut, None
+        if self.content is not None:
+            self.content.cut_at(cut)
         self.changed()
 
     def say(self, text: str) -> None:
@@ -259,8 +293,9 @@ class ViewState:
     def reset(self) -> None:
         """The last frame as it is, all of it in view."""
         self.frame, self.scale, self.gain, self.through = 0, 1.0, 1.0, None
-        self.view, self._white, self.field, self.field_values = Turntable(), None, None, []
-        self.message = ""
+        self.view, self._white, self.field, self.field_values = Turntable(), None, None, None
+        self.message, self.playing, self.legend_range = "", False, LegendRange()
+        self.cut_at(None)
         if self.content is not None:
             self.frame = self.content.frames - 1
         self.frame_all()
@@ -297,90 +332,6 @@ class ViewState:
                 background = background or BACKDROP * (self._white or 0.0)
         weights = self.content.grey_weights(self.through)
         self.picture.begin(Shot(self.surfaces(), camera, lights, background, weights))
-
-    def _exposed(self) -> None:
-        """Choose what is white from the first picture of a scene's lamps."""
-        base = self.picture.base
-        lamps = self.content is not None and self.content.lights is not None
-        if not (lamps and self.shown["light"]):
-            self._white = HEADLIGHT_WHITE
-        elif self._white is None and base is not None and self.picture.shot is not None:
-            radiance, weights = base.radiance, self.picture.shot.weights
-            if base.coloured and weights is not None:
-                radiance = radiance @ np.array(weights, np.float32)
-            high = float(np.quantile(radiance, EXPOSED))
-            self._white = high if high > 0.0 else 1.0
-            self.changed()
-
-    def draw(self, target: Any, whole: bool = False) -> bool:
-        """Draw it over a `gpusim.visualization.overlay.Target`; ``whole``: at full quality.
-
-        Whether there is more to be drawn, as soon as keys and the mouse have been heard.
-        """
-        if self.size != (target.width, target.height):
-            self.size = target.width, target.height
-            if self.through is not None or self.view is self._framed:  # else it is the user's
-                self._white = None
-        layout = self.size, self.taken()
-        if self._layout != layout:
-            self._layout = layout
-            self._frame_again()
-        more = False
-        with self.faults_shown():
-            more = self.picture.step()
-            self._exposed()
-            if whole:
-                self.picture.finish()
-            self._draw(target)
-            return more
-        self._draw(target, with_picture=False)  # what is seen now can't be shown
-        return more
-
-    def _draw(self, target: Any, with_picture: bool = True) -> None:
-        _, left, top = self.camera()
-        overlay, base = self.overlay, self.picture.base
-        overlay.clear()
-        with self.device.recording("view") as recording:
-            if with_picture and base is not None:
-                self.picture.draw(recording, target, left, top, 1.0 / self.white)
-                if self.field_values:
-                    self._draw_field(target, recording)
-                elif self.sharp is not None and self.shown["cameras"]:
-                    colored = defocus_tint(self.sharp, base.view)
-                    self._draw_colors(target, recording, *colored, shade=1.0, opacity=TINT)
-            else:
-                overlay.rectangle(0, 0, target.width, target.height, "#23292f")
-            self.draw_over(overlay)
-            overlay.draw(target, recording)
-
-    def taken(self) -> tuple[float, float]:
-        """Px of the window's right and lower side where something stands over the picture."""
-        return 0.0, 0.0
-
-    def draw_over(self, overlay: Overlay) -> None:
-        """Collect what stands over the picture."""
-
-    def _draw_field(self, target: Any, recording: Any) -> None:
-        """The colours of the field over the picture."""
-        base = self.picture.base
-        assert base is not None and self.field is not None and self.content is not None
-        kind, skins = named_field(self.field), self.content.skins
-        fields = [
-            surface_field(skin, values, kind.place == "elements")
-            for skin, values in zip(skins, self.field_values, strict=True)
-        ]
-        scale, values = self.color_scale, corner_values(base.view, self.surfaces(), fields)
-        self._draw_colors(target, recording, values, scale.limits, scale.colors)
-
-    def _draw_colors(self, target: Any, recording: Any, *colored: Any, **look: Any) -> None:
-        """Values, limits and colours over the picture."""
-        picture, place = self.picture, self.place
-        assert picture.base is not None
-        draw_field_colors(
-            self.device, target, picture.base, *colored, white=self.white, recording=recording,
-            place=Placement(place.x, place.y, picture.coarseness),
-            samples=1 if picture.waits else 2, **look,
-        )  # fmt: skip
 
 
 def _within(camera: Camera, width: float, height: float) -> tuple[Camera, int, int]:

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
-from gpusim.export.field_catalogue import BODY
-from gpusim.view.keys import KEYS
+from gpusim.view.content.cut import Cut
+from gpusim.view.content.picking import pick
+from gpusim.view.drawing import ViewDrawing
+from gpusim.view.field_list import FieldRows, all_fields
+from gpusim.view.keys import ALIASES, KEYS
 from gpusim.view.panels import draw_panels, panels_taken, slider_frame
-from gpusim.view.picking import pick
-from gpusim.view.view_state import ViewState
 from gpusim.visualization.overlay import Overlay
 from gpusim.visualization.placement import Placement
 from gpusim.visualization.turntable import camera_lines
@@ -26,11 +27,8 @@ CLICK = 4.0
 AROUND = 4.0
 """Times as far as the selection alone would be: it is seen with what is round it."""
 
-ALIASES = {"=": "+", "_": "-"}
-"""Keys that are as good as others."""
 
-
-class Viewer(ViewState):
+class Viewer(ViewDrawing):
     """What a window shows, with its keys and its mouse.
 
     Examples
@@ -43,6 +41,7 @@ class Viewer(ViewState):
     """
 
     _drag: dict[str, Any] | None = None
+    listed: FieldRows | None = None
 
     def taken(self) -> tuple[float, float]:
         """Of the window by the legend and the slider."""
@@ -50,7 +49,7 @@ class Viewer(ViewState):
 
     def draw_over(self, overlay: Overlay) -> None:
         """Title, slider, help and the like."""
-        draw_panels(self, overlay)
+        self.listed = draw_panels(self, overlay)
 
     # -- keys ---------------------------------------------------------------------------------
 
@@ -125,12 +124,55 @@ class Viewer(ViewState):
         self.scale = min(max(factor * self.scale, 2.0**-10), 2.0**20)
         self.changed()
 
-    def next_field(self) -> None:
-        names = [None, *(name for name in BODY if self.has_field(name))]
+    def step_field(self, by: int) -> None:
+        """The field before or after the one that is shown; paint is one of them."""
+        names = all_fields(self)
         now = names.index(self.field) if self.field in names else 0
-        self.show_field(names[(now + 1) % len(names)])
         if len(names) == 1:
             self.say("no field: nothing is solved")
+        self.show_field(names[(now + by) % len(names)])
+
+    def step_range(self) -> None:
+        """What the legend reaches over."""
+        self.say(self.legend_range.step())
+        self.show_field(self.field)
+
+    def widen_range(self, factor: float) -> None:
+        """A legend ``factor`` times as wide, about zero or its middle."""
+        if self.field_values is None:
+            self.say("no field: f shows one")
+            return
+        low, high = self.color_scale.limits
+        middle = 0.0 if low <= 0.0 <= high else 0.5 * (low + high)
+        self.hold_range(*(middle + factor * (end - middle) for end in (low, high)))
+
+    def play(self) -> None:
+        """Frames in time, again and again, or no longer."""
+        if self.content is None or self.content.frames < 2:
+            self.say("one frame: nothing moves, or isn't solved yet")
+            return
+        self.playing = not self.playing
+
+    def next_cut(self) -> None:
+        """A plane across x, y, z, then none."""
+        axis = -1 if self.cut is None else self.cut.axis
+        self._cut_at(Cut(axis + 1) if axis < 2 else None)
+
+    def move_cut(self, by: float) -> None:
+        if self.cut is not None:
+            share = min(max(self.cut.share + by, 0.0), 1.0)
+            self._cut_at(replace(self.cut, share=share))
+
+    def turn_cut(self) -> None:
+        """Show the other side."""
+        if self.cut is not None:
+            self._cut_at(replace(self.cut, beyond=not self.cut.beyond))
+
+    def _cut_at(self, cut: Cut | None) -> None:
+        if self.content is None or not self.content.skins:
+            self.say("no elements to be cut")
+            return
+        self.cut_at(cut)
 
     def brighten(self, factor: float) -> None:
         self.gain *= factor
@@ -150,7 +192,11 @@ class Viewer(ViewState):
         """A button goes down: 1 left, 2 right, 3 middle."""
         pans = button == 3 or (button == 1 and "Shift" in modifiers)
         what = "pan" if pans else "orbit" if button == 1 else ""
-        if button == 1 and slider_frame(self, x, y) is not None:
+        rows = self.listed if self.shown["fields"] else None
+        if button == 1 and rows is not None and (row := rows.at(x, y)) is not None:
+            self.show_field(rows.names[row])
+            what = ""
+        elif button == 1 and slider_frame(self, x, y) is not None:
             what = "slide"
         self._drag = {"what": what, "first": (x, y), "last": (x, y), "far": False}
         self._dragged(x, y)

@@ -24,7 +24,7 @@ from gpusim.optics.rendering.local_origin import local_view
 from gpusim.surface import Skin
 from gpusim.surface.paint import Plain
 from gpusim.surface.surface import Surface
-from gpusim.visualization.color_scale import ColorScale, format_value, scale_of
+from gpusim.visualization.color_scale import ColorScale, scale_of, value_text
 from gpusim.visualization.field_colors import (
     corner_values,
     draw_field_colors,
@@ -208,14 +208,9 @@ class BodyPictures:
         for word, one in extremes(field, values).items():
             body = self.bodies[one.body]
             point = (body.skin.mesh.points + self.factor * body.u)[[one.node]]
-            middle = symbols.window(point)[0]
-            turn = np.linspace(0.0, 2.0 * np.pi, 25)
-            ring = middle + 9.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-            for color, line in (("white", 5.0), (INK, 2.0)):
-                overlay.line(ring, color, line)
+            middle = symbols.ring(point[0])
             hidden = "" if symbols.seen(point, around=True)[0] else ", hidden"
-            gap = "·" if field.unit.startswith("10") else " "
-            text = f"{word} {format_value(one.value)}{gap}{field.unit}{hidden}"
+            text = f"{word} {value_text(one.value, field.unit)}{hidden}"
             wide = overlay.text_width(text, SIZE) + 12.0
             left, top = self._beside(middle, wide, SIZE + 10.0)
             overlay.rectangle(round(left), round(top), round(wide), SIZE + 10, PAPER)

@@ -49,11 +49,13 @@ def color_map(name: str) -> Float:
     return np.asarray(colormaps[name](np.linspace(0.0, 1.0, 256)), np.float64)[:, :3]
 
 
-def scale_of(values: Sequence[Float], signed: bool = False) -> ColorScale:
+def scale_of(
+    values: Sequence[Float], signed: bool = False, limits: tuple[float, float] | None = None
+) -> ColorScale:
     """Round limits and ticks for the values of several bodies.
 
     All but a few values lie between the limits, which are rounded outwards, from 0 if that is not
-    far, and symmetric if values are ``signed`` and of both signs.
+    far, and symmetric if values are ``signed`` and of both signs. ``limits``: these and no others.
 
     Examples
     --------
@@ -67,7 +69,10 @@ def scale_of(values: Sequence[Float], signed: bool = False) -> ColorScale:
     shares = [0.0, OUTSIDE, 100.0 - OUTSIDE, 100.0]
     least, low, high, most = np.percentile(every if len(every) else [0.0], shares).tolist()
     both = signed and least < 0.0 < most
-    if both:
+    if limits is not None:
+        low, high = limits
+        both = signed and low == -high
+    elif both:
         high = max(abs(low), abs(high))
         low = -high
     elif 0.0 <= low < 0.5 * high or (high <= 0.0 and high > 0.5 * low):
@@ -76,9 +81,10 @@ def scale_of(values: Sequence[Float], signed: bool = False) -> ColorScale:
         low, high = min(low, 0.0), max(high, 0.0) if high else 1.0
     locator = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
     ticks = np.asarray(locator.tick_values(low, high), np.float64)
-    low, high = float(ticks[0]), float(ticks[-1])
+    if limits is None:
+        low, high = float(ticks[0]), float(ticks[-1])
     slack = 1e-9 * (high - low)
-    marks = tuple(float(tick) + 0.0 for tick in ticks)
+    marks = tuple(float(tick) + 0.0 for tick in ticks if low - slack <= tick <= high + slack)
     name = DIVERGING if both else SEQUENTIAL
     return ColorScale(low, high, marks, name, least < low - slack, most > high + slack)
 
@@ -103,3 +109,17 @@ def format_value(value: float, step: float | None = None) -> str:
         text = f"{value:.{max(0, min(6, -int(np.floor(np.log10(step) + 1e-9)) + 1))}f}"
         text = text.rstrip("0").rstrip(".") if "." in text else text
     return text.replace("-", "−")  # noqa: RUF001
+
+
+def value_text(value: float, unit: str) -> str:
+    """A number and its unit, "1" for none, for people.
+
+    Examples
+    --------
+    >>> from gpusim.visualization.color_scale import value_text
+    >>> value_text(0.25, "MPa"), value_text(0.25, "10⁻³"), value_text(0.25, "1")
+    ('0.25 MPa', '0.25·10⁻³', '0.25')
+    """
+    if unit == "1":
+        return format_value(value)
+    return f"{format_value(value)}{'·' if unit.startswith('10') else ' '}{unit}"

@@ -39,9 +39,9 @@ def element_edges(surface: Surface, skin: Skin) -> Float:
     return _ends(surface, between | ~topology.manifold)
 
 
-def crease_edges(surface: Surface, angle: float = np.pi / 6) -> Float:
-    """(n, 2, 3) m, world: edges at which a surface turns by more than ``angle`` (rad), ends, or
-    changes its paint."""
+def crease_edges(surface: Surface, angle: float = np.pi / 6, eye: Float | None = None) -> Float:
+    """(n, 2, 3) m, world: edges at which a surface turns by more than ``angle`` (rad), ends,
+    changes its paint, or turns away from an ``eye`` (3,)."""
     topology = surface.topology
     a, b, c = (surface.points[topology.triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
@@ -49,4 +49,7 @@ def crease_edges(surface: Surface, angle: float = np.pi / 6) -> Float:
     cosine = (normal[topology.first] * normal[topology.second]).sum(axis=1)
     region = surface.regions[topology.source]
     other = region[topology.first] != region[topology.second]
+    if eye is not None:
+        away = ((a - eye) * normal).sum(axis=1) > 0.0
+        other |= away[topology.first] != away[topology.second]
     return _ends(surface, (cosine < np.cos(angle)) | ~topology.manifold | other)

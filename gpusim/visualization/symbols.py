@@ -17,7 +17,7 @@ from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.frame import Frame
 from gpusim.optics.truth import seen_in
-from gpusim.visualization.overlay import Overlay, Shade, display_color
+from gpusim.visualization.overlay import INK, Overlay, Shade, display_color
 from gpusim.visualization.placement import Placement
 
 SUPPORT, LOAD, CAMERA = "#2b6cb0", "#d1242f", "#b7791f"
@@ -138,6 +138,15 @@ class Symbols:
             shifted = np.roll(ids, (-step[1], -step[0]), axis=(0, 1))
             seen[asked] = seen_in(view, shifted, points[asked])
         return np.asarray(seen)
+
+    def ring(self, point: Float) -> Float:
+        """A ring round a point (3,); where in the window (2,)."""
+        middle: Float = self.window(point[None])[0]
+        turn = np.linspace(0.0, 2.0 * np.pi, 25)
+        around = middle + 9.0 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        for color, width in (("white", 5.0), (INK, 2.0)):
+            self.overlay.line(around, color, width)
+        return middle
 
     def size_at(self, points: Float, pixels: float) -> Float:
         """(n,) m: what is ``pixels`` px long in the window, across the view, at points (n, 3)."""

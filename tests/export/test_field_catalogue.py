@@ -9,7 +9,14 @@ import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.export.body_state import BodyState
 from gpusim.export.correlation import csv_names, result_columns
-from gpusim.export.field_catalogue import BODY, TRUTH, VTU_ARRAYS, field_maps, named_field
+from gpusim.export.field_catalogue import (
+    BODY,
+    TRUTH,
+    VTU_ARRAYS,
+    field_maps,
+    named_field,
+    point_fields,
+)
 from gpusim.measure import (
     CalibratedCamera,
     DicResult,
@@ -184,3 +191,30 @@ def test_arrays_of_vtu_are_in_si() -> None:
     np.testing.assert_allclose(arrays["stress"][:, 1], STRESS, rtol=1e-9)
     np.testing.assert_allclose(1e-6 * arrays["von_mises"], BODY["von_mises"].values(state))
     assert arrays["error_share"].shape == (state.mesh.cell_count,)
+
+
+def test_fields_of_a_table_of_a_measurement() -> None:
+    """Quantity by quantity, with the difference to what is known; strains in thousandths."""
+    columns = {
+        "measured_Z_mm": np.array([[4.0]]), "measured_exx": np.array([[3e-3]]),
+        "true_Z_mm": np.array([[3.5]]), "true_exx": np.array([[2e-3]]),
+        "levelled_exx": np.array([[2.5e-3]]), "zncc": np.array([[0.9]]),
+        "measured_u_px": np.array([[1.0]]), "sigma_U_mm": np.array([[0.1]]),
+    }  # fmt: skip
+    fields = point_fields(columns)
+    found = {name: (one.label(), one.signed, float(one.values(columns)[0, 0]))
+             for name, one in fields.items()}  # fmt: skip
+    assert found == {
+        "measured_Z_mm": ("Z measured (mm)", False, 4.0),
+        "true_Z_mm": ("Z true (mm)", False, 3.5),
+        "difference_Z_mm": ("Z difference (mm)", True, 0.5),
+        "measured_exx": ("exx measured (10⁻³)", True, 3.0),
+        "true_exx": ("exx true (10⁻³)", True, 2.0),
+        "levelled_exx": ("exx levelled (10⁻³)", True, 2.5),
+        "difference_exx": ("exx difference (10⁻³)", True, pytest.approx(1.0)),
+        "measured_u_px": ("u measured (px)", True, 1.0),
+        "zncc": ("zncc", False, 0.9),
+        "sigma_U_mm": ("sigma U (mm)", False, 0.1),
+    }
+    assert list(fields) == list(found)
+    assert all(one.place == "points" for one in fields.values())

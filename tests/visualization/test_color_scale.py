@@ -35,6 +35,17 @@ def test_a_few_values_beyond_do_not_stretch_the_colours() -> None:
     assert scale.limits == (0.0, 50.0) and scale.above and not scale.below
 
 
+def test_limits_that_are_asked_for() -> None:
+    """Ticks lie within; values beyond are told of; colours diverge where zero is in the middle."""
+    values = [np.linspace(-8.0, 37.0, 400)]
+    scale = scale_of(values, True, (-3.0, 21.0))
+    assert scale.limits == (-3.0, 21.0) and scale.ticks == (0.0, 5.0, 10.0, 15.0, 20.0)
+    assert scale.below and scale.above and scale.colormap == "viridis"
+    scale = scale_of(values, True, (-40.0, 40.0))
+    assert scale.colormap == "coolwarm" and not scale.below and not scale.above
+    assert scale_of([np.full(3, np.nan)], True, (1.0, 2.0)).limits == (1.0, 2.0)
+
+
 def test_numbers_for_people() -> None:
     assert [format_value(v, 0.25) for v in (0.0, 0.25, -0.5)] == ["0", "0.25", "−0.5"]  # noqa: RUF001
     assert [format_value(v, 20.0) for v in (0.0, 40.0)] == ["0", "40"]

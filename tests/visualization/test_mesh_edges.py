@@ -65,3 +65,19 @@ def test_dense_borders_are_pale_or_not_there(device: Device) -> None:
         Symbols(overlay, camera).elements(ends, "black")
         counts.append(float(overlay.quads()["color"][:, 3].max(initial=0.0)))
     assert counts[0] == 1.0 and 0.0 < counts[1] < 1.0 and counts[2] == 0.0
+
+
+def test_where_a_smooth_body_turns_away_from_an_eye() -> None:
+    """A ball has no creases; seen from a distance d its outline is a circle at r²/d."""
+    turn, up = np.meshgrid(np.linspace(0, 2 * np.pi, 73)[:-1], np.linspace(0.04, 3.1, 41))
+    points = np.stack([np.sin(up) * np.cos(turn), np.sin(up) * np.sin(turn), np.cos(up)], axis=2)
+    number = np.arange(41 * 72).reshape(41, 72)
+    a, b = number[:-1], number[1:]
+    faces = np.stack([a, b, np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)], axis=2)
+    surface = gs.Surface(points.reshape(-1, 3), faces.reshape(-1, 4))
+    eye = np.array([0.0, -4.0, 0.3])
+    ends = crease_edges(surface, eye=eye)
+    inner = ends[np.abs(ends[:, :, 2]).max(axis=1) < 0.99]  # the open poles aside
+    along = inner @ (eye / np.linalg.norm(eye))
+    assert len(inner) > 60 and not len(crease_edges(surface)) > 2 * 72
+    np.testing.assert_allclose(along, 1.0 / np.linalg.norm(eye), atol=0.1)

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Float
 from gpusim.errors import InputError
 from gpusim.files.atomic_files import atomic_stream, safe_name, write_text
-from gpusim.files.input_file import Reader, read_input
+from gpusim.files.input_file import InputFile, Reader, read_input
 from gpusim.files.output_folder import inside
 from gpusim.report import Drawing, Link, Measurement, Overlay, Series
 from gpusim.scene import Scene
@@ -192,12 +192,15 @@ class Result:
     def read(cls, folder: Path, name: str, read: Reader = read_input) -> Self:
         """What an earlier run wrote; ``read``: how. Raises InputError, or what a damaged file
         makes NumPy and JSON raise."""
-        file = read(str(inside(folder, f"{safe_name(name)}.npz")))
-        with np.load(file.stream(), allow_pickle=False) as stored:
-            arrays = dict(stored)
-        (what, frames, points, columns), rest = json.loads(str(arrays.pop(_REST)))
-        table = PointTable(
-            what, tuple(frames), tuple(points), {column: arrays.pop(column) for column in columns}
-        )
-        rest = {key: tuple(v) if isinstance(v, list) else v for key, v in rest.items()}
-        return cls(name, table, **rest, **arrays)
+        table, rest = stored_table(read(str(inside(folder, f"{safe_name(name)}.npz"))))
+        return cls(name, table, **rest)
+
+
+def stored_table(file: InputFile) -> tuple[PointTable, dict[str, Any]]:
+    """The table of a result's file, and what else its kind has kept. Raises as `Result.read`."""
+    with np.load(file.stream(), allow_pickle=False) as stored:
+        arrays = dict(stored)
+    (what, frames, points, columns), rest = json.loads(str(arrays.pop(_REST)))
+    columns = {column: arrays.pop(column) for column in columns}
+    rest = {key: tuple(v) if isinstance(v, list) else v for key, v in rest.items()}
+    return PointTable(what, tuple(frames), tuple(points), columns), rest | arrays

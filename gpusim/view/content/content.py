@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Bool, Float
 from gpusim.export.body_state import BodyState
+from gpusim.gpu import Device
 from gpusim.motion import Superposed
 from gpusim.optics.camera.pinhole import Camera
 from gpusim.optics.light.lights import Light
@@ -26,7 +27,9 @@ from gpusim.scene.frames import frame_word
 from gpusim.surface.color import Color, color
 from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
+from gpusim.view.content.cut import Cut, cut_body
 from gpusim.view.content.depth_of_field import DepthOfField, depth_of_field
+from gpusim.view.content.measured_points import MeasuredPoints, Squares
 from gpusim.view.picture.neutral import unpainted
 from gpusim.visualization.mesh_edges import crease_edges
 
@@ -42,7 +45,7 @@ class Content:
     ``files``: those that it was made of. ``objects``: the scene's bodies and props; None for a
     mesh, whose surfaces are ``parts``, and ``part_skins`` of those that have elements.
     ``cameras``: the scene's. ``lights``: None where there are none. ``solution``, ``stresses``:
-    once there are some.
+    once there are some. ``measured``: at points of pictures. ``cut``: what of the bodies is shown.
     """
 
     title: str
@@ -54,7 +57,10 @@ class Content:
     lights: Sequence[Light] | None = None
     solution: SceneSolution | None = None
     stresses: Stresses | None = None
+    measured: Sequence[MeasuredPoints] = ()
+    cut: Cut | None = None
     _shown: dict[tuple[int, float, bool], list[Surface]] = field(default_factory=dict)
+    _squares: dict[str, Squares] = field(default_factory=dict)
     _models: dict[int, Model] = field(default_factory=dict)
 
     @property
@@ -90,7 +96,7 @@ class Content:
             "mesh": bool(self.skins), "supports": self.is_solvable, "loads": self.is_solvable,
             "cameras": bool(self.cameras),
         }  # fmt: skip
-        return found[what]
+        return found.get(what, self.moves)
 
     @property
     def frames(self) -> int:
@@ -161,7 +167,7 @@ class Content:
         """Every surface in a frame, bodies first, displacements times ``scale``; the same objects
         if it is asked for again."""
         if self.objects is None:
-            return list(self.parts)
+            return [surface for _, surface in self.at_rest] if self.skins else list(self.parts)
         key = (frame if self.moves else 0, scale, painted)
         if key not in self._shown:
             while len(self._shown) >= 4:  # so that going back and forth is quick
@@ -174,23 +180,67 @@ class Content:
         objects = self.objects
         assert objects is not None
         found = objects.surfaces(frame if self.moves else None)
-        for number, parts in enumerate(objects.bodies):
+        for number, (skin, surface) in enumerate(self.at_rest):
             u = self.displacement(number, frame)
-            if scale != 1.0 and u.any():
-                found[number] = parts.skin.moved(parts.surface, scale * u)
+            if self.cut is not None or (scale != 1.0 and u.any()):
+                found[number] = skin.moved(surface, scale * u)
+            if not self.kept[number].any():  # its one face, too small to be seen
+                found[number] = surface.moved(np.broadcast_to(surface.rest[0], surface.rest.shape))
         return found
+
+    @cached_property
+    def bounds(self) -> Float:
+        """(2, 3) m: of the bodies at rest."""
+        points = np.concatenate([skin.mesh.points for skin, _ in self.whole])
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    @property
+    def whole(self) -> list[tuple[Skin, Surface]]:
+        """Skins and surfaces at rest of the bodies, or of a mesh."""
+        if self.objects is None:
+            return list(zip(self.part_skins, self.parts, strict=False))
+        return [(parts.skin, parts.surface) for parts in self.objects.bodies]
+
+    @cached_property
+    def at_rest(self) -> list[tuple[Skin, Surface]]:
+        """What of `whole` is shown."""
+        if self.cut is None:
+            return self.whole
+        return [cut_body(*one, kept) for one, kept in zip(self.whole, self.kept, strict=True)]
+
+    @cached_property
+    def kept(self) -> list[Bool]:
+        """Of each body (M,), which elements are shown."""
+        meshes = [skin.mesh for skin, _ in self.whole]
+        if self.cut is None:
+            return [np.ones(mesh.cell_count, bool) for mesh in meshes]
+        return [self.cut.kept(mesh, self.bounds) for mesh in meshes]
+
+    def cut_at(self, cut: Cut | None) -> None:
+        """Show what is before a plane alone; None: everything."""
+        self.cut = cut
+        self._shown.clear()
+        for found in ("at_rest", "kept", "creases"):
+            self.__dict__.pop(found, None)
 
     @property
     def skins(self) -> Sequence[Skin]:
-        """Of the bodies, or of a mesh."""
-        if self.objects is None:
-            return self.part_skins
-        return [parts.skin for parts in self.objects.bodies]
+        """Of what is shown of the bodies, or of a mesh."""
+        return [skin for skin, _ in self.at_rest]
 
     @cached_property
     def creases(self) -> list[Float]:
         """Edges (n, 2, 3) m of what is shown without paint and lamps: they tell its shape."""
-        return [crease_edges(surface) for surface in self.parts]
+        return [crease_edges(surface) for surface in self.surfaces(0)] if self.parts else []
+
+    def squares(self, points: MeasuredPoints, device: Device) -> Squares:
+        """Where points were measured."""
+        assert self.objects is not None
+        if points.name not in self._squares:
+            camera = next(camera for camera in self.cameras if camera.name == points.camera)
+            surfaces = self.objects.surfaces(0)
+            self._squares[points.name] = points.squares(surfaces, camera, device)
+        return self._squares[points.name]
 
     def outline(self, frame: int, scale: float) -> Float:
         """Points (n, 3) to be framed: those of the bodies; of everything if there are none."""

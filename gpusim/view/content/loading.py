@@ -30,6 +30,7 @@ from gpusim.surface.skin import Skin
 from gpusim.surface.surface import Surface
 from gpusim.validation import require
 from gpusim.view.content.content import Content
+from gpusim.view.content.measured_points import measured_points
 from gpusim.view.picture.neutral import PAINT
 
 STEP = (".step", ".stp")
@@ -129,12 +130,16 @@ def _run(folder: Path) -> Content:
     path = folder / "scene.toml"
     require(path.is_file(), f"view {folder}", "no scene.toml", "the output folder of a run")
     content = _scene(path)
-    solution = folder / "solution"
+    solution, measured = folder / "solution", sorted((folder / "measure").glob("*.npz"))
     content.files += tuple(
-        file for file in (solution / "displacement.npz", solution / "stress.npz") if file.is_file()
-    )
-    if content.is_solvable and len(content.files):
+        file for file in (solution / "displacement.npz", solution / "stress.npz", *measured)
+        if file.is_file()
+    )  # fmt: skip
+    if content.is_solvable:
         load_solution(content, solution)
+    names = [camera.name for camera in content.cameras]
+    points = map(measured_points, measured)
+    content.measured = [one for one in points if one is not None and one.camera in names]
     return content
 
 

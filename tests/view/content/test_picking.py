@@ -8,7 +8,7 @@ import pytest
 import gpusim as gs
 from gpusim.optics.rendering.local_origin import local_view
 from gpusim.optics.visibility_buffer import visibility_twin
-from gpusim.view.picking import pick
+from gpusim.view.content.picking import pick
 from tests.support.view_bodies import camera_before, small_crane
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Float, Long
 from gpusim.field_summary import field_summary
 from gpusim.optics.geometry.triangle_corners import REFERENCE
 from gpusim.optics.geometry.view import View
@@ -41,6 +42,47 @@ class Pick:
     __repr__ = field_summary
 
 
+class MaterialPoints(NamedTuple):
+    """Points (n, k) on surfaces.
+
+    ``surface``, ``face`` (n,): numbers of the surface and of its face. ``vertices`` (n, 3),
+    ``weights`` (n, k, 3): of the surface's triangle, which follow the points to wherever they move.
+    ``reference`` (n, k, 3): before they moved, m, world.
+    """
+
+    surface: Long
+    face: Long
+    vertices: Long
+    weights: Float
+    reference: Float
+
+
+def material_points(
+    view: View, surfaces: Sequence[Surface], triangles: Long, pixels: Float
+) -> MaterialPoints:
+    """The points that a view sees at ``pixels`` (n, k, 2) in the planes of its ``triangles`` (n,),
+    which may be beside them there."""
+    ideal = view.camera.undistort(pixels.reshape(-1, 2)).reshape(pixels.shape)
+    ideal = np.concatenate([ideal, np.ones_like(ideal[..., :1])], axis=2)
+    over_depth = np.einsum("nij,nkj->nki", view.planes_of(triangles), ideal)
+    shares = over_depth / over_depth.sum(axis=2, keepdims=True)
+    reference = shares @ view.corners_of(triangles, REFERENCE)
+    number = view.body[triangles].astype(np.int64)
+    faces, pieces = (
+        np.cumsum([0, *counts])[number]
+        for counts in ([len(one.faces) for one in surfaces],
+                       [len(one.topology.triangles) for one in surfaces])
+    )  # fmt: skip
+    source = view.source[triangles] - pieces
+    vertices, rest = np.empty((len(number), 3), np.int64), np.empty((len(number), 3, 3))
+    for one in np.unique(number):
+        own = number == one
+        vertices[own] = surfaces[one].topology.triangles[source[own]]
+        rest[own] = surfaces[one].rest[vertices[own]]
+    face = view.face[triangles] - faces
+    return MaterialPoints(number, face, vertices, barycentric(reference, rest), reference)
+
+
 def pick(
     view: View,
     ids: npt.NDArray[np.uint32],
@@ -64,7 +106,7 @@ def pick(
 
     Examples
     --------
-    >>> from gpusim.view.picking import pick
+    >>> from gpusim.view.content.picking import pick
     >>> wall = gs.Surface([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2, 3]])
     >>> camera = gs.Camera.from_lens((36, 24), 50, (60, 40), (0, 0, 2), (0, 0, 0), up=(0, 1, 0))
     >>> frame = gs.render([wall], camera, backend="numpy")
@@ -78,14 +120,9 @@ def pick(
     triangle = int(ids[j, i]) - 1
     if triangle < 0:
         return None
-    corners = view.corners_of(np.array([triangle]))[0]
-    number = int(view.body[triangle])
-    surface = surfaces[number]
-    face = int(view.face[triangle]) - sum(len(one.faces) for one in surfaces[:number])
-    reference = _shares(view, triangle, column, row) @ corners[:, REFERENCE]
-    first = sum(len(one.topology.triangles) for one in surfaces[:number])
-    vertices = surface.topology.triangles[int(view.source[triangle]) - first]
-    weights = barycentric(reference[None, None], surface.rest[vertices][None])[0, 0]
+    found = material_points(view, surfaces, np.array([triangle]), np.array([[[column, row]]]))
+    number, face, vertices = int(found.surface[0]), int(found.face[0]), found.vertices[0]
+    surface, reference, weights = surfaces[number], found.reference[0, 0], found.weights[0, 0]
     element = node = None
     sets: tuple[str, ...] = ()
     if number < len(skins):
@@ -95,13 +132,6 @@ def pick(
     return Pick(
         number, surface.name, paint, face, vertices, weights, reference, element, node, sets
     )
-
-
-def _shares(view: View, triangle: int, column: float, row: float) -> Float:
-    """Weights (3,) of a triangle's corners at a pixel position."""
-    x, y = view.camera.undistort([column, row])
-    over_depth = view.planes_of(np.array([triangle]))[0] @ [x, y, 1.0]
-    return np.asarray(over_depth / over_depth.sum())
 
 
 def _face_sets(skin: Skin, face: int) -> tuple[str, ...]:
