@@ -24,6 +24,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.gpu import Device
 from gpusim.gpu.adapter import is_processor
+from gpusim.gpu.kernel import Kernel
 from gpusim.measure.correlation.image_pair import (
     Limits,
     Pair,
@@ -293,6 +294,18 @@ def _affordable(settings: Settings) -> int:
     return max(0, (TURNS - once) // (line_by_line + by_nine + solving))
 
 
+def _kernel(device: Device, settings: Settings) -> tuple[int, Kernel]:
+    """Threads of a workgroup, and the kernel for a shape of warp and its window."""
+    threads = THREADS_CPU if is_processor(device.info) else THREADS
+    constants = {
+        "shape": SHAPES.index(settings.shape),
+        "unknowns": UNKNOWNS[settings.shape],
+        "threads": threads,
+        "windowed": bool((settings.window != 1).any()),
+    }
+    return threads, device.kernel("measure/correlation/icgn", entry="main", constants=constants)
+
+
 def _dispatch(
     device: Device,
     subsets: Subsets,
@@ -321,17 +334,7 @@ def _dispatch(
     # the taps of a pixel reach from 2 before it to 3 behind, and SLACK may take the one before
     low, high = np.array([3, 3]), np.array([x1 - x0 - 4, y1 - y0 - 4])
     box = np.concatenate([np.maximum(image[:2], low), np.minimum(image[2:], high)])
-    threads = THREADS_CPU if is_processor(device.info) else THREADS
-    kernel = device.kernel(
-        "measure/correlation/icgn",
-        entry="main",
-        constants={
-            "shape": SHAPES.index(settings.shape),
-            "unknowns": UNKNOWNS[settings.shape],
-            "threads": threads,
-            "windowed": bool((settings.window != 1).any()),
-        },
-    )
+    threads, kernel = _kernel(device, settings)
     result = device.empty(rows.size * 68, label="measure.icgn.result")
     bindings = kernel.bind(
         params={

@@ -106,3 +106,34 @@ fn nearest_rotation(c: Warp, half: f32) -> Warp {
         Component(vec3f(c.y.low.x, turn, shrink), vec3f(0.0)),
     );
 }
+
+// Whether positions lie in a closed box.
+fn inside(x: vec3f, y: vec3f, lowest: vec2f, highest: vec2f) -> vec3<bool> {
+    let in_x = (x >= lowest.xxx) & (x <= highest.xxx);
+    return in_x & (y >= lowest.yyy) & (y <= highest.yyy);
+}
+
+// Displacements of three pixels of the line at b.
+struct Moves {
+    x: vec3f,
+    y: vec3f,
+}
+
+fn three_displacements(c: Warp, a: vec3f, b: f32) -> Moves {
+    let p = displacement(c, vec2f(a.x, b));
+    let q = displacement(c, vec2f(a.y, b));
+    let r = displacement(c, vec2f(a.z, b));
+    return Moves(vec3f(p.x, q.x, r.x), vec3f(p.y, q.y, r.y));
+}
+
+// How much neighbouring pixels, diagonal ones too, are closer or further apart along an axis after
+// the warp, px.
+fn stretch(c: Warp, half: f32) -> f32 {
+    // second derivatives act over the subset's half width and half a pixel
+    let bend_x = abs(c.x.high.x) + 2.0 * abs(c.x.high.y) + abs(c.x.high.z);
+    let bend_y = abs(c.y.high.x) + 2.0 * abs(c.y.high.y) + abs(c.y.high.z);
+    return max(
+        abs(c.x.low.y) + abs(c.x.low.z) + 1.2 * bend_x,
+        abs(c.y.low.y) + abs(c.y.low.z) + 1.2 * bend_y,
+    ) / half;
+}
