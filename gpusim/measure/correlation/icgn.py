@@ -297,7 +297,7 @@ def _affordable(settings: Settings) -> int:
 def _kernel(device: Device, settings: Settings) -> tuple[int, Kernel]:
     """Threads of a workgroup, and the kernel for a shape of warp and its window."""
     threads = THREADS_CPU if is_processor(device.info) else THREADS
-    constants = {
+    constants: dict[str, float] = {
         "shape": SHAPES.index(settings.shape),
         "unknowns": UNKNOWNS[settings.shape],
         "threads": threads,
