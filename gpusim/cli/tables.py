@@ -120,11 +120,12 @@ def print_plan(made: Plan) -> None:
 
 def print_report(report: Report, folder: Path) -> None:
     """What was measured beside what is true, warnings, and where the page is."""
-    if report.measurements:
+    shown = [item for item in report.measurements if not item.detail]
+    if shown:
         out()
-        wide = max(len(item.name) for item in report.measurements) + 2
+        wide = max(len(item.name) for item in shown) + 2
         out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
-        for item in report.measurements:
+        for item in shown:
             # of a truth that is zero but for rounding no share says anything
             known = abs(item.error_relative) < 1e3
             relative = f"{100 * item.error_relative:+.3f} %" if known else ""

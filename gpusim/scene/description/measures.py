@@ -175,6 +175,10 @@ class RegionTable(Table):
     """Corners in space, seen through the camera; edges between them are straight in space."""
 
 
+ADVISED = "subset_px", "step_px", "shape", "blur_px", "strain_window"
+"""Keys that ``settings = "best"`` chooses."""
+
+
 class DicTable(MeasureTable):
     """Digital image correlation: displacements and strains of a surface, point by point.
 
@@ -204,6 +208,9 @@ class DicTable(MeasureTable):
     """A pair; the reference picture is the first one's."""
     roi: RegionTable | None = None
     """What is measured; by default what is painted with speckle or a picture, else all bodies."""
+    settings: Literal["best"] | None = None
+    """"best": subset, step, shape, blur and strain window by the advice of ``gpusim dic --advise`` on
+    the reference picture (of the first camera) within the region, in place of those below."""
     subset_px: Annotated[int, Field(ge=5, le=255)] = 31
     """Side of the square subsets, odd."""
     step_px: Annotated[int, Field(ge=1, le=1000)] = 10
@@ -265,6 +272,10 @@ class DicTable(MeasureTable):
         if (self.camera is None) == (self.cameras is None):
             got = Words("neither" if self.camera is None else "both")
             raise fault("camera", "how many cameras measure", got, "camera or cameras")
+        for key in ADVISED if self.settings else ():
+            if getattr(self, key) != type(self).model_fields[key].default:
+                expected = f"settings or {key}"
+                raise fault(key, 'chosen by settings = "best"', getattr(self, key), expected)
         for key in ("subset_px", "strain_window"):
             if getattr(self, key) % 2 == 0:
                 raise fault(key, "even", getattr(self, key), "an odd number")

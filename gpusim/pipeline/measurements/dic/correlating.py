@@ -18,6 +18,7 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.scene.description import model as m
+from gpusim.scene.description.measures import ADVISED
 
 LEAST_SHARE = 0.5
 """Of a subset, within the region: less of it, as in a corner, tells little."""
@@ -46,6 +47,31 @@ def points_within(what: str, mask: Bool, spec: m.DicTable) -> Float:
     if not kept.any():
         raise none
     return np.stack([x[kept], y[kept]], axis=1).astype(np.float64)
+
+
+def advice_on(
+    what: str, sources: Sources, camera: str, mask: Bool, still: int | None
+) -> measure.Advice:
+    """Settings for a camera's first picture within a ``mask`` (H, W), its noise as the picture
+    shows it, or beside the one of a frame ``still`` at rest. Raises InputError if it has no
+    pattern or is too small."""
+    row, column = np.nonzero(mask)
+    try:
+        return measure.advise(
+            sources.image(camera, 0),
+            still=None if still is None else sources.image(camera, still),
+            roi=(int(column.min()), int(row.min()), int(column.max()), int(row.max())), mask=mask,
+            device=sources.device, backend="numpy" if sources.device is None else "gpu",
+        )  # fmt: skip
+    except InputError as error:
+        raise InputError(f'{what}: settings = "best": {error}') from None
+
+
+def with_advice(spec: m.DicTable, advice: measure.Advice) -> m.DicTable:
+    """A measure with the settings that were chosen."""
+    chosen = advice.settings.items()
+    names = {key.removesuffix("_px"): key for key in ADVISED}
+    return spec.model_copy(update={names[key.removesuffix("_px")]: v for key, v in chosen})
 
 
 def correlate_pictures(

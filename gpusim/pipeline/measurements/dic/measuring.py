@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
-from gpusim.pipeline.measurements.dic.correlating import (
-    points_within,
-)
+from gpusim.pipeline.measurements.dic.correlating import advice_on, points_within, with_advice
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.true_field import TrueField
@@ -42,11 +40,18 @@ def measure_dic(
     what, motion = f"measure {spec.name!r}", TrueMotion(objects)
     camera = spec.views[0]
     roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
+    factors = scene.analysis.load_factors
+    frames = spec.measured(len(factors))
+    advice = None
+    if spec.settings is not None:
+        still = next((frame for frame in frames if factors[frame] == factors[0]), None)
+        advice = advice_on(what, sources, camera, roi.mask, still)
+        spec = with_advice(spec, advice)
     points = points_within(what, roi.mask, spec)
     field = TrueField.of(motion, camera, roi, points)
-    frames = spec.measured(len(scene.analysis.load_factors))
     kind = OneCamera if spec.cameras is None else CameraPair
-    return kind(what, spec, scene, sources, field, frames).result()
+    result = kind(what, spec, scene, sources, field, frames).result()
+    return result if advice is None else result.with_advice(advice)
 
 
 def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:

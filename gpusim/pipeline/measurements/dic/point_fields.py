@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,8 @@ class PointFields(Result):
     (F, C, M, 2): what is left of them less the truth, and less the levelled truth, in each camera's
     picture. ``pixel_mm``: width of a pixel on the surface. ``slope``, ``contrast`` (M,) and
     ``spread`` (M, 2): of the subsets (`subset_filter.FilteredField`). ``calibration_px``: NaN
-    without one.
+    without one. ``advice``: why these settings, if they were chosen from the picture, and
+    ``advice_png``: the file of a picture of what they were chosen from.
     """
 
     cameras: tuple[str, ...]
@@ -45,6 +46,8 @@ class PointFields(Result):
     slope: Float
     contrast: Float
     spread: Float
+    advice: str = ""
+    advice_png: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     def __post_init__(self) -> None:
         shape = len(self.table.frames), len(self.cameras), len(self.table.points), 2
