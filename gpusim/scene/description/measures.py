@@ -209,8 +209,8 @@ class DicTable(MeasureTable):
     roi: RegionTable | None = None
     """What is measured; by default what is painted with speckle or a picture, else all bodies."""
     settings: Literal["best"] | None = None
-    """"best": subset, step, shape, blur and strain window by the advice of ``gpusim dic --advise`` on
-    the reference picture (of the first camera) within the region, in place of those below."""
+    """"best": subset, step, shape, blur and strain window by the advice of ``gpusim dic --advise``
+    on the reference picture (of the first camera) within the region, in place of those below."""
     subset_px: Annotated[int, Field(ge=5, le=255)] = 31
     """Side of the square subsets, odd."""
     step_px: Annotated[int, Field(ge=1, le=1000)] = 10

@@ -166,7 +166,7 @@ def test_advice_needs_a_large_region(tmp_path: Path) -> None:
     corners = [[100.0, 100.0], [180.0, 100.0], [180.0, 180.0], [100.0, 180.0]]
     measure = {"camera": "left", "settings": "best", "roi": {"polygon_px": corners}}
     scene = speckled_plate({**measure, "subset_px": 31, "step_px": 10})
-    with pytest.raises(InputError, match="measure 'field0': settings = \"best\": .*101"):
+    with pytest.raises(InputError, match=r"measure 'field0': settings = \"best\": .*101"):
         gs.run(scene, tmp_path)
 
 
