@@ -106,6 +106,7 @@ if _typing.TYPE_CHECKING:
     from gpusim.optics.calibration.lens_fit import fit_lens as fit_lens
     from gpusim.pipeline import run as run
     from gpusim.pipeline.field_scene import field_scene as field_scene
+    from gpusim.pipeline.runner.explanation import explain as explain
     from gpusim.pipeline.scene_solution import solve as solve
     from gpusim.report import Report as Report
     from gpusim.scene import Scene as Scene
@@ -138,6 +139,7 @@ _HOMES = {
     "gpusim.optics.calibration.lens_fit": "fit_lens",
     "gpusim.pipeline": "run",
     "gpusim.pipeline.field_scene": "field_scene",
+    "gpusim.pipeline.runner.explanation": "explain",
     "gpusim.pipeline.scene_solution": "solve",
     "gpusim.report": "Report",
     "gpusim.scene": "Scene load_scene",

@@ -42,6 +42,15 @@ def correlated(backend: str) -> Arrays:
     return {**found, **fields(measure.strain(result), "tensor", "residual")}
 
 
+def gauges() -> Arrays:
+    """What an extensometer and a strain gauge make of displacements."""
+    first, second = waves((0.0, 0.0)), waves((0.37, -0.21), 0.004)
+    result = measure.dic(first, second, subset=21, step=12, backend="numpy")
+    ends = result.points[[0, -1]], result.displacement[[0, -1]]
+    strain = measure.gauge(result.points, result.points, result.displacement, "hencky")
+    return {"extensometer": np.array(measure.extensometer(*ends)), "gauge": strain}
+
+
 def levelled() -> Arrays:
     """A field as subsets see it."""
     picture, (row, column) = waves((0.0, 0.0)), np.indices((180, 200))
@@ -89,6 +98,7 @@ def calibrated() -> Arrays:
 CASES: dict[str, Case] = {
     "measure/dic": partial(correlated, "gpu"),
     "measure/dic-numpy": partial(correlated, "numpy"),
+    "measure/gauges": gauges,
     "measure/levelled": levelled,
     "measure/track": tracked,
     "measure/targets": targets,

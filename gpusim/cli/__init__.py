@@ -54,9 +54,15 @@ from gpusim.cli.init import init
 from gpusim.cli.keys import print_tables, table_names
 from gpusim.cli.measuring import calibrate, dic
 from gpusim.cli.rendering import render
-from gpusim.cli.tables import print_budget, print_deck, print_plan, print_report
+from gpusim.cli.tables import (
+    print_budget,
+    print_deck,
+    print_explanations,
+    print_plan,
+    print_report,
+)
 from gpusim.cli.view import view
-from gpusim.errors import Fault, NotConverged, SceneError
+from gpusim.errors import Fault, InputError, NotConverged, SceneError
 from gpusim.files.output_folder import check_folder
 
 if TYPE_CHECKING:
@@ -81,6 +87,12 @@ Sets = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Change a key of the scene: camera.front.focal_mm=35 (repeatable).",
+    ),
+]
+EarlierOutput = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", metavar="OUT", help="Folder of an earlier run.", parser=folder_name
     ),
 ]
 Only = Annotated[
@@ -215,6 +227,34 @@ def budget(
 
 
 @app.command()
+def explain(
+    scene: Annotated[Path, typer.Argument(help="A scene file, or the folder of a run.")],
+    output: EarlierOutput = None,
+    sets: Sets = None,
+    backend: BackendOption = "auto",
+    quiet: Quiet = False,
+    as_json: Json = False,
+) -> None:
+    """Why DIC differs from the truth: run a scene with and without each effect, and map parts."""
+    with exit_codes():
+        with importing():
+            folder = output or (scene if scene.is_dir() else None)
+            if folder is None:
+                raise InputError("explain -o; got none for a scene file; expected -o OUT")
+            loaded = _load(scene / "scene.toml" if scene.is_dir() else scene, sets)
+            check_folder(folder)
+            from gpusim.pipeline.runner.explanation import explain as explain_fields
+
+        with ProgressDisplay(quiet, stream_is_result=as_json) as progress:
+            report = explain_fields(loaded, folder, backend=backend, progress=progress)
+        if as_json:
+            out(report.to_json().rstrip())
+        elif not quiet:
+            print_explanations(report.explanations)
+            out(f"Report: {folder / 'report.html'}")
+
+
+@app.command()
 def solve(
     deck: Annotated[Path, typer.Argument(metavar="FILE.inp", help="An Abaqus or CalculiX deck.")],
     output: Output,
@@ -252,12 +292,7 @@ app.command()(init)
 @app.command()
 def plan(
     scene: ScenePath,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="OUT", help="Folder of an earlier run.", parser=folder_name
-        ),
-    ] = None,
+    output: EarlierOutput = None,
     sets: Sets = None,
     backend: BackendOption = "auto",
     fresh: Fresh = False,

@@ -10,7 +10,7 @@ from gpusim.cli.console import out, size_text, time_text
 
 if TYPE_CHECKING:
     from gpusim.plan.plan import Plan
-    from gpusim.report import Budget, Report
+    from gpusim.report import Budget, Explanation, Report
 
 
 def print_correlation(report: Mapping[str, Any], folder: Path) -> None:
@@ -152,3 +152,16 @@ def print_budget(budget: Budget, folder: Path) -> None:
         out(f"{label:<28}" + "".join(f"{value:12.3g}" for value in row.errors))
     out()
     out(f"Report: {folder / 'report.html'}")
+
+
+def print_explanations(explanations: Sequence[Explanation]) -> None:
+    """The parts of each measure's error, and what they say."""
+    for one in explanations:
+        out()
+        head = f"{one.unit}, RMS", "share", "microstrain", "share"
+        out(f"{one.measure:<28}" + "".join(f"{title:>13}" for title in head))
+        for name, (moved, share, strain, own) in one.parts.items():
+            out(f"{name:<28}{moved:13.3g}{share:z11.1f} %{strain:13.3g}{own:z11.1f} %")
+        for text in one.remarks:
+            out(text)
+    out()

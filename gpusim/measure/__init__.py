@@ -25,6 +25,7 @@ from gpusim.measure.correlation.dic import dic, grid_points
 from gpusim.measure.correlation.matching import DicResult, Status
 from gpusim.measure.correlation.sequence import dic_sequence
 from gpusim.measure.correlation.strain import StrainResult, StrainStatus, strain, surface_strain
+from gpusim.measure.correlation.virtual_gauges import extensometer, gauge
 from gpusim.measure.images import SplineImage
 from gpusim.measure.stereo.epipolar_matching import Matches, epipolar_distance, match_epipolar
 from gpusim.measure.stereo.plane_mapping import MappedResult, lens_mapping, mapped, plane_mapping
@@ -105,12 +106,14 @@ __all__ = [
     "difference_curve",
     "displacement_3d",
     "epipolar_distance",
+    "extensometer",
     "find_aruco",
     "find_charuco",
     "find_chessboard",
     "find_dots",
     "find_markers",
     "fit_crossings",
+    "gauge",
     "gauge_filter",
     "grid_points",
     "lens_mapping",

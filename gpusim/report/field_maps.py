@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,62 @@ def draw_compared_fields(
 
     The first two share a scale, the last two another one with zero in its middle.
     """
+    rows = []
+    for one in fields:
+        known = np.isfinite(one.measured)
+        maps = {
+            f"{one.title}: measured": one.measured,
+            "true": one.true,
+            "measured less true": one.measured - one.true,
+            "smoothing": one.levelled - one.true,
+        }
+        own = _range(np.concatenate([one.measured[known], one.true[known]]))
+        most = max(np.abs(_range(maps["measured less true"])))
+        scales = [own, own, (-most, most), (-most, most)]
+        rows.append([
+            (FieldMap(np.where(known, values, np.nan), name), scale)
+            for (name, values), scale in zip(maps.items(), scales, strict=True)
+        ])  # fmt: skip
+    _draw_panels(picture, points, rows, path)
+    caption = (
+        "Measured and true at the same material points, in one scale; their difference, and beside "
+        "it, in the same scale, how far subsets and strain windows smooth the truth."
+    )
+    return Figure(Path(path), title, caption, photo=True)
+
+
+def draw_error_parts(
+    picture: PathLike,
+    points: Float,
+    parts: Mapping[str, Float],
+    quantities: Sequence[str],
+    title: str,
+    path: PathLike,
+) -> Figure:
+    """A row of maps for each part (M, Q) of an error, a column for each of the ``quantities``."""
+    rows = []
+    for name, values in parts.items():
+        scales = [_range(column) for column in values.T]
+        rows.append([
+            (FieldMap(column, f"{name}: {quantity}"),
+             (-max(-low, high), max(-low, high)) if low < 0.0 < high else (low, high))
+            for column, quantity, (low, high) in zip(values.T, quantities, scales, strict=True)
+        ])  # fmt: skip
+    _draw_panels(picture, points, rows, path)
+    caption = (
+        "Every map has a scale of its own, red and blue about zero where it has both signs; parts "
+        "add up to the whole."
+    )
+    return Figure(Path(path), title, caption, photo=True)
+
+
+def _draw_panels(
+    picture: PathLike,
+    points: Float,
+    rows: Sequence[Sequence[tuple[FieldMap, tuple[float, float]]]],
+    path: PathLike,
+) -> None:
+    """Maps with the ends of their scales, in rows, over the part of a picture around them."""
     from gpusim.report.correlation import draw_map, grey_picture
 
     backdrop = grey_picture(read_image(picture))
@@ -52,32 +109,14 @@ def draw_compared_fields(
     inches = float(np.clip(_PANEL * tall / wide, 0.9, 4.5))
 
     def draw(canvas: Canvas) -> None:
-        panels = canvas.subplots(len(fields), 4, squeeze=False)
-        for row, one in zip(panels, fields, strict=True):
-            known = np.isfinite(one.measured)
-            maps = {
-                f"{one.title}: measured": one.measured,
-                "true": one.true,
-                "measured less true": one.measured - one.true,
-                "smoothing": one.levelled - one.true,
-            }
-            own = _range(np.concatenate([one.measured[known], one.true[known]]))
-            most = max(np.abs(_range(maps["measured less true"])))
-            scales = [own, own, (-most, most), (-most, most)]
-            for axes, (name, values), (start, stop) in zip(row, maps.items(), scales, strict=True):
-                colours = "viridis" if start != -stop else "RdBu_r"
-                shown = np.where(known, values, np.nan)
-                draw_map(axes, backdrop, points, FieldMap(shown, name), vmin=start, vmax=stop,
-                         cmap=colours, alpha=1.0)  # fmt: skip
-                axes.set_axis_off()
-                axes.axis((low[0] - margin, high[0] + margin, high[1] + margin, low[1] - margin))
+        panels = canvas.subplots(len(rows), len(rows[0]), squeeze=False)
+        for axes, (one, (start, stop)) in zip(panels.ravel(), chain(*rows), strict=True):
+            colours = "viridis" if start != -stop else "RdBu_r"
+            draw_map(axes, backdrop, points, one, vmin=start, vmax=stop, cmap=colours, alpha=1.0)
+            axes.set_axis_off()
+            axes.axis((low[0] - margin, high[0] + margin, high[1] + margin, low[1] - margin))
 
-    draw_png(path, (4 * (_PANEL + 0.8), len(fields) * (inches + 0.5)), draw)
-    caption = (
-        "Measured and true at the same material points, in one scale; their difference, and beside "
-        "it, in the same scale, how far subsets and strain windows smooth the truth."
-    )
-    return Figure(Path(path), title, caption, photo=True)
+    draw_png(path, (len(rows[0]) * (_PANEL + 0.8), len(rows) * (inches + 0.5)), draw)
 
 
 def _range(values: Float) -> tuple[float, float]:

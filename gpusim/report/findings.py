@@ -217,6 +217,28 @@ class Budget:
         return {"quantities": quantities, "rows": self.rows}
 
 
+@dataclass(frozen=True)
+class Explanation:
+    """What the error of a measured field is made of, in a ``frame``.
+
+    ``parts``: name -> RMS displacement (``unit``), its share of the error (percent), RMS strain
+    (microstrain), its share; then "missing", what the parts don't add up to, and "measured less
+    true", the error. Shares are projections on the error: they add up. ``remarks``: what it says in
+    words; ``figures``: maps, to be drawn.
+    """
+
+    measure: str
+    frame: int
+    unit: str
+    parts: Mapping[str, tuple[float, ...]]
+    remarks: tuple[str, ...] = ()
+    figures: tuple[Any, ...] = ()
+
+    def content(self) -> dict[str, Any]:
+        """For report.json."""
+        return {key: value for key, value in vars(self).items() if key != "figures"}
+
+
 def _differences(one: Sequence[float], other: Sequence[float]) -> tuple[float, ...]:
     pairs = zip(one, other, strict=True)
     return tuple(a - b if math.isfinite(a) and math.isfinite(b) else math.nan for a, b in pairs)

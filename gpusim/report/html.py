@@ -261,10 +261,12 @@ class FigureSet:
     overlays: tuple[Figure, ...] = ()
     convergence: tuple[Figure, ...] = ()
     other: tuple[Figure, ...] = ()
+    explanations: tuple[Figure, ...] = ()
 
     def all(self) -> tuple[Figure, ...]:
         """Return every figure in page order."""
-        parts = self.series, self.overlays, self.errors, self.load_path, self.convergence
+        first = self.explanations, self.series, self.overlays
+        parts = *first, self.errors, self.load_path, self.convergence
         return (*(figure for part in parts for figure in part), *self.other)
 
 

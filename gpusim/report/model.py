@@ -18,6 +18,7 @@ from gpusim.field_summary import field_summary
 from gpusim.printable import printable
 from gpusim.report.findings import (
     Budget,
+    Explanation,
     FieldPicture,
     LoadPath,
     Mechanics,
@@ -271,6 +272,7 @@ class Report:
     meshes: tuple[MeshSummary, ...] = ()
     published: tuple[Published, ...] = ()
     budget: Budget | None = None
+    explanations: tuple[Explanation, ...] = ()
     fields: tuple[FieldPicture, ...] = ()
     load_path: LoadPath | None = None
 
@@ -322,6 +324,7 @@ class Report:
             "measurements": self.measurements,
             "published": self.published,
             "budget": self.budget,
+            "explanations": self.explanations,
             "warnings": ([self.failure] if self.failure else []) + list(self.warnings),
             "facts": self.facts,
         }

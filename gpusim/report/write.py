@@ -77,6 +77,7 @@ def _draw(report: Report, folder: Path) -> FigureSet:
     begin = processes.begin
     # these take longest: they begin
     sections = {"other": [begin(drawing) for drawing in report.figures]}
+    sections["explanations"] = [begin(one) for why in report.explanations for one in why.figures]
     together = groupby(report.series, lambda one: one.figure or one.name)
     sections["series"] = [
         begin(draw_series, item, _path(folder, "line", number, name), beside)

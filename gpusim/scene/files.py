@@ -50,6 +50,9 @@ def find_files(
             files.enter(prop, ("prop", index, "file"), "a file of faces or a mesh")
     for index, camera in tables_of(document, "camera"):
         files.enter(camera, ("camera", index, "calibration"), "a calibration file")
+    for index, measure in tables_of(document, "measure"):
+        if measure.get("calibration") != "true":
+            files.enter(measure, ("measure", index, "calibration"), "a calibration file")
     for index, light in tables_of(document, "light"):
         files.enter(light, ("light", index, "file"), "a picture of radiances")
     return files.faults, tuple(sorted(files.hashes.items()))

@@ -92,6 +92,16 @@ def with_only(document: Mapping[str, Any], names: Sequence[str]) -> Document:
     return _without(document, [name for name in SOURCES if name not in kept])
 
 
+def with_other_patterns(document: Mapping[str, Any], number: int) -> Document:
+    """The document with another drawing of every random pattern, by its ``number`` from 1 up."""
+    result = copy.deepcopy(dict(document))
+    for path in ("body.paint", "prop.paint"):
+        for paint in _tables(result, path):
+            if "seed" in paint:
+                paint["seed"] = int(paint["seed"]) + number
+    return result
+
+
 def check_sources(names: Iterable[str], option: str) -> None:
     """Raise InputError for a name that isn't an effect."""
     for name in names:

@@ -85,6 +85,7 @@ def test_json_is_exactly_the_documented_shape() -> None:
         ],
         "published": [],
         "budget": None,
+        "explanations": [],
         "warnings": ["ä < b"],
         "facts": {},
     }

@@ -11,7 +11,14 @@ import pytest
 import gpusim as gs
 from gpusim.errors import InputError
 from gpusim.pipeline.runner.error_budget import run_budget
-from gpusim.scene.sources import SOURCES, active_sources, with_only, without_sources
+from gpusim.scene.sources import (
+    SOURCES,
+    active_sources,
+    with_only,
+    with_other_patterns,
+    without_sources,
+)
+from tests.support.shifted_plate import shifted_plate
 
 CHANGES: dict[str, Any] = {
     "camera.0.distortion": [-0.1, 0.02, 0.0, 0.0],
@@ -64,6 +71,17 @@ def test_only_some_effects(checkout: Path) -> None:
     assert scene.with_effects() is scene
     with pytest.raises(InputError, match="did you mean distortion"):
         scene.with_effects(no=["distorsion"])
+
+
+def test_other_drawings_of_random_patterns(checkout: Path) -> None:
+    scene = shifted_plate((1.0, 0.0, 0.0), {"camera": "left"})
+    other = with_other_patterns(scene.document, 2)
+    assert other["prop"][0]["paint"][0]["seed"] == 2
+    assert gs.Scene.from_document(other).replace("prop.plate.paint.0.seed", 0).document == (
+        scene.document
+    )
+    marked = full(checkout).document  # nothing random is painted on it
+    assert with_other_patterns(marked, 1) == marked
 
 
 def test_the_budget_of_noise(checkout: Path, tmp_path: Path) -> None:

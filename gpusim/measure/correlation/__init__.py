@@ -20,4 +20,6 @@ In the order in which data passes:
 - `sequence`: Correlation of a series of images with one reference, or with references that follow
   it.
 - `strain`: Strain of measured displacements: a polynomial fitted over a window around each point.
+- `virtual_gauges`: What an extensometer and a strain gauge would read, from displacements of a few
+  subsets.
 """

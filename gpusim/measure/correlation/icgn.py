@@ -57,7 +57,10 @@ CHUNK = 1 << 17  # pixels handled at once by the twin
 # threads of a workgroup; on a CPU, one vector of eight: what a subset does once isn't repeated
 THREADS, THREADS_CPU = 32, 8
 DISPATCH = 1 << 20  # subsets in one dispatch: their rows fit into a binding
-BEYOND_TILE = 100  # status in the kernel's output: needs coefficients that aren't loaded
+# status in the kernel's output: needs coefficients that aren't loaded, or more turns of loops
+UNFINISHED = 100
+# that llvmpipe gives a thread; then loops end, wherever they are, and sums lack what is left
+TURNS = 65535
 SPREAD = 1.5  # half widths that the pixels of a subset are expected to lie from its point
 
 
@@ -230,7 +233,8 @@ def correlate(
     """Match every subset on ``device``, or with the NumPy twin if there is none.
 
     The images may be of any size: they are taken to the device in parts (see ``image_tiles``). A
-    subset that wanders out of its part, though not out of the image, is matched by the twin.
+    subset that wanders out of its part, though not out of the image, is matched by the twin, and so
+    are large ones that take many iterations on a processor (see `TURNS`).
     """
     if device is None:
         return correlate_numpy(subsets, settings)
@@ -270,11 +274,23 @@ def correlate(
         values[:, 13].astype(np.int32),
         status,
     )
-    stray = np.flatnonzero(status == BEYOND_TILE)
+    stray = np.flatnonzero(status == UNFINISHED)
     if stray.size:
         again = Subsets(pair, subsets.points[stray], subsets.start[stray])
         result.put(stray, correlate_numpy(again, settings))
     return result
+
+
+def _affordable(settings: Settings) -> int:
+    """Iterations of a subset that a thread is sure to have turns of loops for.
+
+    Threads of a vector take turns together: each counts those of pixels by the nine, too.
+    """
+    width, unknowns = 2 * settings.half + 1, UNKNOWNS[settings.shape]
+    thirds = ceil(width / 3)
+    line_by_line, by_nine = (thirds + 1) * width, (thirds + 1) * thirds
+    once, solving = 2 * line_by_line + 2 * unknowns**3, 2 * unknowns**2
+    return max(0, (TURNS - once) // (line_by_line + by_nine + solving))
 
 
 def _dispatch(
@@ -322,12 +338,13 @@ def _dispatch(
             "count": rows.size,
             "half": settings.half,
             "max_iterations": settings.max_iterations,
+            "affordable": _affordable(settings) if is_processor(device.info) else 2**31,
             "tolerance": settings.tolerance,
             "max_move": settings.max_move,
             "least_zncc": HOPELESS * settings.min_zncc,
             "slope_noise": settings.slope_noise,
             "window_sum": float(settings.window.sum()),
-            "beyond": Status.OUTSIDE if (box == image).all() else BEYOND_TILE,
+            "beyond": Status.OUTSIDE if (box == image).all() else UNFINISHED,
             "box": box,
         },
         reference=pair.texture(device, "reference", tile.reference, limits),

@@ -117,8 +117,8 @@ def check_field(field: Field, times: tuple[float, ...]) -> None:
 
 _FILES = ("report.html", "report.json", "scene.toml", "truth.h5")
 _FOLDERS = (
-    INNER, "budget", "calibration", "fields", "figures", "images", "measure", "solution", "stl",
-    "variants",
+    INNER, "budget", "calibration", "explain", "fields", "figures", "images", "measure", "solution",
+    "stl", "variants",
 )  # fmt: skip
 
 

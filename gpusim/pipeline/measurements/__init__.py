@@ -19,6 +19,7 @@ in which data passes:
 - `deflection`: The kind "deflection": displacements in the image of one camera.
 - `stereo`: The kind "stereo": points in space from several cameras.
 - `dic`: The kind "dic": displacements and strains of surfaces by digital image correlation.
+- `series`: The kinds "extensometer", "gauge", "line" and "point": a few places over frames.
 - `damage`: The kind "damage": deflection lines of the variants compared, and where their slope
   changes.
 """

@@ -72,7 +72,7 @@ def register(kind: Kind) -> None:
 def kind_of(spec: MeasureTable) -> Kind:
     """The kind of one of a scene's measures; gpusim's own are imported when they are asked for."""
     if spec.type not in _kinds:
-        import_module(f"gpusim.pipeline.measurements.{spec.type}")
+        import_module(f"gpusim.pipeline.measurements.{spec.package or spec.type}")
     return _kinds[spec.type]
 
 

@@ -6,7 +6,7 @@ last frame's values, and histories over all frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -134,7 +134,7 @@ class MarkerResult(Result):
     def warnings(self) -> list[str]:
         """Markers that were not measured, whose white is clipped, and that are less exact."""
         what = f"measure {self.name!r}"
-        lost = ", ".join(self._lost())
+        lost = ", ".join(self.table.lost())
         found = [f"{what}: not measured: {lost}"] if lost else []
         if clipped := self.named("saturated"):
             found.append(
@@ -147,14 +147,6 @@ class MarkerResult(Result):
                 "marker may be off by 0.02 px then (others: 0.003)"
             )
         return found
-
-    def _lost(self) -> Iterator[str]:
-        """Markers with the reason, and the last frame in which they were lost if others follow."""
-        frames = self.table.frames
-        for marker, status in zip(self.marker, self.table["status"].T, strict=True):
-            for k in np.flatnonzero(status != "OK")[-1:]:
-                when = f" in frame {frames[k]}" if k < len(frames) - 1 else ""
-                yield f"{marker} ({status[k]}{when})"
 
     def rms_error(self) -> list[Measurement]:
         """Of all markers that were measured, if there are any."""

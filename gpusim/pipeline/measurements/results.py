@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import isfinite
 from pathlib import Path
@@ -72,6 +72,14 @@ class PointTable:
     def last(self, quantity: str) -> Float:
         """(P, K): `vectors` in the last frame."""
         return np.asarray(self.vectors(quantity)[-1])
+
+    def lost(self) -> Iterator[str]:
+        """Points whose "status" isn't "OK", with the reason, and the last frame in which they were
+        lost if others follow."""
+        for point, status in zip(self.points, self["status"].T, strict=True):
+            for k in np.flatnonzero(status != "OK")[-1:]:
+                when = f" in frame {self.frames[k]}" if k < len(self.frames) - 1 else ""
+                yield f"{point} ({status[k]}{when})"
 
     def csv(self, until: str = "") -> str:
         """One row for each point, frame after frame; a column "frame" if there are several.

@@ -69,7 +69,9 @@ def read_corners(scene: Scene, file: InputFile) -> measure.Sighting:
 
 
 def calibrated(
-    spec: m.StereoTable | m.DicTable, scene: Scene, corners: Callable[[str, int], measure.Sighting]
+    spec: m.StereoTable | m.CorrelationTable,
+    scene: Scene,
+    corners: Callable[[str, int], measure.Sighting],
 ) -> tuple[Board, measure.Calibration]:
     """The board, and the cameras of ``spec`` as its pictures give them. Raises InputError without
     such pictures, GpusimError for a camera that can't be calibrated."""

@@ -11,4 +11,5 @@ In the order in which data passes:
 - `variants`: Several states of one scene in one run, compared; and a run that failed, told.
 - `run`: A scene run into a folder: what `gpusim.run` and ``gpusim run`` do.
 - `error_budget`: The error budget: one scene imaged and measured with and without each effect.
+- `explanation`: Why measured fields differ from the truth: each source of error's part, as maps.
 """

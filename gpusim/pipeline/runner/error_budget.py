@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any, Literal
@@ -20,6 +20,8 @@ from gpusim.scene.sources import active_sources, with_only, without_sources
 from gpusim.validation import require
 
 State = Literal["all", "none", "only", "no"]
+States = Mapping[tuple[State, str], dict[str, Any]]
+"""Documents by what their pictures have of the effects: "no" or "only" the one of a name."""
 FOLDER = "budget"
 
 
@@ -49,30 +51,59 @@ def run_budget(
     effects = active_sources(document)
     expected = "light, noise, a lens, a shutter or fewer than 16 bits"
     require(len(effects) > 0, where, "none of the effects that a budget is made of", expected)
-    states: list[tuple[State, str, dict[str, Any]]] = [("none", "", with_only(document, []))]
-    states += [("only", name, with_only(document, [name])) for name in effects]
-    states += [("no", name, without_sources(document, [name])) for name in effects]
+    states = states_of_effects(document, effects)
+    return _budget(scene, run_states(scene, out, FOLDER, states, backend, progress), states)
+
+
+def states_of_effects(
+    document: dict[str, Any], effects: Sequence[str], kept: Sequence[str] = ()
+) -> States:
+    """Documents without any of the ``effects``, with each of them alone, and with all but each;
+    those that are ``kept`` are in all of them."""
+    return {
+        ("none", ""): with_only(document, kept),
+        **{("only", name): with_only(document, [name, *kept]) for name in effects},
+        **{("no", name): without_sources(document, [name]) for name in effects},
+    }
+
+
+def place_of(folder: str, state: State, name: str) -> str:
+    """Where in the output folder a state is run."""
+    return f"{folder}/{f'{state} {name}'.strip().replace(' ', '-')}"
+
+
+def run_states(
+    scene: Scene,
+    out: str | PathLike[str],
+    folder: str,
+    states: States,
+    backend: str,
+    progress: Progress | None,
+    draws: bool = True,
+) -> Execution:
+    """Run ``scene`` into ``out``, and its states into a ``folder`` there, with figures or not."""
     scenes = {"": scene}
-    for state, name, changed in states:
-        words = f"{state} {name}".strip()
-        scenes[f"{FOLDER}/{words.replace(' ', '-')}"] = Scene.from_document(
-            _lean(changed), source=f"{scene.source}, {words}", files=scene.files
+    for (state, name), changed in states.items():
+        place = place_of(folder, state, name)
+        scenes[place] = Scene.from_document(
+            _lean(changed), source=f"{scene.source}, {state} {name}".strip(), files=scene.files
         )
     options = RunOptions(chosen_backend("run", backend))
-    with claim(out) as folder:
-        check_folders(scene, folder)
-        execution = Execution(scene, scenes, folder, options, progress or silent)
+    with claim(out) as claimed:
+        check_folders(scene, claimed)
+        execution = Execution(scene, scenes, claimed, options, progress or silent,
+                              draws=draws)  # fmt: skip
         work_off(execution)
-    return _budget(scene, execution, states)
+    return execution
 
 
-def _budget(scene: Scene, execution: Execution, states: Sequence[tuple[State, str, Any]]) -> Report:
+def _budget(scene: Scene, execution: Execution, states: States) -> Report:
     """The table of a work that is done, in the scene's report."""
     whole = execution.reports[""]
     quantities = _counted(scene, whole.measurements)
     rows = [BudgetRow("all", "", tuple(abs(item.error) for item in quantities))]
-    made = [execution.reports[place] for place in execution.decision.scenes if place]
-    for (state, name, _), report in zip(states, made, strict=True):
+    for state, name in states:
+        report = execution.reports[place_of(FOLDER, state, name)]
         found = {item.name: abs(item.error) for item in report.measurements}
         errors = tuple(found.get(item.name, float("nan")) for item in quantities)
         rows.append(BudgetRow(state, name, errors))

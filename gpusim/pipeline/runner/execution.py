@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from threading import current_thread, main_thread
@@ -45,7 +46,8 @@ class RunFailed(Exception):
 class Execution:
     """Scenes run into places of one folder, ``out``.
 
-    ``scene``: what they are states of. ``reports``: by place, of those that are done.
+    ``scene``: what they are states of. ``reports``: by place, of those that are done. ``draws``:
+    whether reports of states have figures.
     """
 
     def __init__(
@@ -57,8 +59,9 @@ class Execution:
         progress: Progress,
         store: Path | None = None,
         verify: bool = False,
+        draws: bool = True,
     ) -> None:
-        self.scene, self.out, self._shared = scene, out, store is not None
+        self.scene, self.out, self._shared, self._draws = scene, out, store is not None, draws
         self.speed = Speed.read(options.backend)
         self.decision = decide(states, out, options, store, verify)
         self.plan = plan_of(scene, self.decision, self.speed)
@@ -189,7 +192,8 @@ class Execution:
         name = public_name(place, "report")
         self.log.tell(name, 0.0, "figures and page")
         report = self._scene_report(place, changed).report(self.log.stages(place))
-        write_report(report, folder.path)
+        drawn = self._draws or not place
+        write_report(report if drawn else replace(report, figures=()), folder.path)
         self.reports[place] = report
         self.log.tell(name, 1.0, "report.html, report.json")
 

@@ -18,6 +18,8 @@ In the order in which data passes:
 - `camera`: From where a scene is seen.
 - `processing`: What is done with a scene, and the states that are compared.
 - `measure_table`: What every ``[[measure]]`` says, and the kinds that there are.
+- `correlation_measures`: The tables of ``[[measure]]`` that correlate pictures: what all of them
+  say, and those that follow a few places over frames.
 - `measures`: The tables of gpusim's own kinds of ``[[measure]]``.
 - `scene_table`: ``[[body]]``, and the scene as a whole.
 - `model`: Every table's class by its name.

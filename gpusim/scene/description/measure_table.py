@@ -32,6 +32,8 @@ class MeasureTable(Table):
       "measure of a <type>";
     - ``uses_calibration`` (a property): whether it needs the board's corners of [calibration];
     - ``correlates``: whether it correlates pictures, which is done on the device if there is one;
+    - ``package``: the folder of `gpusim.pipeline.measurements` that measures it, if that isn't
+      named by its ``type``;
     - ``compares_variants``: whether it compares what other measures have found in the variants: no
       state of the scene has it, and it needs no pictures;
     - ``least_frames``: so many have to be there, the first one of them as the reference.
@@ -43,6 +45,7 @@ class MeasureTable(Table):
 
     references: ClassVar[Mapping[str, str]] = {}
     correlates: ClassVar[bool] = False
+    package: ClassVar[str] = ""
     compares_variants: ClassVar[bool] = False
     least_frames: ClassVar[int] = 2
 

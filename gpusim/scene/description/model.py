@@ -8,6 +8,14 @@ horizontal.
 """
 
 from .camera import CameraTable
+from .correlation_measures import (
+    CorrelationTable,
+    ExtensometerTable,
+    GaugeTable,
+    LineMeasureTable,
+    PointMeasureTable,
+    SeriesTable,
+)
 from .ground import PaintedTable, PatternedTable
 from .lens import LensTable, Psf, ShutterTable, VignettingTable
 from .lights import (

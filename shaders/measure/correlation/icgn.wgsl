@@ -7,7 +7,9 @@
 //
 // Threads never wait for each other, and what a subset does once (normal equations, steps) costs a
 // vector of eight subsets as much as one: with the threads of a workgroup in one subset it took
-// more than half of the time of a small one on a CPU.
+// more than half of the time of a small one on a CPU. But llvmpipe ends all loops of a thread after
+// 65,535 turns in all, as if they were done: three pixels share a turn, and who isn't through before
+// that is matched by the host (`affordable`).
 #import lib/measure/spline
 #import lib/measure/warp
 #import lib/measure/normal_equations
@@ -29,6 +31,7 @@ const NO_TEXTURE = 2.0;
 const NOT_CONVERGED = 3.0;
 const PATIENCE = 20u;
 const NEVER = -2.0; // zncc before the first iteration
+const UNFINISHED = 100.0; // status in the output: the host goes on
 
 // of a workgroup; on a CPU adapter the vector width
 override threads: u32;
@@ -39,6 +42,7 @@ struct Params {
     count: u32,
     half: u32,
     max_iterations: u32,
+    affordable: u32, // iterations for which the driver's limit of turns of loops is sure to last
     tolerance: f32,
     max_move: f32,
     least_zncc: f32, // below, nothing has been found after PATIENCE iterations
@@ -65,6 +69,12 @@ struct Params {
 fn weight_of(pixel: vec2i, mask: f32) -> f32 {
     if (windowed == 0u) { return mask; }
     return textureLoad(window, pixel).x * mask;
+}
+
+// A pixel of the reference with its weight as the last component; none beyond the subset's width.
+fn weighted(first: vec2i, pixel: vec2i, width: i32) -> vec4f {
+    let r = textureLoad(reference, first + pixel);
+    return vec4f(r.xyz, select(0.0, weight_of(pixel, r.w), pixel.x < width));
 }
 
 // What is still to go after a step, if steps go on shrinking by the ratio of the last two.
@@ -127,6 +137,12 @@ fn three_displacements(c: Warp, a: vec3f, b: f32) -> Moves {
     let q = displacement(c, vec2f(a.y, b));
     let r = displacement(c, vec2f(a.z, b));
     return Moves(vec3f(p.x, q.x, r.x), vec3f(p.y, q.y, r.y));
+}
+
+// The deformed grey value at a place that is counted from the pixel `origin`.
+fn deformed_value(origin: vec2i, there: vec2f) -> f32 {
+    let low = floor(there);
+    return spline_value(deformed, origin + vec2i(low), there - low);
 }
 
 // Add the sums of the line at b to those of the subset.
@@ -249,10 +265,13 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
         var line = vec2f(0.0);
         var x = 0;
         loop {
-            let r = textureLoad(reference, first + vec2i(x, y));
-            let w = weight_of(vec2i(x, y), r.w);
-            line += vec2f(w, w * r.x);
-            x++;
+            let p = weighted(first, vec2i(x, y), width);
+            let q = weighted(first, vec2i(x + 1, y), width);
+            let r = weighted(first, vec2i(x + 2, y), width);
+            line += vec2f(p.w, p.w * p.x);
+            line += vec2f(q.w, q.w * q.x);
+            line += vec2f(r.w, r.w * r.x);
+            x += 3;
             if (x >= width) { break; }
         }
         weight += line.x;
@@ -270,10 +289,14 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
         var line = Line();
         var x = 0;
         loop {
-            let r = textureLoad(reference, first + vec2i(x, y));
-            let w = weight_of(vec2i(x, y), r.w);
-            add_pixel(&line, w, r.x - mean, r.yz, (f32(x) - half - fraction.x) / half);
-            x++;
+            let p = weighted(first, vec2i(x, y), width);
+            let q = weighted(first, vec2i(x + 1, y), width);
+            let r = weighted(first, vec2i(x + 2, y), width);
+            let a = (vec3f(f32(x)) + vec3f(0.0, 1.0, 2.0) - half - fraction.x) / half;
+            add_pixel(&line, p.w, p.x - mean, p.yz, a.x);
+            add_pixel(&line, q.w, q.x - mean, q.yz, a.y);
+            add_pixel(&line, r.w, r.x - mean, r.yz, a.z);
+            x += 3;
             if (x >= width) { break; }
         }
         add_line_moments(line, (f32(y) - half - fraction.y) / half);
@@ -298,6 +321,10 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
     var iteration = 0u;
     var before = 0.0;
     while (possible && iteration < params.max_iterations) {
+        if (iteration >= params.affordable) {
+            status = UNFINISHED;
+            break;
+        }
         iteration++;
         // given explicitly: naga doesn't reset a variable of a loop body by itself
         var own = Sums(vec4f(0.0), vec4f(0.0), vec4f(0.0), vec4f(0.0));
@@ -345,15 +372,20 @@ fn main(@builtin(global_invocation_id) thread: vec3u, @builtin(num_workgroups) g
             let b = (f32(y) - half - fraction.y) / half;
             var x = 0;
             loop {
-                let pixel = vec2i(x, y);
-                let a = (f32(x) - half - fraction.x) / half;
-                let there = vec2f(pixel) - half + displacement(c, vec2f(a, b));
-                let low = floor(there);
-                let within = all(there >= lowest) && all(there <= highest);
-                let g = spline_value(deformed, place.zw + vec2i(low), there - low);
-                let e = contrast * (g - level);
-                add_residual(&line, first + pixel, pixel, a, mean, e, within, x < single);
-                x++;
+                let columns = vec3f(f32(x)) + vec3f(0.0, 1.0, 2.0) - half;
+                let a = (columns - fraction.x) / half;
+                let u = three_displacements(c, a, b);
+                let x_there = columns + u.x;
+                let y_there = f32(y) - half + u.y;
+                let g = vec3f(
+                    deformed_value(place.zw, vec2f(x_there.x, y_there.x)),
+                    deformed_value(place.zw, vec2f(x_there.y, y_there.y)),
+                    deformed_value(place.zw, vec2f(x_there.z, y_there.z)),
+                );
+                add_three(&line, first, vec2i(x, y), a, mean, contrast * (g - level),
+                    inside(x_there, y_there, lowest, highest),
+                    vec3i(x, x + 1, x + 2) < vec3i(single));
+                x += 3;
                 if (x >= single) { break; }
             }
             add_line(&own, line, b);

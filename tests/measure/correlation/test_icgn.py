@@ -185,3 +185,33 @@ def test_stretched_and_turned_subsets_whether_pixels_share_their_loads_or_not(
     compare("warp", got.coefficients, want.coefficients, atol=TOLERANCE_PX, rtol=0)
     truth = (points - [75, 70]) @ (matrix - np.eye(2)).T
     assert np.abs(got.coefficients[:, :, 0] - truth).max() <= 0.02
+
+
+@pytest.mark.parametrize("width", [181, 255])
+def test_large_subsets_are_summed_to_their_end(device: Device, width: int) -> None:
+    """A driver ends loops after so many turns, and nothing says so."""
+    first, second = speckles(300, 280), speckles(300, 280, shift=(0.4, 0.3))
+    pair = Pair(SplineImage.from_image(first), SplineImage.from_image(second))
+    case = Subsets(pair, np.array([[150.0, 140.0], [148.3, 139.6]]), np.zeros((2, 2, 6)))
+    settings = Settings(np.ones((width, width)))
+    got, want = correlate(case, settings, device), correlate_numpy(case, settings)
+    assert want.ok.all()
+    compare("status", got.status, want.status, "exact")
+    compare("warp", got.coefficients, want.coefficients, atol=TOLERANCE_PX, rtol=0)
+
+
+def test_subsets_that_never_arrive_count_as_such(device: Device) -> None:
+    """After as many iterations as are allowed, each of stretched pixels one by one."""
+    pair = Pair(
+        SplineImage.from_image(speckles(160, 160)),
+        SplineImage.from_image(speckles(160, 160, shift=(57.3, 31.9))),
+    )
+    start = np.zeros((12, 2, 6))
+    start[:, :, 1:3] = 0.3 * 20 * np.eye(2)
+    points = np.array([[x, y] for x in (60.0, 75.0, 90.0, 105.0) for y in (65.0, 80.0, 95.0)])
+    settings = Settings(np.ones((41, 41)), min_zncc=-1.0, tolerance=1e-9)
+    got = correlate(Subsets(pair, points, start), settings, device)
+    want = correlate_numpy(Subsets(pair, points, start), settings)
+    assert (want.iterations == settings.max_iterations).any()
+    assert not got.ok[~want.ok].any()
+    assert not (got.zncc > want.zncc + 0.05).any()

@@ -8,6 +8,7 @@ that brings the places measured in the first pictures nearest to the true ones.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,16 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     Moved,
     columns_of_places,
     compared_columns,
+    shape_columns,
     strain_columns,
     where_measured,
 )
+from gpusim.pipeline.measurements.dic.geometric_error import known_errors, readings_of_pair
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.rig import calibrated_rig, rig_of
 from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
 from gpusim.pipeline.measurements.results import Columns
-from gpusim.pipeline.measurements.sources import calibrated
+from gpusim.scene.description import model as m
 
 LEAST_ALIGNED = 3
 
@@ -43,8 +47,8 @@ class CameraPair(FieldMeasurement):
         """All frames."""
         spec, field, points = self.spec, self.field, self.field.points
         motion, (left, right) = field.motion, spec.views
-        _, calibration = calibrated(spec, self.scene, self.sources.corners)
-        rig = calibration.cameras[0], calibration.cameras[1]
+        cameras = motion.camera(left), motion.camera(right)
+        rig, calibration_px = calibrated_rig(spec, self.scene, self.sources, cameras)
         region = region_of_second_camera(motion, field.roi, left, right)
         masks = field.roi.mask, region.mask
         found = correlate_pairs(spec, self.sources, points, masks, rig, self.frames)
@@ -56,26 +60,24 @@ class CameraPair(FieldMeasurement):
             view.levelled(image, self.frames, spec)
             for view, image in zip(views, images, strict=True)
         ]
-        cameras = motion.camera(left), motion.camera(right)
+        before = np.array([view.points for view in views])
         place = MM * motion.position(field.material, 0)
         laid = self._laid(found, place)
         table, raw, rest = dict[int, Columns](), [], []
         for k, frame in enumerate(self.frames):
             one = found[k]
             true = MM * motion.displacement(field.material, frame)
-            before = np.array([view.points for view in views])
             smooth = _seen_by(cameras, before, np.array([one.displacement[k] for one in levels]))
             columns = columns_of_places(views, frame, one.status)
-            for axis, now, real in zip("XYZ", laid.apply(one.shape).T, place.T, strict=True):
-                columns |= {f"measured_{axis}_mm": now, f"true_{axis}_mm": real}
+            columns |= shape_columns("XYZ", laid.apply(one.shape), place)
             moved = one.displacement @ laid.rotation.T
             columns |= compared_columns(("U_mm", "V_mm", "W_mm"), moved, true, smooth)
             if spec.strain != "none":
-                expected = Moved(points, where_measured(one.ok, smooth), one.subset, place, one.ok)
-                options: Any = {"window": spec.strain_window, "kind": spec.strain}
-                strains = [measure.surface_strain(each, **options) for each in (one, expected)]
-                at = field.surface_strain(frame, spec.strain)
-                columns |= strain_columns(strains[0].tensor, at, strains[1].tensor)
+                columns |= strain_columns(
+                    _gauge_strain(spec, one, one.shape, one.displacement),
+                    field.surface_strain(frame, spec.strain),
+                    _gauge_strain(spec, one, place, smooth),
+                )
             sigma, in_picture = _uncertainty(one, rig, laid.rotation)
             columns |= {f"sigma_{q}_mm": s for q, s in zip("UVW", sigma.T, strict=True)}
             table[frame] = columns | {
@@ -86,7 +88,17 @@ class CameraPair(FieldMeasurement):
             raw.append([_in_picture(camera, now, moved - true) for camera in cameras])
             rest.append([_in_picture(camera, now, moved - smooth) for camera in cameras])
         axes = ("+x", "+y", "+z")
-        return self.kept(table, axes, np.array([raw, rest]), levels[0], calibration.rms)
+        after = [motion.pixels(field.material, one, self.frames[-1]) for one in (left, right)]
+        pixels = [
+            np.array([where_measured(found[-1].ok, one) for one in each])
+            for each in (before, after)
+        ]
+        enough = np.count_nonzero(found[-1].ok) >= LEAST_ALIGNED
+        readings = readings_of_pair(rig_of(cameras), rig, pixels, place) if enough else {}
+        strain = None if spec.strain == "none" else partial(_gauge_strain, spec, found[-1])
+        known = known_errors(readings, strain)
+        errors = np.array([raw, rest])
+        return self.kept(table, axes, errors, levels[0], calibration_px, known)
 
     def _laid(self, found: Iterable[measure.StereoResult], place: Float) -> measure.Alignment:
         """The rigid motion from the rig's axes to the structure's, from the points' places in the
@@ -103,14 +115,18 @@ class CameraPair(FieldMeasurement):
 def _seen_by(cameras: tuple[Camera, Camera], before: Float, moved: Float) -> Float:
     """Displacements (M, 3) mm, in the world, of points that two true cameras see at places
     ``before`` (2, M, 2) px and then ``moved`` (2, M, 2) px."""
-    first = np.linalg.inv(cameras[0].camera_from_world)
-    rig = []
-    for camera in cameras:
-        pose, size = camera.camera_from_world @ first, (camera.width, camera.height)
-        lens = camera.K, camera.distortion
-        rig.append(measure.rig_camera(size, *lens, pose[:3, :3], MM * pose[:3, 3]))
+    rig = rig_of(cameras)
     start, end = (measure.triangulate(rig, one).points for one in (before, before + moved))
-    return np.asarray((end - start) @ first[:3, :3].T)
+    return np.asarray((end - start) @ cameras[0].camera_from_world[:3, :3])
+
+
+def _gauge_strain(
+    spec: m.DicTable, found: measure.StereoResult, places: Float, moved: Float
+) -> Float:
+    """Strain (M, 2, 2) in the surface of points at ``places`` (M, 3) that ``moved`` (M, 3)."""
+    kind: Any = spec.strain
+    one = Moved(found.points, where_measured(found.ok, moved), found.subset, places, found.ok)
+    return measure.surface_strain(one, window=spec.strain_window, kind=kind).tensor
 
 
 def _in_picture(camera: Camera, place: Float, error: Float) -> Float:

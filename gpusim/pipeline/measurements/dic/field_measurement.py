@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,9 +53,10 @@ class FieldMeasurement:
         errors: Float,
         level: FilteredField,
         calibration_px: float,
+        known: Mapping[str, Float],
     ) -> FullFieldResult:
         """The result with the settings; ``errors`` (2, F, C, M, 2) px less the truth and less the
-        levelled truth."""
+        levelled truth; ``known``: as `geometric_error.known_errors` has it."""
         spec, count = self.spec, len(self.field.points)
         names = [f"p{number:0{len(str(count))}d}" for number in range(1, count + 1)]
         keys = "subset_px step_px shape strain strain_window blur_px formats"
@@ -63,6 +64,7 @@ class FieldMeasurement:
         return FullFieldResult(
             spec.name, PointTable.of("point", names, table), spec.views, axes, **settings,
             pixel_mm=MM * self.field.resolution(), calibration_px=float(calibration_px),
+            known_names=tuple(known), known_errors=np.array([*known.values()]),
             raw_px=errors[0], rest_px=errors[1],
             slope=level.slope, contrast=level.contrast, spread=level.spread,
         )  # fmt: skip
@@ -88,10 +90,23 @@ def compared_columns(names: tuple[str, ...], *values: Float) -> Columns:
     }
 
 
+def shape_columns(axes: str, found: Float, true: Float) -> Columns:
+    """Columns of places (M, K) mm in the first pictures: measured and true."""
+    return {
+        f"{kind}_{axis}_mm": column
+        for kind, each in (("measured", found), ("true", true))
+        for axis, column in zip(axes, each.T, strict=True)
+    }
+
+
 def strain_columns(*tensors: Float) -> Columns:
     """The same of strains (M, 2, 2)."""
-    parts = [np.stack([one[:, i, j] for i, j in STRAINS.values()], axis=1) for one in tensors]
-    return compared_columns(tuple(STRAINS), *parts)
+    return compared_columns(tuple(STRAINS), *map(strain_components, tensors))
+
+
+def strain_components(tensor: Float) -> Float:
+    """(M, 3): those of `STRAINS`."""
+    return np.stack([tensor[:, i, j] for i, j in STRAINS.values()], axis=1)
 
 
 def where_measured(ok: Bool, values: Float) -> Float:

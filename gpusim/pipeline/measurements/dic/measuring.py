@@ -10,6 +10,7 @@ from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
 from gpusim.pipeline.measurements.dic.correlating import advice_on, points_within, with_advice
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.rig import rig_of_file
 from gpusim.pipeline.measurements.dic.true_field import TrueField
 from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
 from gpusim.pipeline.measurements.material_points import TrueMotion
@@ -40,29 +41,48 @@ def measure_dic(
     what, motion = f"measure {spec.name!r}", TrueMotion(objects)
     camera = spec.views[0]
     roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
-    factors = scene.analysis.load_factors
-    frames = spec.measured(len(factors))
     advice = None
     if spec.settings is not None:
+        factors = scene.analysis.load_factors
+        frames = spec.measured(len(factors))
         still = next((frame for frame in frames if factors[frame] == factors[0]), None)
         advice = advice_on(what, sources, camera, roi.mask, still)
         spec = with_advice(spec, advice)
     points = points_within(what, roi.mask, spec)
     field = TrueField.of(motion, camera, roi, points)
-    kind = OneCamera if spec.cameras is None else CameraPair
-    result = kind(what, spec, scene, sources, field, frames).result()
+    result = measured_at(field, spec, scene, sources)
     return result if advice is None else result.with_advice(advice)
 
 
-def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
-    """There is something to measure; raises InputError if not."""
-    what, camera = f"measure {spec.name!r}", spec.views[0]
-    if not unloaded.strict:
-        return []
-    for name in spec.views:
+def measured_at(
+    field: TrueField, spec: m.DicTable, scene: Scene, sources: Sources
+) -> FullFieldResult:
+    """The same at the points of a ``field``."""
+    frames = spec.measured(len(scene.analysis.load_factors))
+    kind = OneCamera if spec.cameras is None else CameraPair
+    return kind(f"measure {spec.name!r}", spec, scene, sources, field, frames).result()
+
+
+def unloaded_motion(
+    spec: m.CorrelationTable, scene: Scene, unloaded: Unloaded
+) -> TrueMotion | None:
+    """What cameras see before there are pictures; None if the first picture may show another thing.
+    Raises InputError if one of them sees nothing, or for a calibration that doesn't fit."""
+    if spec.calibration not in (None, "true"):
+        rig_of_file(spec, scene)
+    for name in spec.views if unloaded.strict else ():
         if name in unloaded.blind:
-            raise InputError(f"{what}: {unloaded.blind[name]}")
-    motion = TrueMotion(SceneObjects(scene, (), unloaded.bodies), unloaded.surfaces)
+            raise InputError(f"measure {spec.name!r}: {unloaded.blind[name]}")
+    objects = SceneObjects(scene, (), unloaded.bodies)
+    return TrueMotion(objects, unloaded.surfaces) if unloaded.strict else None
+
+
+def _checks(spec: m.DicTable, scene: Scene, unloaded: Unloaded) -> list[str]:
+    """There is something to measure, with a calibration that fits; raises InputError if not."""
+    what, camera = f"measure {spec.name!r}", spec.views[0]
+    motion = unloaded_motion(spec, scene, unloaded)
+    if motion is None:
+        return []
     try:
         region_of_interest(what, spec.roi, motion, camera, stride=COARSE)
     except InputError:  # it may be smaller than that

@@ -7,6 +7,7 @@ axes of a calibration target that lies on the surface: then the lens is undone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,11 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
     Moved,
     columns_of_places,
     compared_columns,
+    shape_columns,
     strain_columns,
     where_measured,
 )
+from gpusim.pipeline.measurements.dic.geometric_error import known_errors, readings_of_one
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.results import Columns
 from gpusim.pipeline.measurements.sources import calibrated
@@ -61,6 +64,7 @@ class OneCamera(FieldMeasurement):
                 columns |= compared_columns(("u_mm", "v_mm"), found_mm.displacement, moved, slow)
                 columns["sigma_mm"] = found_mm.sigma
                 true_places = MM * field.motion.position(field.material, 0) @ scale.axes.T
+                columns |= shape_columns("xy", found_mm.points, true_places)
                 places, shifts = (found_mm.points, true_places), (found_mm.displacement, slow)
             if spec.strain != "none":
                 at = (
@@ -77,7 +81,19 @@ class OneCamera(FieldMeasurement):
             rest.append([one.displacement - smooth])
         axes = ("the picture's x", "the picture's y") if scale is None else scale.names
         calibration = np.nan if scale is None else scale.calibration_px
-        return self.kept(table, axes, np.array([raw, rest]), levelled, calibration)
+        known = {} if scale is None else self._known(found[-1], scale)
+        return self.kept(table, axes, np.array([raw, rest]), levelled, calibration, known)
+
+    def _known(self, found: measure.DicResult, scale: _Scale) -> dict[str, Float]:
+        """Errors of the last frame that aren't the matches'."""
+        motion, material = self.field.motion, self.field.material
+        readings = readings_of_one(
+            motion.camera(self.field.camera), motion.position(material, 0),
+            motion.displacement(material, self.frames[-1]), scale.mapping, scale.axes,
+            self.spec.plane_pose is not None,
+        )  # fmt: skip
+        strain = None if self.spec.strain == "none" else partial(_gauge_strain, self.spec, found)
+        return known_errors(readings, strain)
 
 
 @dataclass(frozen=True, eq=False)

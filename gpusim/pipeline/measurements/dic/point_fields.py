@@ -26,7 +26,9 @@ class PointFields(Result):
     (F, C, M, 2): what is left of them less the truth, and less the levelled truth, in each camera's
     picture. ``pixel_mm``: width of a pixel on the surface. ``slope``, ``contrast`` (M,) and
     ``spread`` (M, 2): of the subsets (`subset_filter.FilteredField`). ``calibration_px``: NaN
-    without one. ``advice``: why these settings, if they were chosen from the picture, and
+    without one. ``known_errors`` (K, M, Q): what faults of these ``known_names`` do to
+    `displacements` and `strains` in the last frame, without any fault of the matches
+    (`geometric_error`). ``advice``: why these settings, if they were chosen from the picture, and
     ``advice_png``: the file of a picture of what they were chosen from.
     """
 
@@ -41,6 +43,8 @@ class PointFields(Result):
     formats: tuple[str, ...]
     pixel_mm: float
     calibration_px: float
+    known_names: tuple[str, ...]
+    known_errors: Float
     raw_px: Float
     rest_px: Float
     slope: Float

@@ -1,0 +1,161 @@
+"""Subsets of a few places followed over frames, and what a kind makes of them.
+
+The pictures are correlated as those of the kind "dic". Displacements are compared with its truth;
+lengths and strains with what really happens to the material in space, so that what one camera reads
+of motion towards it counts as error. Lengths in px are compared with the picture's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gpusim import measure
+from gpusim.arrays.array_types import Float, Long
+from gpusim.pipeline.measurements.dic.field_measurement import STRAINS
+from gpusim.pipeline.measurements.dic.measuring import measured_at, unloaded_motion
+from gpusim.pipeline.measurements.dic.point_fields import PointFields
+from gpusim.pipeline.measurements.dic.true_field import TrueField
+from gpusim.pipeline.measurements.kinds import Kind, Unloaded, register
+from gpusim.pipeline.measurements.material_points import TrueMotion
+from gpusim.pipeline.measurements.results import Columns, PointTable
+from gpusim.pipeline.measurements.series.placing import MM, PlacedSubsets, ReferencePicture
+from gpusim.pipeline.measurements.series.result import SeriesResult
+from gpusim.pipeline.measurements.sources import Sources
+from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
+from gpusim.scene import Scene
+from gpusim.scene.description import model as m
+
+ANCHOR_STEP = 2
+"""Subsets from one to the next of those by which a calibrated rig is laid on the structure."""
+ALONG = {"u": "x", "v": "y", "U": "X", "V": "Y", "W": "Z"}
+"""Which coordinate a displacement changes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """Subsets in a frame, measured or true: ``places`` (N, D) in the first picture and how far they
+    ``moved`` (N, D), in ``unit``, NaN where lost."""
+
+    subsets: PlacedSubsets
+    places: Float
+    moved: Float
+    unit: str
+
+
+@dataclass(frozen=True)
+class SeriesKind:
+    """``what`` is measured, as rows are called; ``patches``: pixels of the subsets of each place;
+    ``quantities``: what is made of them; ``moves``: displacements of the places are told, too;
+    ``joined``: all places make one row."""
+
+    what: str
+    patches: Callable[[Any, ReferencePicture], Mapping[str, Float]]
+    quantities: Callable[[Any, Sample], Columns] = lambda *_: {}
+    moves: bool = False
+    joined: bool = False
+
+    def measure(
+        self, spec: m.SeriesTable, scene: Scene, objects: SceneObjects, sources: Sources
+    ) -> SeriesResult:
+        """Every frame against the first one. Raises InputError for a place that isn't seen, and
+        what `gpusim.pipeline.measurements.dic.measure_dic` raises."""
+        picture = ReferencePicture(spec, TrueMotion(objects))
+        subsets = picture.placed(self.patches(spec, picture))
+        common = {key: getattr(spec, key) for key in m.CorrelationTable.model_fields}
+        rest = {"type": "dic", "strain": "none", "step_px": ANCHOR_STEP * spec.subset_px}
+        dic, points = m.DicTable.model_construct(**common | rest), subsets.pixels
+        if spec.cameras is not None or spec.plane_pose is not None:
+            points = np.concatenate([points, picture.anchors(dic)])
+        region = picture.region(points)
+        field = TrueField.of(picture.motion, spec.views[0], region, points)
+        found = measured_at(field, dic, scene, sources)
+        frames = {
+            frame: self._frame(spec, subsets, field, found, number)
+            for number, frame in enumerate(found.table.frames)
+        }
+        names = (self.what,) if self.joined else subsets.names
+        shown = subsets.middle if self.moves else np.arange(len(subsets.pixels))
+        shift = field.shift(found.table.frames[-1]) + found.raw_px[-1, 0]
+        return SeriesResult(
+            spec.name, PointTable.of(self.what, names, frames), spec.views, found.axes,
+            points[shown], shift[shown],
+        )  # fmt: skip
+
+    def _frame(
+        self, spec: m.SeriesTable, subsets: PlacedSubsets, field: TrueField, found: PointFields,
+        number: int,
+    ) -> Columns:  # fmt: skip
+        """Columns of a frame, the ``number``-th one of the table of what was ``found``."""
+        own = len(subsets.pixels)
+        table = {name: column[number, :own] for name, column in found.table.columns.items()}
+        moved = [name.split("_") for name in found.displacements]
+        unit = moved[0][1]
+        before = "measured_" if unit == "mm" else ""
+        places = np.column_stack([table[f"{before}{ALONG[one]}_{unit}"] for one, _ in moved])
+        shifts = [found.values(kind, found.displacements)[number, :own]
+                  for kind in ("measured", "true")]  # fmt: skip
+        frame, material = found.table.frames[number], field.material[:own]
+        space = MM * field.motion.position(material, 0)
+        real = MM * field.motion.displacement(material, frame)
+        measured = dict(self.quantities(spec, Sample(subsets, places, shifts[0], unit)))
+        true = dict(self.quantities(spec, Sample(subsets, space, real, unit)))
+        if unit == "px":
+            seen = self.quantities(spec, Sample(subsets, places, shifts[1], unit))
+            true |= {name: column for name, column in seen.items() if name.endswith("_px")}
+        middle = subsets.middle
+        if self.moves:
+            known = {name: table[f"measured_{name}"][middle] for name in found.displacements}
+            measured = known | measured
+            true |= {name: table[f"true_{name}"][middle] for name in known}
+        row = 0 * subsets.place if self.joined else subsets.place
+        columns = _followed(table, row, np.isfinite(next(iter(measured.values()))))
+        if self.moves:
+            columns |= {"x_px": table["x_px"][middle], "y_px": table["y_px"][middle]}
+            steps = np.diff((places if unit == "px" else space)[middle], axis=0)
+            way = np.cumsum([0.0, *np.linalg.norm(steps, axis=1)])
+            columns |= {f"along_{unit}": way} if self.what == "place" else {}
+            columns |= {n: c[middle] for n, c in table.items() if n.startswith("sigma_")}
+        for name, column in measured.items():
+            columns |= {f"measured_{name}": column, f"true_{name}": true[name],
+                        f"difference_{name}": column - true[name]}  # fmt: skip
+        return columns
+
+    def checks(self, spec: m.SeriesTable, scene: Scene, unloaded: Unloaded) -> list[str]:
+        """There is something to measure; raises InputError if not."""
+        motion = unloaded_motion(spec, scene, unloaded)
+        if motion is not None:
+            picture = ReferencePicture(spec, motion)
+            picture.placed(self.patches(spec, picture))
+        return []
+
+
+def _followed(table: Columns, row: Long, measured: Any) -> dict[str, Any]:
+    """Columns that say whether rows were ``measured``, or the reason why not, and which share of
+    their subsets was followed."""
+    words = np.where(table["hidden"], "HIDDEN", table["status"])
+    lost = table["status"] != "OK"
+    status = []
+    for number, known in enumerate(measured):
+        reasons = words[lost & (row == number)]
+        status.append("OK" if known else str(reasons[0]) if len(reasons) else "FEW_SUBSETS")
+    return {"status": np.array(status), "followed": np.bincount(row, ~lost) / np.bincount(row)}
+
+
+def mean_strains(spec: Any, sample: Sample) -> Columns:
+    """exx, eyy, exy of each place, from planes fitted to its subsets."""
+    subsets = sample.subsets
+    each = [subsets.place == number for number in range(len(subsets.names))]
+    tensors = np.array([
+        measure.gauge(subsets.pixels[one], sample.places[one], sample.moved[one], spec.strain)
+        for one in each
+    ])  # fmt: skip
+    return {name: tensors[:, i, j] for name, (i, j) in STRAINS.items()}
+
+
+def register_series(table: type[m.SeriesTable], kind: SeriesKind) -> None:
+    """Let scenes have it."""
+    register(Kind(table, SeriesResult, kind.measure, kind.checks))

@@ -1,0 +1,147 @@
+"""`gpusim explain`: parts of a field's error against closed forms, and against other runs."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import gpusim as gs
+from gpusim.cli import app
+from gpusim.errors import InputError
+from gpusim.pipeline.measurements.dic import FullFieldResult
+from gpusim.pipeline.scene_objects.cameras import build_camera
+from tests.support.shifted_plate import shifted_plate
+from tests.support.small_scene import small_scene
+
+
+@pytest.fixture(scope="module")
+def nearer(tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Report, Path]:
+    """A plate that comes 1 mm nearer to a camera 200 mm away, and goes 3 mm to the side."""
+    out = tmp_path_factory.mktemp("explain") / "out"
+    measure = {"camera": "left", "mm_per_px": 8.8 / 220 * 200.0 / 12.0 * 1.01}
+    sensor = {"bits": 8, "exposure": "auto", "full_well_e": 4000.0, "read_noise_e": 10.0}
+    psf = {"psf": {"type": "gaussian", "sigma_px": 0.7}}
+    changes = {"camera.left.distortion": [-0.2, 0.05, 0.0, 0.0], "camera.left.lens": psf}
+    scene = shifted_plate((3.0, 0.0, 1.0), measure, sensor=sensor, **changes)
+    return gs.explain(scene, out), out
+
+
+def maps(out: Path) -> dict[str, np.ndarray]:
+    with (out / "explain" / "field.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return {
+        key: np.array([float(row[key] or "nan") for row in rows])
+        for key in rows[0]
+        if key != "point"
+    }
+
+
+def test_parts_add_up_to_the_error(nearer: tuple[gs.Report, Path]) -> None:
+    report, out = nearer
+    (told,) = report.explanations
+    assert [*told.parts] == [
+        "scale and perspective", "out-of-plane motion", "distortion",
+        "noise", "quantisation", "psf", "settings", "speckle", "matching", "missing",
+        "measured less true",
+    ]  # fmt: skip
+    missing, error = told.parts["missing"], told.parts["measured less true"]
+    assert missing[0] < 0.1 * error[0] and missing[2] < 0.1 * error[2]
+    assert sum(one[1] for one in told.parts.values()) == pytest.approx(200.0, abs=1e-9)
+    assert told.parts["noise"][2] > 3.0 * told.parts["quantisation"][2] > 0.0
+    columns = maps(out)
+    for name in ("u_mm", "exx"):
+        parts = sum(columns[f"{part.replace(' ', '-')}_{name}"] for part in [*told.parts][:-2])
+        miss = np.nanstd(columns[f"error_{name}"] - parts) / np.nanstd(columns[f"error_{name}"])
+        assert miss < 0.1, name
+    measured = FullFieldResult.read(out / "measure", "field")
+    found = (measured.values("measured", ["exx"]) - measured.values("true", ["exx"]))[-1, :, 0]
+    known = np.isfinite(columns["error_exx"])
+    assert columns["error_exx"][known] == pytest.approx(found[known], abs=1e-9)
+    assert known.sum() > 150
+
+
+def test_parts_of_the_projection_in_closed_form(nearer: tuple[gs.Report, Path]) -> None:
+    columns = maps(nearer[1])
+    x = (columns["x_px"] - 109.5) * 8.8 / 220 / 12.0  # with the lens' distortion
+    undistorted = np.abs(x) < 0.1
+    # nearer by 1 of 200 mm: all looks 1 / 199 larger, about the optical axis, 3 mm further by then
+    expected = 1.01 * (200.0 * x + 3.0) / 199.0
+    got = columns["out-of-plane-motion_u_mm"]
+    near = undistorted & np.isfinite(got)
+    assert near.sum() > 50
+    assert got[near] == pytest.approx(expected[near], abs=0.01)
+    strain = columns["out-of-plane-motion_exx"][near]
+    # Green-Lagrange, at the scale that is 1 % too large
+    stretch = 1.01 * (1.0 + 1.0 / 199.0)
+    assert strain == pytest.approx(0.5 * (stretch**2 - 1.01**2), rel=2e-2)
+    scale = columns["scale-and-perspective_u_mm"]
+    assert scale[near] == pytest.approx(0.03, abs=1e-6)
+
+
+def test_the_report_and_the_command_say_it(nearer: tuple[gs.Report, Path]) -> None:
+    report, out = nearer
+    (told,) = report.explanations
+    assert told.remarks[0].startswith("The largest part of the error of displacements is ")
+    shape = "A rigid motion of 3 mm reads as a stretch or tilt, by out-of-plane motion: up to 0."
+    assert any(text.startswith(shape) for text in told.remarks)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Why field differs from the truth" in page and "parts of the error of strains" in page
+    stored = json.loads((out / "report.json").read_text(encoding="utf-8"))["explanations"]
+    assert stored[0]["parts"]["noise"] == pytest.approx(told.parts["noise"])
+    assert "figures" not in stored[0]
+
+
+def test_a_wrong_principal_point_is_found(tmp_path: Path) -> None:
+    true = {"cameras": ["left", "right"], "calibration": "true"}
+    lens = [-0.2, 0.05, 0.0, 0.0, 0.0]
+    changes = {"camera.left.distortion": lens, "camera.right.distortion": lens}
+    scene = shifted_plate((5.0, 0.0, 0.0), true, **changes)
+    left, right = (build_camera(one) for one in scene.cameras)
+    K = right.K.copy()
+    K[0, 2] += 3.0
+    wrong = gs.Camera(right.width, right.height, K, right.distortion, right.camera_from_world,
+                      "right")  # fmt: skip
+    # by their names, in another order
+    gs.write_calibration(tmp_path / "rig.yml", [wrong, left], "opencv", unit="mm")
+    file = str(tmp_path / "rig.yml")
+    report = gs.explain(scene.replace("measure.field.calibration", file), tmp_path / "wrong")
+    (told,) = report.explanations
+    assert told.parts["calibration"][1] > 95.0
+    assert any(
+        "A rigid motion of 5 mm reads as a parabola in U" in text and "by calibration" in text
+        for text in told.remarks
+    )
+    (cause,) = (text for text in told.remarks if text.startswith("What calibration does"))
+    assert "principal point of camera right, off by (+3, +0) px (+100 %)" in cause
+    assert cause.count("%") == 1
+    # the same measured with the true cameras: the difference is what calibration is said to do
+    found, exact = (
+        FullFieldResult.read(tmp_path / out / "measure", "field")
+        for out in ("wrong", "wrong/explain/none")
+    )
+    names = [*found.displacements, *found.strains]
+    difference = (found.values("measured", names) - exact.values("measured", names))[-1]
+    known = found.known_errors[found.known_names.index("calibration")]
+    both = np.isfinite(difference).all(axis=1) & np.isfinite(known).all(axis=1)
+    assert both.sum() > 100
+    spread = np.abs(known[both]).max(axis=0)
+    assert (np.abs(difference - known)[both] < 0.1 * spread + ([1e-3] * 3 + [5e-5] * 3)).all()
+    assert exact.known_names == ("calibration",) and np.nanmax(np.abs(exact.known_errors)) < 1e-9
+
+
+def test_what_cant_be_explained(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='0 measures of type "dic"; expected'):
+        gs.explain(small_scene(), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scene_file_needs_a_folder(tmp_path: Path) -> None:
+    path = tmp_path / "plate.toml"
+    path.write_text(shifted_plate((1.0, 0.0, 0.0), {"camera": "left"}).to_toml(), encoding="utf-8")
+    got = CliRunner().invoke(app, ["explain", str(path)])
+    assert got.exit_code == 2 and "expected -o OUT" in got.output
