@@ -17,6 +17,7 @@ from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body
 
 import gpusim as gs
 from gpusim.optics.light.studio import studio
+from gpusim.report.html import fitting
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
@@ -24,7 +25,7 @@ Picture = npt.NDArray[np.uint8]
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs" / "gallery"
 SIZE = (720, 480)
-MAPS_WIDTH = 1000
+MAPS_SIZE = 1000, 760  # at most
 LARGEST = 200_000
 """Bytes of a picture."""
 
@@ -125,9 +126,9 @@ def maps(example: str, figure: str) -> Picture:
 
 
 def small(path: Path) -> Picture:
-    """A figure as wide as the page shows it sharply."""
+    """A figure as large as a page shows it sharply."""
     image = cv2.imread(str(path))
-    size = MAPS_WIDTH, round(image.shape[0] * MAPS_WIDTH / image.shape[1])
+    size = fitting(image.shape, *MAPS_SIZE)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)[..., ::-1], np.uint8)
 
 
