@@ -179,7 +179,7 @@ class RegionTable(Table):
 
 
 ADVISED = "subset_px", "step_px", "shape", "blur_px", "strain_window"
-"""Keys that ``settings = "best"`` chooses."""
+"""Keys that ``settings = "best"`` chooses, in the order of `gpusim.measure.Advice.settings`."""
 
 
 class DicTable(CorrelationTable):

@@ -18,7 +18,6 @@ from gpusim.arrays.array_types import Bool, Float
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.sources import Sources
 from gpusim.scene.description import model as m
-from gpusim.scene.description.measures import ADVISED
 
 LEAST_SHARE = 0.5
 """Of a subset, within the region: less of it, as in a corner, tells little."""
@@ -65,13 +64,6 @@ def advice_on(
         )  # fmt: skip
     except InputError as error:
         raise InputError(f'{what}: settings = "best": {error}') from None
-
-
-def with_advice(spec: m.DicTable, advice: measure.Advice) -> m.DicTable:
-    """A measure with the settings that were chosen."""
-    chosen = advice.settings.items()
-    names = {key.removesuffix("_px"): key for key in ADVISED}
-    return spec.model_copy(update={names[key.removesuffix("_px")]: v for key, v in chosen})
 
 
 def correlate_pictures(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
-from gpusim.pipeline.measurements.dic.correlating import advice_on, points_within, with_advice
+from gpusim.pipeline.measurements.dic.correlating import advice_on, points_within
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.rig import rig_of_file
@@ -19,6 +19,7 @@ from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
+from gpusim.scene.description.measures import ADVISED
 
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
@@ -47,7 +48,8 @@ def measure_dic(
         frames = spec.measured(len(factors))
         still = next((frame for frame in frames if factors[frame] == factors[0]), None)
         advice = advice_on(what, sources, camera, roi.mask, still)
-        spec = with_advice(spec, advice)
+        chosen = zip(ADVISED, advice.settings.values(), strict=True)
+        spec = spec.model_copy(update=dict(chosen))
     points = points_within(what, roi.mask, spec)
     field = TrueField.of(motion, camera, roi, points)
     result = measured_at(field, spec, scene, sources)
