@@ -17,6 +17,7 @@ from gallery_shapes import FACE, SQUARE, ball, box, sheet, turned_body
 
 import gpusim as gs
 from gpusim.optics.light.studio import studio
+from gpusim.report.html import fitting
 
 Array = npt.NDArray[np.float64]
 Picture = npt.NDArray[np.uint8]
@@ -24,6 +25,7 @@ Picture = npt.NDArray[np.uint8]
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs" / "gallery"
 SIZE = (720, 480)
+MAPS_SIZE = 1000, 760  # at most
 LARGEST = 200_000
 """Bytes of a picture."""
 
@@ -114,6 +116,20 @@ def plate_truth() -> Picture:
     colours = cv2.applyColorMap(np.nan_to_num(level).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
     colours[np.isnan(values)] = 255
     return np.asarray(colours[..., ::-1], np.uint8)
+
+
+def maps(example: str, figure: str) -> Picture:
+    """A figure of the report of an example."""
+    with tempfile.TemporaryDirectory() as folder:
+        gs.run(gs.load_scene(ROOT / "examples" / f"{example}.toml"), folder)
+        return small(Path(folder, "figures", figure))
+
+
+def small(path: Path) -> Picture:
+    """A figure as large as a page shows it sharply."""
+    image = cv2.imread(str(path))
+    size = fitting(image.shape, *MAPS_SIZE)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)[..., ::-1], np.uint8)
 
 
 def rig() -> Picture:
@@ -337,6 +353,8 @@ PICTURES: dict[str, Callable[[], Picture]] = {
     "crane": crane,
     "plate": lambda: developed(plate(), 0.85),
     "plate_truth": plate_truth,
+    "plate_hole_maps": lambda: maps("plate_hole_stereo", "field-strain.png"),
+    "vessel_maps": lambda: maps("curved_stereo", "wall-strain.png"),
     "steel": lambda: metals(studio(), 1.7),
     "dusk": lambda: metals(dusk(), 1.0),
     "chart_daylight": lambda: chart(False),

@@ -120,16 +120,19 @@ def print_plan(made: Plan) -> None:
 
 def print_report(report: Report, folder: Path) -> None:
     """What was measured beside what is true, warnings, and where the page is."""
-    if report.measurements:
+    shown = [item for item in report.measurements if not item.detail]
+    if shown:
         out()
-        wide = max(len(item.name) for item in report.measurements) + 2
+        # reasons in brackets are on the page
+        names = [n if len(n) < 60 else n.partition(" (")[0] for n in (item.name for item in shown)]
+        wide = max(map(len, names)) + 2
         out(f"{'':<{wide}}{'measured':>12}{'truth':>12}{'error':>12}{'':>10}")
-        for item in report.measurements:
+        for name, item in zip(names, shown, strict=True):
             # of a truth that is zero but for rounding no share says anything
             known = abs(item.error_relative) < 1e3
             relative = f"{100 * item.error_relative:+.3f} %" if known else ""
             out(
-                f"{item.name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
+                f"{name:<{wide}}{item.measured:12.6g}{item.truth:12.6g}{item.error:12.3g} "
                 f"{item.unit:<4}{relative:>12}"
             )
     for warning in report.warnings:

@@ -9,18 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.export.images import Picture, write_image
 from gpusim.files.atomic_files import PathLike
 from gpusim.measure import Advice, gauge_filter
 from gpusim.measure.advice.settings_advice import RatedSettings
 from gpusim.report.html import page_template
 from gpusim.report.model import Figure
-from gpusim.report.style import MEASURED, MUTED, TRUTH, axis_title, draw_png
+from gpusim.report.style import MEASURED, MUTED, TRUTH, axis_title, drawn
 from gpusim.report.text import number, percent, plain_data
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 SHAPE_COLOURS = {"affine": "#009e73", "quadratic": TRUTH}
+CAPTION = (
+    "Each dot is a setting, the star the one chosen; resolution is the period of which a tenth "
+    "is lost. Lines: on the left what a least-squares subset can do at best, in the middle the "
+    "settings that no other beats."
+)
 TICKS = (10, 20, 50, 100, 200, 500, 1000, 2000)
 
 
@@ -57,6 +63,12 @@ def best_curve(advice: Advice) -> list[RatedSettings]:
 
 def draw_advice(advice: Advice, path: PathLike) -> Figure:
     """Draw noise against resolution of displacements and of strains, and the error on the waves."""
+    write_image(path, advice_curves(advice))
+    return Figure(Path(path), "Noise against resolution", CAPTION)
+
+
+def advice_curves(advice: Advice) -> Picture:
+    """The same as a picture."""
 
     def draw(canvas: Canvas) -> None:
         left, middle, right = canvas.subplots(1, 3)
@@ -81,13 +93,7 @@ def draw_advice(advice: Advice, path: PathLike) -> Figure:
             axis_title(axes, title)
         left.legend()
 
-    draw_png(path, (11.0, 3.6), draw)
-    caption = (
-        "Each dot is a setting, the star the one chosen; resolution is the period of which a tenth "
-        "is lost. Lines: on the left what a least-squares subset can do at best, in the middle the "
-        "settings that no other beats."
-    )
-    return Figure(Path(path), "Noise against resolution", caption)
+    return drawn((11.0, 3.6), draw)
 
 
 def _places(rated: Sequence[RatedSettings]) -> list[Float]:

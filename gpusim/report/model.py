@@ -63,7 +63,8 @@ class Measurement:
     """One measured number beside the true one, in ``unit``.
 
     NaN stands for "not measured" and becomes null in JSON. ``tolerance_relative`` is the relative
-    error up to which the number counts as good; without it the report gives no verdict.
+    error up to which the number counts as good; without it the report gives no verdict. A
+    ``detail`` is shown on demand.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Measurement:
     error: float
     error_relative: float
     tolerance_relative: float | None = None
+    detail: bool = False
 
     @classmethod
     def compare(
@@ -83,11 +85,12 @@ class Measurement:
         truth: float,
         *,
         tolerance_relative: float | None = None,
+        detail: bool = False,
     ) -> Measurement:
         """Return the measurement with error = measured - truth, relative to abs(truth)."""
         error = measured - truth
         relative = error / abs(truth) if truth != 0.0 else math.nan
-        return cls(name, unit, measured, truth, error, relative, tolerance_relative)
+        return cls(name, unit, measured, truth, error, relative, tolerance_relative, detail)
 
     @classmethod
     def noise(cls, name: str, unit: str, measured: float) -> Measurement:
@@ -96,7 +99,8 @@ class Measurement:
 
     def content(self) -> dict[str, Any]:
         """For report.json."""
-        return {key: value for key, value in vars(self).items() if key != "tolerance_relative"}
+        shown = "tolerance_relative", "detail"
+        return {key: value for key, value in vars(self).items() if key not in shown}
 
     @property
     def verdict(self) -> Literal["good", "bad", "unknown"]:

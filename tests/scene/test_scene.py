@@ -62,6 +62,12 @@ def test_every_example_is_valid(checkout: Path) -> None:
         assert Scene.from_document(tomllib.loads(scene.to_toml())) == scene
 
 
+def test_a_step_part_with_stereo_correlation_takes_60_lines(checkout: Path) -> None:
+    text = (checkout / "examples" / "plate_hole_stereo.toml").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.strip() and line.strip()[0] != "#"]
+    assert len(lines) <= 60 and any(".step" in line for line in lines)
+
+
 def test_lines_of_markers_hit_both_ends(crane: Scene) -> None:
     column, beam = crane.bodies[0].paints[1:]
     assert isinstance(column, model.MarkersTable)

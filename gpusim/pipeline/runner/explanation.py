@@ -63,6 +63,9 @@ def explain(
     got = f'{len(scene.variants)} variants, {len(measures)} measures of type "dic"'
     fits = bool(measures) and not scene.variants
     require(fits, where, got, '[[measure]] of type "dic", no [[variant]] (or gpusim budget)')
+    # each state's pictures would choose other points
+    fixed = all(spec.settings is None for spec in measures)
+    require(fixed, where, 'settings = "best"', "the subset and the others that its report names")
     document = _with_true_cameras(scene.document)
     effects = [name for name in active_sources(document) if name != KEPT]
     states = dict(states_of_effects(document, effects, [KEPT]))

@@ -178,6 +178,10 @@ class RegionTable(Table):
     """Corners in space, seen through the camera; edges between them are straight in space."""
 
 
+ADVISED = "subset_px", "step_px", "shape", "blur_px", "strain_window"
+"""Keys that ``settings = "best"`` chooses, in the order of `gpusim.measure.Advice.settings`."""
+
+
 class DicTable(CorrelationTable):
     """Digital image correlation: displacements and strains of a surface, point by point.
 
@@ -200,6 +204,9 @@ class DicTable(CorrelationTable):
 
     roi: RegionTable | None = None
     """What is measured; by default what is painted with speckle or a picture, else all bodies."""
+    settings: Literal["best"] | None = None
+    """"best": subset, step, shape, blur and strain window by the advice of ``gpusim dic --advise``
+    on the reference picture (of the first camera) within the region, in place of those below."""
     step_px: Annotated[int, Field(ge=1, le=1000)] = 10
     """Distance of the points."""
     strain: Literal["green-lagrange", "hencky", "small", "none"] = "green-lagrange"
@@ -218,6 +225,10 @@ class DicTable(CorrelationTable):
 
     @model_validator(mode="after")
     def _check_strain(self) -> DicTable:
+        for key in ADVISED if self.settings else ():
+            if getattr(self, key) != type(self).model_fields[key].default:
+                expected = f"settings or {key}"
+                raise fault(key, 'chosen by settings = "best"', getattr(self, key), expected)
         if self.cameras is not None and self.strain == "small":
             expected = "green-lagrange, hencky or none"
             raise fault("strain", "not of a surface in space", self.strain, expected)

@@ -17,6 +17,7 @@ from gpusim.pipeline.measurements.dic import FullFieldResult
 from gpusim.pipeline.scene_objects.cameras import build_camera
 from tests.support.shifted_plate import shifted_plate
 from tests.support.small_scene import small_scene
+from tests.support.speckled_plate import speckled_plate
 
 
 @pytest.fixture(scope="module")
@@ -137,6 +138,9 @@ def test_a_wrong_principal_point_is_found(tmp_path: Path) -> None:
 def test_what_cant_be_explained(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='0 measures of type "dic"; expected'):
         gs.explain(small_scene(), tmp_path / "out")
+    chosen = speckled_plate({"camera": "left", "settings": "best", "subset_px": 31, "step_px": 10})
+    with pytest.raises(InputError, match='got settings = "best"; expected the subset'):
+        gs.explain(chosen, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

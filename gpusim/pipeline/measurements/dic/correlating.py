@@ -48,6 +48,24 @@ def points_within(what: str, mask: Bool, spec: m.DicTable) -> Float:
     return np.stack([x[kept], y[kept]], axis=1).astype(np.float64)
 
 
+def advice_on(
+    what: str, sources: Sources, camera: str, mask: Bool, still: int | None
+) -> measure.Advice:
+    """Settings for a camera's first picture within a ``mask`` (H, W), its noise as the picture
+    shows it, or beside the one of a frame ``still`` at rest. Raises InputError if it has no
+    pattern or is too small."""
+    row, column = np.nonzero(mask)
+    try:
+        return measure.advise(
+            sources.image(camera, 0),
+            still=None if still is None else sources.image(camera, still),
+            roi=(int(column.min()), int(row.min()), int(column.max()), int(row.max())), mask=mask,
+            device=sources.device, backend="numpy" if sources.device is None else "gpu",
+        )  # fmt: skip
+    except InputError as error:
+        raise InputError(f'{what}: settings = "best": {error}') from None
+
+
 def correlate_pictures(
     spec: m.DicTable, sources: Sources, points: Float, mask: Bool, frames: tuple[int, ...]
 ) -> list[measure.DicResult]:

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 from gpusim.errors import InputError
 from gpusim.pipeline.measurements.dic.camera_pair import CameraPair
-from gpusim.pipeline.measurements.dic.correlating import (
-    points_within,
-)
+from gpusim.pipeline.measurements.dic.correlating import advice_on, points_within
 from gpusim.pipeline.measurements.dic.one_camera import OneCamera
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
 from gpusim.pipeline.measurements.dic.rig import rig_of_file
@@ -21,6 +19,7 @@ from gpusim.pipeline.measurements.sources import Sources
 from gpusim.pipeline.scene_objects.moving_bodies import SceneObjects
 from gpusim.scene import Scene
 from gpusim.scene.description import model as m
+from gpusim.scene.description.measures import ADVISED
 
 RIM = 3
 """Pixels at an edge that aren't used: what lies behind disturbs the interpolation there."""
@@ -43,9 +42,18 @@ def measure_dic(
     what, motion = f"measure {spec.name!r}", TrueMotion(objects)
     camera = spec.views[0]
     roi = region_of_interest(what, spec.roi, motion, camera).shrunk(RIM)
+    advice = None
+    if spec.settings is not None:
+        factors = scene.analysis.load_factors
+        frames = spec.measured(len(factors))
+        still = next((frame for frame in frames if factors[frame] == factors[0]), None)
+        advice = advice_on(what, sources, camera, roi.mask, still)
+        chosen = zip(ADVISED, advice.settings.values(), strict=True)
+        spec = spec.model_copy(update=dict(chosen))
     points = points_within(what, roi.mask, spec)
     field = TrueField.of(motion, camera, roi, points)
-    return measured_at(field, spec, scene, sources)
+    result = measured_at(field, spec, scene, sources)
+    return result if advice is None else result.with_advice(advice)
 
 
 def measured_at(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,8 @@ class PointFields(Result):
     ``spread`` (M, 2): of the subsets (`subset_filter.FilteredField`). ``calibration_px``: NaN
     without one. ``known_errors`` (K, M, Q): what faults of these ``known_names`` do to
     `displacements` and `strains` in the last frame, without any fault of the matches
-    (`geometric_error`).
+    (`geometric_error`). ``advice``: why these settings, if they were chosen from the picture, and
+    ``advice_png``: the file of a picture of what they were chosen from.
     """
 
     cameras: tuple[str, ...]
@@ -49,6 +50,8 @@ class PointFields(Result):
     slope: Float
     contrast: Float
     spread: Float
+    advice: str = ""
+    advice_png: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
 
     def __post_init__(self) -> None:
         shape = len(self.table.frames), len(self.cameras), len(self.table.points), 2

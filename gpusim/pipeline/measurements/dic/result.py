@@ -10,14 +10,17 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from gpusim.files.atomic_files import atomic_path, safe_name
+from gpusim import measure
+from gpusim.export.images import encoded_picture
+from gpusim.files.atomic_files import atomic_path, safe_name, write_bytes
 from gpusim.files.hdf5_file import writing_hdf5
 from gpusim.files.output_folder import inside
 from gpusim.pipeline.measurements.dic import statistics
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.pipeline.measurements.results import Reported, csv_text
 from gpusim.pipeline.pictures.file_names import image_path
-from gpusim.report import Drawing, Series
+from gpusim.report import Drawing, Figure, Series
+from gpusim.report.advice import CAPTION, advice_curves, reason
 from gpusim.report.field_maps import ComparedField, draw_compared_fields, draw_differences
 from gpusim.scene import Scene
 from gpusim.scene.description.table import name_and_unit
@@ -52,6 +55,13 @@ class FullFieldResult(PointFields):
                     f"{told}"
                 )
         return found
+
+    def with_advice(self, advice: measure.Advice) -> FullFieldResult:
+        """The same, and why it has these settings."""
+        chosen = ", ".join(f"{key.replace('_', ' ')} {v}" for key, v in advice.settings.items())
+        picture = np.frombuffer(encoded_picture(advice_curves(advice), ".png"), np.uint8)
+        text = f"Chosen for this picture: {chosen}. {reason(advice)} {CAPTION}"
+        return replace(self, advice=text, advice_png=picture)
 
     def tables(self) -> dict[str, str]:
         """``.csv``: a row for each point and frame, if asked for; ``-statistics.csv``."""
@@ -117,7 +127,13 @@ class FullFieldResult(PointFields):
                 )
         title, path = f"{self.name}: differences", inside(folder, f"{stem}-histogram.png")
         raw, rest = self.raw_px[-1].ravel(), self.rest_px[-1].ravel()
-        return [*drawings, partial(draw_differences, raw, rest, title, path)]
+        drawings.append(partial(draw_differences, raw, rest, title, path))
+        if self.advice:
+            data, path = self.advice_png.tobytes(), inside(folder, f"{stem}-settings.png")
+            drawings.append(
+                partial(_kept_picture, data, path, f"{self.name}: settings", self.advice)
+            )
+        return drawings
 
     def _series(self, scene: Scene) -> list[Series]:
         """Over several frames: the error, and each mean strain."""
@@ -142,3 +158,9 @@ class FullFieldResult(PointFields):
             Series(f"{self.name}: {what}", instants, found, true, word, what, unit)
             for what, unit, found, true in lines
         ]
+
+
+def _kept_picture(data: bytes, path: Path, title: str, caption: str) -> Figure:
+    """A picture that was drawn before."""
+    write_bytes(path, data)
+    return Figure(path, title, caption)

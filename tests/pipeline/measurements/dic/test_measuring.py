@@ -139,6 +139,37 @@ def test_a_frame_at_rest_tells_the_noise(tmp_path: Path) -> None:
     assert still == told["field0: RMS error in the picture"] > 1e-3
 
 
+def test_settings_are_chosen_from_the_picture(tmp_path: Path) -> None:
+    scene = speckled_plate(
+        {"camera": "left", "settings": "best", "subset_px": 31, "step_px": 10},
+        sensor=NOISE, analysis={"load_factors": [0.0, 0.0, 1.0]},
+    )  # fmt: skip
+    report = gs.run(scene, tmp_path)
+    result = FullFieldResult.read(tmp_path / "measure", "field0")
+    # the same as `gpusim dic --advise` says of these pictures, which don't know the hole's outline
+    pictures = [
+        gs.export.read_image(tmp_path / f"images/left/{number:04d}.png") for number in (0, 1)
+    ]
+    x, y = (result.table[f"{axis}_px"][0] for axis in "xy")
+    roi = int(x.min()), int(y.min()), int(x.max()), int(y.max())
+    advice = gs.measure.advise(pictures[0], still=pictures[1], roi=roi)
+    assert abs(result.subset_px / advice.settings["subset"] - 1) < 0.3
+    assert result.shape == advice.settings["shape"] == "quadratic"
+    assert f"subset {result.subset_px}, step {result.step_px}" in result.advice
+    page = (tmp_path / "report.html").read_text()
+    assert "field0: settings" in page and "Chosen for this picture" in page
+    assert (tmp_path / "figures/field0-settings.png").is_file()
+    assert not report.warnings
+
+
+def test_advice_needs_a_large_region(tmp_path: Path) -> None:
+    corners = [[100.0, 100.0], [180.0, 100.0], [180.0, 180.0], [100.0, 180.0]]
+    measure = {"camera": "left", "settings": "best", "roi": {"polygon_px": corners}}
+    scene = speckled_plate({**measure, "subset_px": 31, "step_px": 10})
+    with pytest.raises(InputError, match=r"measure 'field0': settings = \"best\": .*101"):
+        gs.run(scene, tmp_path)
+
+
 def test_a_blank_surface_is_told(tmp_path: Path) -> None:
     body = copy.deepcopy(speckled_plate().document["body"])
     body[0]["paint"] = [{"name": "plain", "type": "plain", "albedo": 0.5}]
@@ -156,6 +187,7 @@ def test_a_blank_surface_is_told(tmp_path: Path) -> None:
         ({}, "how many cameras measure; got neither"),
         ({"camera": "left", "cameras": ["left", "right"]}, "how many cameras measure; got both"),
         ({"camera": "left", "subset_px": 20}, "subset_px: even; got 20"),
+        ({"camera": "left", "settings": "best"}, 'subset_px: chosen by settings = "best"; got 21'),
         ({**PAIR, "mm_per_px": 0.1}, "mm_per_px: of one camera, but cameras are given"),
         ({"camera": "left", "mm_per_px": 0.1, "plane_pose": 0}, "lengths are told twice"),
         (
