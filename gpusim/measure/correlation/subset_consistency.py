@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontinuities
+from gpusim.measure.correlation.discontinuity import COARSE, FINE_SECTORS, fit_discontinuities
 from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
@@ -234,19 +234,24 @@ def _inconsistent_chunk(
     torn_subsets = foreign | (motion > max(MAX_SMOOTH_MOTION, settings.apart_px))
     uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~torn_subsets)
-    for search, share in ((COARSE, COARSE_SHARE), (FINE, 1.0)):
-        seen = np.zeros(len(points), dtype=np.bool_)
-        few = LINE_CHUNK if search is COARSE else LINE_CHUNK // 4
-        for i in range(0, open_.size, few):
-            chunk = open_[i : i + few]
+    sector = np.zeros(len(points), dtype=np.int64)
+    for searches, share in (((COARSE,), COARSE_SHARE), (FINE_SECTORS, 1.0)):
+        coarse, seen = share < 1.0, np.zeros(len(points), dtype=np.bool_)
+        few = LINE_CHUNK if coarse else LINE_CHUNK // 4
+        for search, chunk in [
+            (search, part[i : i + few])
+            for number, search in enumerate(searches)
+            for part in [open_[sector[open_] == number]]
+            for i in range(0, part.size, few)
+        ]:
             jump = fit_discontinuities(
                 weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search
             )
+            sector[chunk] = jump.sector
             torn = np.maximum(jump.length, motion[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
-            most = MAX_SMOOTH_COARSE if search is COARSE else clear
-            seen[chunk] = torn & (jump.smooth < most * jump.sure)
+            seen[chunk] = torn & (jump.smooth < (MAX_SMOOTH_COARSE if coarse else clear) * jump.sure)
             unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
                 (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)
                 & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
