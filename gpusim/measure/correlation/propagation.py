@@ -268,15 +268,16 @@ class Front:
         asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
-            matched = self.points[which], self.matches.coefficients[which]
-            torn, uncertain[which], likely[which] = inconsistent_subsets(
+            self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
+            both = which[~one_sided]
+            matched = self.points[both], self.matches.coefficients[both]
+            torn, uncertain[both], likely[both] = inconsistent_subsets(
                 self.pair, *matched, self.settings, self.blur_px
             )
-            self.matches.refuse(which[torn], Status.INCOHERENT)
-            self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
+            self.matches.refuse(both[torn], Status.INCOHERENT)
             if len(self.points) < NEIGHBOURS:
                 return
-            near = distinct(self._neighbours[which[torn | one_sided]])
+            near = distinct(self._neighbours[which[~self.ok[which]]])
             which = near[self.ok[near] & ~asked[near]]
             one_sided, _ = self._one_sided(which)
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
