@@ -49,6 +49,7 @@ CENTRE_SHARE = 0.6  # of a subset's width: its middle, asked by itself
 MIN_REJECTED_NEIGHBOURS = 3
 UNMATCHED = (Status.NO_GUESS, Status.NOT_CONVERGED, Status.LOW_CORRELATION)
 BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
+USUAL = 64  # measured points that tell how well points with texture all around are known
 MANY_STRIPED = 0.1  # share of what was looked at with slopes one way only: look at everything
 RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
@@ -143,6 +144,25 @@ class Front:
         noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
         plain = plain_subsets(image, self.points[which], half, float(noise))
         self.matches.refuse(which[plain], Status.NO_TEXTURE)
+        self._give_up_beside(which[plain])
+
+    def _give_up_beside(self, lost: Long) -> None:
+        """Count as without texture what sees a body from its background: points beside ``lost``
+        ones with their texture to one side. They hardly converge and are given up in the end."""
+        if len(self.points) < NEIGHBOURS:
+            return
+        known = np.flatnonzero(self.ok)
+        known = known[:: ceil(known.size / USUAL)]
+        untold = self._open & (self.matches.status != Status.OUTSIDE)
+        while lost.size:
+            near = distinct(self._neighbours[lost])
+            near = near[untold[near]]
+            untold[near] = False
+            asked = np.concatenate([near, known])
+            noise = np.full(asked.size, np.median(0.5 * self.matches.residual[known]))
+            one_sided, _ = one_sided_texture(self.pair, self.points[asked], noise, self.settings)
+            lost = near[one_sided[: near.size]]
+            self.matches.refuse(lost, Status.NO_TEXTURE)
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
@@ -339,8 +359,9 @@ class Front:
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
     def _one_sided(self, which: Long) -> tuple[Bool, Bool]:
-        zncc = self.matches.zncc[which]
-        return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
+        # what a match leaves is noise of both images
+        noise = self.matches.residual[which] / (1.0 + self.matches.zncc[which])
+        return one_sided_texture(self.pair, self.points[which], noise, self.settings)
 
     @cached_property
     def _neighbours(self) -> Long:

@@ -83,7 +83,7 @@ def inconsistent_subsets(
 
 
 def one_sided_texture(
-    pair: Pair, points: Float, zncc: Float, settings: Settings
+    pair: Pair, points: Float, noise: Float, settings: Settings
 ) -> tuple[Bool, Bool]:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
     goes one way only; and those of the second kind.
@@ -93,7 +93,7 @@ def one_sided_texture(
     nothing of the way along them. ``zncc`` (M,) tells how much of the slopes is noise.
     """
     parts = shared(
-        lambda part: _leverage(pair, points[part], zncc[part], settings),
+        lambda part: _leverage(pair, points[part], noise[part], settings),
         _chunks(len(points), settings),
     )
     if not parts:
@@ -110,7 +110,7 @@ def _chunks(count: int, settings: Settings) -> list[slice]:
     return [slice(first, first + size) for first in range(0, count, size)]
 
 
-def _leverage(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Float:
+def _leverage(pair: Pair, points: Float, noise: Float, settings: Settings) -> Float:
     """(3, M): uncertainty of each point over what it would be if the slopes of the warp were known,
     that for grey noise 1, and 1 where the pattern has slopes one way only.
 
@@ -124,8 +124,7 @@ def _leverage(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Flo
     descent = descent.transpose(1, 0, 2)
     normal = descent @ descent.transpose(0, 2, 1)
     total = np.maximum(weight.sum(axis=1), 1.0)
-    f = planes[..., 0] - ((weight * planes[..., 0]).sum(axis=1) / total)[:, None]
-    noise = settings.slope_noise * (1.0 - zncc) * (weight * f * f).sum(axis=1) / total
+    noise = settings.slope_noise * noise
     terms = (root * basis(a, b, 3)).transpose(1, 0, 2)
     moments = noise[:, None, None] * (terms @ terms.transpose(0, 2, 1))
     striped = _one_direction(normal[:, ::3, ::3], moments[:, 0, 0], total)
