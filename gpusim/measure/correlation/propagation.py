@@ -23,7 +23,11 @@ from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.pixel_mask import box_means, without_pixels
 from gpusim.measure.correlation.plain_subsets import plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
-from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
+from gpusim.measure.correlation.subset_consistency import (
+    inconsistent_subsets,
+    one_sided_texture,
+    usual_spread,
+)
 from gpusim.measure.images import Image, SplineImage, point_spacing
 from gpusim.parallel.machine import processors
 from gpusim.parallel.threads import shared
@@ -153,15 +157,18 @@ class Front:
             return
         known = np.flatnonzero(self.ok)
         known = known[:: ceil(known.size / USUAL)]
-        untold = self._open & (self.matches.status != Status.OUTSIDE)
+        noise = 0.5 * self.matches.residual[known]  # a match leaves that of both images
+        usual = usual_spread(self.pair, self.points[known], noise, self.settings)
+        untold = self._open
         while lost.size:
             near = distinct(self._neighbours[lost])
             near = near[untold[near]]
             untold[near] = False
-            asked = np.concatenate([near, known])
-            noise = np.full(asked.size, np.median(0.5 * self.matches.residual[known]))
-            one_sided, _ = one_sided_texture(self.pair, self.points[asked], noise, self.settings)
-            lost = near[one_sided[: near.size]]
+            level = np.full(near.size, np.median(noise))
+            one_sided, _ = one_sided_texture(
+                self.pair, self.points[near], level, self.settings, usual
+            )
+            lost = near[one_sided]
             self.matches.refuse(lost, Status.NO_TEXTURE)
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
@@ -359,7 +366,6 @@ class Front:
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
     def _one_sided(self, which: Long) -> tuple[Bool, Bool]:
-        # what a match leaves is noise of both images
         noise = self.matches.residual[which] / (1.0 + self.matches.zncc[which])
         return one_sided_texture(self.pair, self.points[which], noise, self.settings)
 

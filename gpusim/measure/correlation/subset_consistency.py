@@ -83,25 +83,37 @@ def inconsistent_subsets(
 
 
 def one_sided_texture(
-    pair: Pair, points: Float, noise: Float, settings: Settings
+    pair: Pair, points: Float, noise: Float, settings: Settings, usual: float | None = None
 ) -> tuple[Bool, Bool]:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
     goes one way only; and those of the second kind.
 
     A subset on the plain background of a body sees a strip of it at most. What an affine warp says
     of the point then is the strip's motion plus a badly known slope times the distance. Stripes say
-    nothing of the way along them. ``zncc`` (M,) tells how much of the slopes is noise.
+    nothing of the way along them. ``noise`` (M,) is the variance of the reference's noise there,
+    where the grey range is 1; ``usual`` the `usual_spread`, by default that of the points.
     """
+    if len(points) == 0:
+        return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
+    lever, spread, striped = _leverages(pair, points, noise, settings)
+    if usual is None:
+        usual = float(np.quantile(spread, 0.25))
+    # a bright edge within a good texture has a long lever too, but the point is well known
+    far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * usual)
+    return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
+
+
+def usual_spread(pair: Pair, points: Float, noise: Float, settings: Settings) -> float:
+    """How uncertain points are for grey noise 1, the lower quartile."""
+    return float(np.quantile(_leverages(pair, points, noise, settings)[1], 0.25))
+
+
+def _leverages(pair: Pair, points: Float, noise: Float, settings: Settings) -> Float:
     parts = shared(
         lambda part: _leverage(pair, points[part], noise[part], settings),
         _chunks(len(points), settings),
     )
-    if not parts:
-        return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
-    lever, spread, striped = np.concatenate(parts, axis=1)
-    # a bright edge within a good texture has a long lever too, but the point is well known
-    far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * np.quantile(spread, 0.25))
-    return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
+    return np.concatenate(parts, axis=1)
 
 
 def _chunks(count: int, settings: Settings) -> list[slice]:
