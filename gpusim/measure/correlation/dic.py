@@ -156,8 +156,7 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
     open_ = np.flatnonzero(~front.closed)
     chosen = open_[seeds(front.points[open_])]
     if start != "features":
-        front.search(chosen, search_px, np.zeros(2))
-        front.give_up_plain()
+        front.search_seeds(chosen, search_px)
         if _found(front, chosen) < MIN_FOUND_SEEDS:
             shift = global_shift(*front.images)
             if np.abs(shift).max() > 0:

@@ -29,7 +29,7 @@ from gpusim.arrays.array_types import Float, Long
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
 SECTORS = 6  # of half a turn, by which subsets are sorted before fine lines are tried
-BESIDE = np.pi / 12  # rad: how far beyond their sector
+BESIDE = np.pi / 12  # rad: how far beside coarse lines
 RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
 KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not explain
 
@@ -46,24 +46,29 @@ class Search:
     directions: tuple[float, ...]
     offsets: tuple[float, ...]
 
-    def around(self, sector: int) -> Search:
-        """The lines whose directions are in one of the `SECTORS` of half a turn or beside it."""
-        middle = (sector + 0.5) * np.pi / SECTORS
-        away = np.abs((np.array(self.directions) - middle + np.pi / 2) % np.pi - np.pi / 2)
-        near = np.array(self.directions)[away < 0.5 * np.pi / SECTORS + BESIDE + 1e-9]
-        return replace(self, directions=tuple(near.tolist()))
-
 
 def _directions(number: int) -> tuple[float, ...]:
     return tuple((np.arange(number) * np.pi / number).tolist())
 
 
-COARSE = Search(
-    7, _directions(12), (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7)
-)
+COARSE = Search(7, _directions(12), (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7))
 FINE = Search(15, _directions(24), tuple(np.linspace(-0.75, 0.75, 24).tolist()))
+
+
+def _around(sector: int) -> Search:
+    """Fine lines near the directions of coarse ones in one of the `SECTORS` of half a turn."""
+    coarse, fine = np.array(COARSE.directions), np.array(FINE.directions)
+    apart = (fine[:, None] - coarse[_sectors(coarse) == sector] + np.pi / 2) % np.pi - np.pi / 2
+    near = (np.abs(apart) < BESIDE + 1e-9).any(axis=1)
+    return replace(FINE, directions=tuple(fine[near].tolist()))
+
+
+def _sectors(directions: Float) -> Long:
+    return np.asarray(np.floor(directions * SECTORS / np.pi + 1e-9), dtype=np.int64)
+
+
 # what coarse lines found tells where to try fine ones
-FINE_SECTORS = tuple(FINE.around(sector) for sector in range(SECTORS))
+FINE_SECTORS = tuple(_around(sector) for sector in range(SECTORS))
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ class Discontinuities:
     sure : (B,) float64, what it explains over the variance that then is left: the square of its
         distance from 0 in standard deviations. For noise alone 7 on average, 25 once in 1000.
     smooth : (B,) float64, what terms of third and fourth degree explain, likewise, less what they
-        do of noise.
+        do of noise; inf where that wasn't asked.
     """
 
     length: Float
@@ -98,20 +103,22 @@ def fit_discontinuities(
     grey: Float,
     rest: Float,
     search: Search = COARSE,
+    least: float = 0.0,
 ) -> Discontinuities:
     """Look for a jump in each of B subsets of n = size^2 pixels, row by row.
 
     weight : (B, n), 0 where a pixel isn't used.      slopes : by x and by y, (B, n).
     grey : (B, n), reference values less their mean.  rest : (B, n), what the match leaves of them.
+    least : jumps less sure aren't compared with a smooth field.
     """
     number = min(search.cells, round(np.sqrt(weight.shape[1])))
     fields = _fields(replace(search, cells=number))
     cells = _cell_sums(weight, number)
     x, y = slopes
     # columns: known motions by x, by y, brightness even and tilted, contrast
-    asked = np.concatenate([fields.smooth, fields.sides])
-    both = np.concatenate([fields.known, asked])
-    count, terms, tests = len(weight), len(fields.known), len(asked)
+    both = np.concatenate([fields.known, fields.smooth, fields.sides])
+    count, terms = len(weight), len(fields.known)
+    tests = len(both) - terms
     linear = fields.known[:3]
     light = slice(2 * terms, 2 * terms + len(linear))
     unknowns = light.stop + 1
@@ -153,12 +160,14 @@ def fit_discontinuities(
         flat[:, :, :, len(fields.smooth) :],
         by_rest[:, :, len(fields.smooth) :],
     )
-    smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
+    sure, smooth = explained / noise, np.full(count, np.inf)
+    asked = np.flatnonzero(sure >= least)
+    smooth[asked] = _smooth([m[asked] for m in moments], fields.smooth, flat[asked], by_rest[asked])
+    smooth = smooth / noise - 2 * len(fields.smooth)
     direction = np.array(search.directions)[line // len(search.offsets)]
-    sector = np.floor((direction + 1e-9) * SECTORS / np.pi).astype(np.int64)
-    return Discontinuities(length, sector, explained / noise, smooth / noise - 2 * len(fields.smooth))
+    return Discontinuities(length, _sectors(direction), sure, smooth)
 
 
 def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
@@ -203,7 +212,7 @@ def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float,
 
 
 def _smooth(
-    moments: tuple[Float, ...],
+    moments: list[Float],
     smooth: Float,
     cross: Float,
     by_rest: Float,
@@ -216,10 +225,10 @@ def _smooth(
             square[:, i, :, j] = _sums(smooth, moments[i + j], smooth)
     matrix = square.reshape(count, 2 * terms, 2 * terms)
     diagonal = np.einsum("bii->bi", matrix).copy()
-    taken = cross[:, :, :, :terms].reshape(count, -1, 2 * terms)
+    taken = cross[:, :, :, :terms].reshape(count, cross.shape[1], 2 * terms)
     matrix = matrix - taken.transpose(0, 2, 1) @ taken
     matrix[:, np.arange(2 * terms), np.arange(2 * terms)] += RIDGE * diagonal + 1e-30
-    right = by_rest[:, :, :terms].reshape(count, -1)
+    right = by_rest[:, :, :terms].reshape(count, 2 * terms)
     return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
 
 

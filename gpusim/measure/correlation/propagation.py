@@ -21,7 +21,7 @@ from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.pixel_mask import box_means, without_pixels
-from gpusim.measure.correlation.plain_subsets import plain_subsets
+from gpusim.measure.correlation.plain_subsets import neighbour_differences, plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
 from gpusim.measure.correlation.subset_consistency import (
     inconsistent_subsets,
@@ -131,22 +131,37 @@ class Front:
         # without a place to start from, let the kernel say why: outside, or no texture
         self.attempt(which[~matched], start[~matched], keep=False)
 
+    def search_seeds(self, which: Long, search_px: int) -> None:
+        """Search ``which`` around no displacement, first those that show more than noise may: they
+        tell how strong that is."""
+        white = plain_subsets(tuple(self._differences[:, which]))
+        for part in (which[~white], which[white]):
+            self.search(part[self.measurable[part]], search_px, np.zeros(2))
+            self.give_up_plain()
+
+    @cached_property
+    def _differences(self) -> Float:
+        """(2, M): `neighbour_differences`, NaN where nothing is measured."""
+        found, inside = np.full((2, len(self.points)), np.nan), ~self.closed
+        half = self.settings.half
+        found[:, inside] = neighbour_differences(self.images[0], self.points[inside], half)
+        return found
+
     def give_up_plain(self) -> None:
-        """Count as without texture, if tries failed, all points that show nothing but noise, no
-        stronger than what was left where others were matched."""
-        ok, status = self.ok, self.matches.status
-        failed = (self.attempts > 0) & ~ok & (status != Status.OUTSIDE)
-        if not (failed.any() and ok.any()):
+        """Count as without texture all points that show nothing but noise, no stronger than what
+        was left where others were matched."""
+        ok = self.ok
+        if not ok.any():
             return
-        image, half = self.images[0], self.settings.half
-        which = np.flatnonzero(np.isin(status, UNMATCHED))
+        which = np.flatnonzero(np.isin(self.matches.status, UNMATCHED))
         if self.mask is not None:
             x, y = np.rint(self.points[which]).astype(np.int64).T
-            which = which[box_means(self.mask.astype(np.uint8), x, y, half) == 1.0]
+            masked = box_means(self.mask.astype(np.uint8), x, y, self.settings.half)
+            which = which[masked == 1.0]
         # what is left is noise of both images; a blur has taken most of it
         left = np.quantile(self.matches.residual[ok], 0.9) * max(1.0, 4.0 * np.pi * self.blur_px**2)
         noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
-        plain = plain_subsets(image, self.points[which], half, float(noise))
+        plain = plain_subsets(tuple(self._differences[:, which]), float(noise))
         self.matches.refuse(which[plain], Status.NO_TEXTURE)
         self._give_up_beside(which[plain])
 
@@ -155,16 +170,13 @@ class Front:
         ones with their texture to one side. They hardly converge and are given up in the end."""
         if len(self.points) < NEIGHBOURS:
             return
-        known = np.flatnonzero(self.ok)
-        known = known[:: ceil(known.size / USUAL)]
-        noise = 0.5 * self.matches.residual[known]  # a match leaves that of both images
-        usual = usual_spread(self.pair, self.points[known], noise, self.settings)
+        usual, noise = self._usual()
         untold = self._open
         while lost.size:
             near = distinct(self._neighbours[lost])
             near = near[untold[near]]
             untold[near] = False
-            level = np.full(near.size, np.median(noise))
+            level = np.full(near.size, noise)
             one_sided, _ = one_sided_texture(
                 self.pair, self.points[near], level, self.settings, usual
             )
@@ -287,11 +299,12 @@ class Front:
         if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
             return
         which = self._outliers()
-        one_sided, striped = self._one_sided(which)
+        usual, _ = self._usual()
+        one_sided, striped = self._one_sided(which, usual)
         # the pattern itself may have slopes one way only
         if striped.any() and striped.mean() > MANY_STRIPED:
             others = np.setdiff1d(np.flatnonzero(self.ok), which)
-            self.matches.refuse(others[self._one_sided(others)[0]], Status.NO_TEXTURE)
+            self.matches.refuse(others[self._one_sided(others, usual)[0]], Status.NO_TEXTURE)
         asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
         while which.size:
             asked[which] = True
@@ -306,7 +319,7 @@ class Front:
                 return
             near = distinct(self._neighbours[which[~self.ok[which]]])
             which = near[self.ok[near] & ~asked[near]]
-            one_sided, _ = self._one_sided(which)
+            one_sided, _ = self._one_sided(which, usual)
         if uncertain.any() and len(self.points) >= NEIGHBOURS:
             self._resolve_uncertain(uncertain & self.ok, likely)
 
@@ -357,7 +370,11 @@ class Front:
         bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
-        alone = ~self.ok[neighbour].all(axis=1)
+        # beyond the picture's border no body ends; along a mask one does
+        lost = ~self.ok
+        if self.mask is None:
+            lost &= self.matches.status != Status.OUTSIDE
+        alone = lost[neighbour].any(axis=1)
         unlike = 1.0 - self.matches.zncc[which]
         poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
         residual = self.matches.residual[which]
@@ -365,9 +382,17 @@ class Front:
         poor &= residual > usual * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _one_sided(self, which: Long) -> tuple[Bool, Bool]:
+    def _usual(self) -> tuple[float, float]:
+        """`usual_spread` of what is measured, and variance of the noise there, of one image."""
+        known = np.flatnonzero(self.ok)
+        known = known[:: ceil(known.size / USUAL)] if known.size else known
+        noise = 0.5 * self.matches.residual[known]
+        spread = usual_spread(self.pair, self.points[known], noise, self.settings)
+        return spread, float(np.median(noise)) if known.size else 0.0
+
+    def _one_sided(self, which: Long, usual: float) -> tuple[Bool, Bool]:
         noise = self.matches.residual[which] / (1.0 + self.matches.zncc[which])
-        return one_sided_texture(self.pair, self.points[which], noise, self.settings)
+        return one_sided_texture(self.pair, self.points[which], noise, self.settings, usual)
 
     @cached_property
     def _neighbours(self) -> Long:

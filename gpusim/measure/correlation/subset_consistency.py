@@ -13,7 +13,12 @@ import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.measure.correlation.discontinuity import COARSE, FINE_SECTORS, fit_discontinuities
+from gpusim.measure.correlation.discontinuity import (
+    COARSE,
+    FINE_SECTORS,
+    Search,
+    fit_discontinuities,
+)
 from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
@@ -46,7 +51,7 @@ UNCERTAIN_SMOOTH = 2.2  # what a smooth field explains over what a jump does: un
 UNCERTAIN_SIGNIFICANCE = 0.55
 COARSE_SHARE = 0.5  # of a jump's length and surety that coarse lines must show
 CLEAR_SIGNIFICANCE = 4.0  # … more than this times MIN_SIGNIFICANCE: noise no longer decides
-# times MIN_SIGNIFICANCE for a jump: the best of 576 lines fits noise better than one part does
+# times MIN_SIGNIFICANCE for a jump: the best of all lines fits noise better than one part does
 LINE_SIGNIFICANCE = 2.4
 MAX_SMOOTH_MOTION = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 16  # pixels handled at once
@@ -83,7 +88,7 @@ def inconsistent_subsets(
 
 
 def one_sided_texture(
-    pair: Pair, points: Float, noise: Float, settings: Settings, usual: float | None = None
+    pair: Pair, points: Float, noise: Float, settings: Settings, usual: float
 ) -> tuple[Bool, Bool]:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
     goes one way only; and those of the second kind.
@@ -91,13 +96,11 @@ def one_sided_texture(
     A subset on the plain background of a body sees a strip of it at most. What an affine warp says
     of the point then is the strip's motion plus a badly known slope times the distance. Stripes say
     nothing of the way along them. ``noise`` (M,) is the variance of the reference's noise there,
-    where the grey range is 1; ``usual`` the `usual_spread`, by default that of the points.
+    where the grey range is 1; ``usual`` the `usual_spread`.
     """
     if len(points) == 0:
         return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
     lever, spread, striped = _leverages(pair, points, noise, settings)
-    if usual is None:
-        usual = float(np.quantile(spread, 0.25))
     # a bright edge within a good texture has a long lever too, but the point is well known
     far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * usual)
     return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
@@ -105,6 +108,8 @@ def one_sided_texture(
 
 def usual_spread(pair: Pair, points: Float, noise: Float, settings: Settings) -> float:
     """How uncertain points are for grey noise 1, the lower quartile."""
+    if len(points) == 0:
+        return 0.0
     return float(np.quantile(_leverages(pair, points, noise, settings)[1], 0.25))
 
 
@@ -246,32 +251,38 @@ def _inconsistent_chunk(
     uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~torn_subsets)
     sector = np.zeros(len(points), dtype=np.int64)
+    least = UNCERTAIN_SIGNIFICANCE * sure
     for searches, share in (((COARSE,), COARSE_SHARE), (FINE_SECTORS, 1.0)):
         coarse, seen = share < 1.0, np.zeros(len(points), dtype=np.bool_)
-        few = LINE_CHUNK if coarse else LINE_CHUNK // 4
-        for search, chunk in [
-            (search, part[i : i + few])
-            for number, search in enumerate(searches)
-            for part in [open_[sector[open_] == number]]
-            for i in range(0, part.size, few)
-        ]:
+        for search, chunk in _batches(searches, open_, sector):
             jump = fit_discontinuities(
-                weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search
+                weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search, least
             )
             sector[chunk] = jump.sector
             torn = np.maximum(jump.length, motion[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
-            seen[chunk] = torn & (jump.smooth < (MAX_SMOOTH_COARSE if coarse else clear) * jump.sure)
+            seen[chunk] = torn & (
+                jump.smooth < (MAX_SMOOTH_COARSE if coarse else clear) * jump.sure
+            )
             unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
-                (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)
-                & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
+                (jump.sure > least) & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
             )
             uncertain[chunk] |= unclear
             likely[chunk] |= unclear & (jump.sure > COARSE_SHARE * LINE_SIGNIFICANCE * sure)
         open_ = np.flatnonzero(seen)
     torn_subsets[open_] = True
     return np.stack([torn_subsets, uncertain & ~torn_subsets, likely & ~torn_subsets])
+
+
+def _batches(searches: tuple[Search, ...], which: Long, sector: Long) -> list[tuple[Search, Long]]:
+    """Searches, each with those of ``which`` that have its number as their ``sector``."""
+    parts = [which[sector[which] == number] for number in range(len(searches))]
+    return [
+        (search, part[i : i + LINE_CHUNK])
+        for search, part in zip(searches, parts, strict=True)
+        for i in range(0, part.size, LINE_CHUNK)
+    ]
 
 
 def _lower_quartile(values: Float, valid: Bool) -> Float:
