@@ -29,7 +29,8 @@ from gpusim.arrays.array_types import Float, Long
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
 SECTORS = 6  # of half a turn, by which subsets are sorted before fine lines are tried
-BESIDE = np.pi / 12  # rad: how far beside coarse lines
+# rad: from a sector's first coarse direction: to those beside both of it, and between
+STEPS = np.arange(-2, 5) * np.pi / 24
 RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
 KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not explain
 
@@ -47,39 +48,27 @@ class Search:
     offsets: tuple[float, ...]
 
 
-def _directions(number: int) -> tuple[float, ...]:
-    return tuple((np.arange(number) * np.pi / number).tolist())
-
-
-COARSE = Search(7, _directions(12), (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7))
-FINE = Search(15, _directions(24), tuple(np.linspace(-0.75, 0.75, 24).tolist()))
-
-
-def _around(sector: int) -> Search:
-    """Fine lines near the directions of coarse ones in one of the `SECTORS` of half a turn."""
-    coarse, fine = np.array(COARSE.directions), np.array(FINE.directions)
-    apart = (fine[:, None] - coarse[_sectors(coarse) == sector] + np.pi / 2) % np.pi - np.pi / 2
-    near = (np.abs(apart) < BESIDE + 1e-9).any(axis=1)
-    return replace(FINE, directions=tuple(fine[near].tolist()))
-
-
-def _sectors(directions: Float) -> Long:
-    return np.asarray(np.floor(directions * SECTORS / np.pi + 1e-9), dtype=np.int64)
-
-
-# what coarse lines found tells where to try fine ones
-FINE_SECTORS = tuple(_around(sector) for sector in range(SECTORS))
+COARSE = Search(
+    7,
+    tuple(np.linspace(0.0, np.pi, 12, endpoint=False).tolist()),
+    (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7),
+)
+# for each sector of half a turn: coarse lines there tell where to try fine ones
+FINE = tuple(
+    Search(15, tuple((first + STEPS).tolist()), tuple(np.linspace(-0.75, 0.75, 24).tolist()))
+    for first in np.linspace(0.0, np.pi, SECTORS, endpoint=False)
+)
 
 
 @dataclass(frozen=True)
 class Discontinuities:
     """The jump that explains most of what is left in each of B subsets.
 
-    length : (B,) float64, px.      sector : (B,) int64, of its line's direction.
+    length : (B,) float64, px.      sector : (B,) int64, of its coarse line's direction.
     sure : (B,) float64, what it explains over the variance that then is left: the square of its
         distance from 0 in standard deviations. For noise alone 7 on average, 25 once in 1000.
     smooth : (B,) float64, what terms of third and fourth degree explain, likewise, less what they
-        do of noise; inf where that wasn't asked.
+        do of noise.
     """
 
     length: Float
@@ -103,13 +92,11 @@ def fit_discontinuities(
     grey: Float,
     rest: Float,
     search: Search = COARSE,
-    least: float = 0.0,
 ) -> Discontinuities:
     """Look for a jump in each of B subsets of n = size^2 pixels, row by row.
 
     weight : (B, n), 0 where a pixel isn't used.      slopes : by x and by y, (B, n).
     grey : (B, n), reference values less their mean.  rest : (B, n), what the match leaves of them.
-    least : jumps less sure aren't compared with a smooth field.
     """
     number = min(search.cells, round(np.sqrt(weight.shape[1])))
     fields = _fields(replace(search, cells=number))
@@ -160,14 +147,13 @@ def fit_discontinuities(
         flat[:, :, :, len(fields.smooth) :],
         by_rest[:, :, len(fields.smooth) :],
     )
+    smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
-    sure, smooth = explained / noise, np.full(count, np.inf)
-    asked = np.flatnonzero(sure >= least)
-    smooth[asked] = _smooth([m[asked] for m in moments], fields.smooth, flat[asked], by_rest[asked])
-    smooth = smooth / noise - 2 * len(fields.smooth)
-    direction = np.array(search.directions)[line // len(search.offsets)]
-    return Discontinuities(length, _sectors(direction), sure, smooth)
+    sector = line * SECTORS // len(fields.sides)
+    return Discontinuities(
+        length, sector, explained / noise, smooth / noise - 2 * len(fields.smooth)
+    )
 
 
 def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
@@ -212,7 +198,7 @@ def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float,
 
 
 def _smooth(
-    moments: list[Float],
+    moments: tuple[Float, ...],
     smooth: Float,
     cross: Float,
     by_rest: Float,
@@ -225,10 +211,10 @@ def _smooth(
             square[:, i, :, j] = _sums(smooth, moments[i + j], smooth)
     matrix = square.reshape(count, 2 * terms, 2 * terms)
     diagonal = np.einsum("bii->bi", matrix).copy()
-    taken = cross[:, :, :, :terms].reshape(count, cross.shape[1], 2 * terms)
+    taken = cross[:, :, :, :terms].reshape(count, -1, 2 * terms)
     matrix = matrix - taken.transpose(0, 2, 1) @ taken
     matrix[:, np.arange(2 * terms), np.arange(2 * terms)] += RIDGE * diagonal + 1e-30
-    right = by_rest[:, :, :terms].reshape(count, 2 * terms)
+    right = by_rest[:, :, :terms].reshape(count, -1)
     return np.asarray((right * np.linalg.solve(matrix, right[:, :, None])[:, :, 0]).sum(axis=1))
 
 

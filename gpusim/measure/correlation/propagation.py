@@ -143,21 +143,20 @@ class Front:
     def _differences(self) -> Float:
         """(2, M): `neighbour_differences`, NaN where nothing is measured."""
         found, inside = np.full((2, len(self.points)), np.nan), ~self.closed
-        half = self.settings.half
-        found[:, inside] = neighbour_differences(self.images[0], self.points[inside], half)
+        places = self.points[inside], self.settings.half
+        found[:, inside] = neighbour_differences(self.images[0], *places)
         return found
 
     def give_up_plain(self) -> None:
         """Count as without texture all points that show nothing but noise, no stronger than what
         was left where others were matched."""
-        ok = self.ok
-        if not ok.any():
-            return
+        ok, half = self.ok, self.settings.half
         which = np.flatnonzero(np.isin(self.matches.status, UNMATCHED))
+        if not (ok.any() and which.size):
+            return
         if self.mask is not None:
             x, y = np.rint(self.points[which]).astype(np.int64).T
-            masked = box_means(self.mask.astype(np.uint8), x, y, self.settings.half)
-            which = which[masked == 1.0]
+            which = which[box_means(self.mask.astype(np.uint8), x, y, half) == 1.0]
         # what is left is noise of both images; a blur has taken most of it
         left = np.quantile(self.matches.residual[ok], 0.9) * max(1.0, 4.0 * np.pi * self.blur_px**2)
         noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
@@ -168,19 +167,12 @@ class Front:
     def _give_up_beside(self, lost: Long) -> None:
         """Count as without texture what sees a body from its background: points beside ``lost``
         ones with their texture to one side. They hardly converge and are given up in the end."""
-        if len(self.points) < NEIGHBOURS:
-            return
-        usual, noise = self._usual()
-        untold = self._open
-        while lost.size:
+        usual, untold = self._usual(), self._open
+        while lost.size and self._looks_at_parts and len(self.points) >= NEIGHBOURS:
             near = distinct(self._neighbours[lost])
             near = near[untold[near]]
             untold[near] = False
-            level = np.full(near.size, noise)
-            one_sided, _ = one_sided_texture(
-                self.pair, self.points[near], level, self.settings, usual
-            )
-            lost = near[one_sided]
+            lost = near[self._one_sided(near, usual)[0]]
             self.matches.refuse(lost, Status.NO_TEXTURE)
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
@@ -296,10 +288,9 @@ class Front:
 
         Only those are looked at that stand out, and the neighbours of those that are refused.
         """
-        if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
+        if not (self._looks_at_parts and self.ok.any()):
             return
-        which = self._outliers()
-        usual, _ = self._usual()
+        which, usual = self._outliers(), self._usual()
         one_sided, striped = self._one_sided(which, usual)
         # the pattern itself may have slopes one way only
         if striped.any() and striped.mean() > MANY_STRIPED:
@@ -371,9 +362,7 @@ class Front:
         bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
         uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
         # beyond the picture's border no body ends; along a mask one does
-        lost = ~self.ok
-        if self.mask is None:
-            lost &= self.matches.status != Status.OUTSIDE
+        lost = ~self.ok & ((self.mask is not None) | (self.matches.status != Status.OUTSIDE))
         alone = lost[neighbour].any(axis=1)
         unlike = 1.0 - self.matches.zncc[which]
         poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
@@ -382,17 +371,26 @@ class Front:
         poor &= residual > usual * np.quantile(residual, 0.25)
         return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
 
-    def _usual(self) -> tuple[float, float]:
-        """`usual_spread` of what is measured, and variance of the noise there, of one image."""
+    @property
+    def _looks_at_parts(self) -> bool:
+        settings = self.settings
+        return bool(np.isfinite(settings.apart_px)) and settings.shape in FLEXIBLE_SHAPES
+
+    def _usual(self) -> float:
+        """`usual_spread` of what is measured."""
         known = np.flatnonzero(self.ok)
-        known = known[:: ceil(known.size / USUAL)] if known.size else known
-        noise = 0.5 * self.matches.residual[known]
-        spread = usual_spread(self.pair, self.points[known], noise, self.settings)
-        return spread, float(np.median(noise)) if known.size else 0.0
+        known = known[:: ceil(known.size / USUAL)]
+        return usual_spread(self.pair, self.points[known], self._noise[known], self.settings)
 
     def _one_sided(self, which: Long, usual: float) -> tuple[Bool, Bool]:
-        noise = self.matches.residual[which] / (1.0 + self.matches.zncc[which])
+        noise = self._noise[which]
         return one_sided_texture(self.pair, self.points[which], noise, self.settings, usual)
+
+    @property
+    def _noise(self) -> Float:
+        """(M,) variance of the noise of one image: a match leaves that of both."""
+        noise = self.matches.residual / (1.0 + self.matches.zncc)
+        return np.where(self.ok, noise, np.median(noise[self.ok]))
 
     @cached_property
     def _neighbours(self) -> Long:

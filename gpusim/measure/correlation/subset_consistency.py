@@ -13,12 +13,7 @@ import cv2
 import numpy as np
 
 from gpusim.arrays.array_types import Bool, Float, Long
-from gpusim.measure.correlation.discontinuity import (
-    COARSE,
-    FINE_SECTORS,
-    Search,
-    fit_discontinuities,
-)
+from gpusim.measure.correlation.discontinuity import COARSE, FINE, fit_discontinuities
 from gpusim.measure.correlation.image_pair import Pair, subset_pixels
 from gpusim.measure.correlation.matching import Settings
 from gpusim.measure.correlation.warp import basis, steepest_descent
@@ -98,9 +93,13 @@ def one_sided_texture(
     nothing of the way along them. ``noise`` (M,) is the variance of the reference's noise there,
     where the grey range is 1; ``usual`` the `usual_spread`.
     """
-    if len(points) == 0:
+    parts = shared(
+        lambda part: _leverage(pair, points[part], noise[part], settings),
+        _chunks(len(points), settings),
+    )
+    if not parts:
         return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
-    lever, spread, striped = _leverages(pair, points, noise, settings)
+    lever, spread, striped = np.concatenate(parts, axis=1)
     # a bright edge within a good texture has a long lever too, but the point is well known
     far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * usual)
     return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
@@ -108,17 +107,7 @@ def one_sided_texture(
 
 def usual_spread(pair: Pair, points: Float, noise: Float, settings: Settings) -> float:
     """How uncertain points are for grey noise 1, the lower quartile."""
-    if len(points) == 0:
-        return 0.0
-    return float(np.quantile(_leverages(pair, points, noise, settings)[1], 0.25))
-
-
-def _leverages(pair: Pair, points: Float, noise: Float, settings: Settings) -> Float:
-    parts = shared(
-        lambda part: _leverage(pair, points[part], noise[part], settings),
-        _chunks(len(points), settings),
-    )
-    return np.concatenate(parts, axis=1)
+    return float(np.quantile(_leverage(pair, points, noise, settings)[1], 0.25))
 
 
 def _chunks(count: int, settings: Settings) -> list[slice]:
@@ -251,38 +240,32 @@ def _inconsistent_chunk(
     uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~torn_subsets)
     sector = np.zeros(len(points), dtype=np.int64)
-    least = UNCERTAIN_SIGNIFICANCE * sure
-    for searches, share in (((COARSE,), COARSE_SHARE), (FINE_SECTORS, 1.0)):
+    for searches, share in (((COARSE,), COARSE_SHARE), (FINE, 1.0)):
         coarse, seen = share < 1.0, np.zeros(len(points), dtype=np.bool_)
-        for search, chunk in _batches(searches, open_, sector):
+        parts = [open_[sector[open_] == number] for number in range(len(searches))]
+        for search, chunk in [
+            (search, part[i : i + LINE_CHUNK])
+            for search, part in zip(searches, parts, strict=True)
+            for i in range(0, part.size, LINE_CHUNK)
+        ]:
             jump = fit_discontinuities(
-                weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search, least
+                weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search
             )
             sector[chunk] = jump.sector
             torn = np.maximum(jump.length, motion[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
-            seen[chunk] = torn & (
-                jump.smooth < (MAX_SMOOTH_COARSE if coarse else clear) * jump.sure
-            )
+            most = MAX_SMOOTH_COARSE if coarse else clear
+            seen[chunk] = torn & (jump.smooth < most * jump.sure)
             unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
-                (jump.sure > least) & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
+                (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)
+                & (jump.smooth < UNCERTAIN_SMOOTH * jump.sure)
             )
             uncertain[chunk] |= unclear
             likely[chunk] |= unclear & (jump.sure > COARSE_SHARE * LINE_SIGNIFICANCE * sure)
         open_ = np.flatnonzero(seen)
     torn_subsets[open_] = True
     return np.stack([torn_subsets, uncertain & ~torn_subsets, likely & ~torn_subsets])
-
-
-def _batches(searches: tuple[Search, ...], which: Long, sector: Long) -> list[tuple[Search, Long]]:
-    """Searches, each with those of ``which`` that have its number as their ``sector``."""
-    parts = [which[sector[which] == number] for number in range(len(searches))]
-    return [
-        (search, part[i : i + LINE_CHUNK])
-        for search, part in zip(searches, parts, strict=True)
-        for i in range(0, part.size, LINE_CHUNK)
-    ]
 
 
 def _lower_quartile(values: Float, valid: Bool) -> Float:
