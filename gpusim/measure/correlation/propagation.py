@@ -390,7 +390,7 @@ class Front:
     def _noise(self) -> Float:
         """(M,) variance of the noise of one image: a match leaves that of both."""
         noise = self.matches.residual / (1.0 + self.matches.zncc)
-        return np.where(self.ok, noise, np.median(noise[self.ok]))
+        return np.where(self.ok, noise, np.median(noise[self.ok]) if self.ok.any() else 0.0)
 
     @cached_property
     def _neighbours(self) -> Long:
