@@ -103,9 +103,9 @@ def fit_discontinuities(
     cells = _cell_sums(weight, number)
     x, y = slopes
     # columns: known motions by x, by y, brightness even and tilted, contrast
-    both = np.concatenate([fields.known, fields.smooth, fields.sides])
-    count, terms = len(weight), len(fields.known)
-    tests = len(both) - terms
+    asked = np.concatenate([fields.smooth, fields.sides])
+    both = np.concatenate([fields.known, asked])
+    count, terms, tests = len(weight), len(fields.known), len(asked)
     linear = fields.known[:3]
     light = slice(2 * terms, 2 * terms + len(linear))
     unknowns = light.stop + 1
@@ -150,10 +150,8 @@ def fit_discontinuities(
     smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
-    sector = line * SECTORS // len(fields.sides)
-    return Discontinuities(
-        length, sector, explained / noise, smooth / noise - 2 * len(fields.smooth)
-    )
+    smooth = smooth / noise - 2 * len(fields.smooth)
+    return Discontinuities(length, line * SECTORS // len(fields.sides), explained / noise, smooth)
 
 
 def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
