@@ -142,11 +142,9 @@ def fit_discontinuities(
     unexplained = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
 
     flat = flat.reshape(count, unknowns, 2, tests)
-    length, explained, line = _best_side(
-        [m @ (fields.sides**2).T for m in moments],
-        flat[:, :, :, len(fields.smooth) :],
-        by_rest[:, :, len(fields.smooth) :],
-    )
+    sides = [m @ (fields.sides**2).T for m in moments]
+    place = slice(len(fields.smooth), tests)
+    length, explained, line = _best_side(sides, flat[:, :, :, place], by_rest[:, :, place])
     smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
