@@ -16,6 +16,8 @@ In the order in which data passes:
 - `subset_consistency`: Whether all of a subset moved as its warp says, from what the match leaves
   in its parts.
 - `propagation`: Points in progress: from those that are measured to their neighbours.
+- `coherence`: Measured points that are given up: their subsets see two motions, or have texture to
+  one side.
 - `dic`: Digital image correlation of two images on a grid of points or at given ones.
 - `sequence`: Correlation of a series of images with one reference, or with references that follow
   it.

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gpusim.arrays.array_types import Bool, Float, Long
 from gpusim.errors import InputError
 from gpusim.gpu import Device, working_device
+from gpusim.measure.correlation.coherence import CheckedFront
 from gpusim.measure.correlation.matching import (
     Correlation,
     DicResult,
@@ -114,7 +115,7 @@ def dic(
     positions = given_or_grid(points, first.image.shape, subset=subset, step=step, roi=roi)
     begin = None if guess is None else _check_guess(guess, positions, settings)
     images, near = (first.image, second.image), _reach(begin, count_of("search_px", search_px))
-    front = Front(images, positions, settings, allowed, blur_px, near, device)
+    front = CheckedFront(images, positions, settings, allowed, blur_px, near, device)
     matches = _measure_all(front, begin, isinstance(guess, DicResult), start, int(search_px))
     name_failures(matches, positions, settings, first, second)
     widening = noise_factor(front.pair.reference, positions, settings.half, blur_px)
@@ -122,7 +123,7 @@ def dic(
 
 
 def _measure_all(
-    front: Front, begin: Float | None, earlier: bool, start: Start, search_px: int
+    front: CheckedFront, begin: Float | None, earlier: bool, start: Start, search_px: int
 ) -> Correlation:
     """Measure every point: from guesses ``begin`` (M, 2, 3), those of an ``earlier`` image or of
     the caller, or from seeds; then from neighbours, as far as that leads."""
@@ -156,8 +157,7 @@ def _seed(front: Front, start: Start, search_px: int) -> None:
     open_ = np.flatnonzero(~front.closed)
     chosen = open_[seeds(front.points[open_])]
     if start != "features":
-        front.search(chosen, search_px, np.zeros(2))
-        front.give_up_plain()
+        front.search_seeds(chosen, search_px)
         if _found(front, chosen) < MIN_FOUND_SEEDS:
             shift = global_shift(*front.images)
             if np.abs(shift).max() > 0:

@@ -24,10 +24,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from gpusim.arrays.array_types import Float
+from gpusim.arrays.array_types import Float, Long
 
 DEGREES = (3, 4)  # of the polynomials that a jump is compared with
 SAMPLES = 5  # along each side of a cell, for its share on one side of a line
+SECTORS = 6  # of half a turn, by which subsets are sorted before fine lines are tried
+# rad: from a sector's first coarse direction: to those beside both of it, and between
+STEPS = np.arange(-2, 5) * np.pi / 24
 RIDGE = 1e-6  # of the diagonal: what no pixel tells stays 0
 KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not explain
 
@@ -36,24 +39,32 @@ KNOWN = 1e-2  # share of a jump's own sum of squares that the rest must not expl
 class Search:
     """How densely lines are tried.
 
-    cells : along each side of a subset.      angles : directions of a line in half a turn.
+    cells : along each side of a subset.      directions : across a line, in half a turn, rad.
     offsets : of a line from the centre, half widths.
     """
 
     cells: int
-    angles: int
+    directions: tuple[float, ...]
     offsets: tuple[float, ...]
 
 
-COARSE = Search(7, 12, (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7))
-FINE = Search(15, 24, tuple(np.linspace(-0.75, 0.75, 24).tolist()))
+COARSE = Search(
+    7,
+    tuple(np.linspace(0.0, np.pi, 12, endpoint=False).tolist()),
+    (-0.7, -0.55, -0.4, -0.25, -0.1, 0.1, 0.25, 0.4, 0.55, 0.7),
+)
+# for each sector of half a turn: coarse lines there tell where to try fine ones
+FINE = tuple(
+    Search(15, tuple((first + STEPS).tolist()), tuple(np.linspace(-0.75, 0.75, 24).tolist()))
+    for first in np.linspace(0.0, np.pi, SECTORS, endpoint=False)
+)
 
 
 @dataclass(frozen=True)
 class Discontinuities:
     """The jump that explains most of what is left in each of B subsets.
 
-    length : (B,) float64, px.
+    length : (B,) float64, px.      sector : (B,) int64, of its coarse line's direction.
     sure : (B,) float64, what it explains over the variance that then is left: the square of its
         distance from 0 in standard deviations. For noise alone 7 on average, 25 once in 1000.
     smooth : (B,) float64, what terms of third and fourth degree explain, likewise, less what they
@@ -61,6 +72,7 @@ class Discontinuities:
     """
 
     length: Float
+    sector: Long
     sure: Float
     smooth: Float
 
@@ -130,15 +142,14 @@ def fit_discontinuities(
     unexplained = (weight * rest * rest).sum(axis=1) - (scaled[:, :, 0] ** 2).sum(axis=1)
 
     flat = flat.reshape(count, unknowns, 2, tests)
-    length, explained = _best_side(
-        [m @ (fields.sides**2).T for m in moments],
-        flat[:, :, :, len(fields.smooth) :],
-        by_rest[:, :, len(fields.smooth) :],
-    )
+    sides = [m @ (fields.sides**2).T for m in moments]
+    place = slice(len(fields.smooth), tests)
+    length, explained, line = _best_side(sides, flat[:, :, :, place], by_rest[:, :, place])
     smooth = _smooth(moments, fields.smooth, flat, by_rest)
     pixels = (weight > 0).sum(axis=1)
     noise = np.maximum(unexplained - explained, 1e-30) / np.maximum(pixels - unknowns - 2, 1)
-    return Discontinuities(length, explained / noise, smooth / noise - 2 * len(fields.smooth))
+    smooth = smooth / noise - 2 * len(fields.smooth)
+    return Discontinuities(length, line * SECTORS // len(fields.sides), explained / noise, smooth)
 
 
 def _cell_sums(weight: Float, number: int) -> Callable[[Float], Float]:
@@ -165,8 +176,8 @@ def _whitening(normal: Float) -> Float:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(normal)) * scale[:, None, :])
 
 
-def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float, Float]:
-    """Length of the jump that explains most, and how much, each (B,); ``cross`` is whitened."""
+def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float, Float, Long]:
+    """Length of the jump that explains most, how much, and which, (B,); ``cross`` is whitened."""
     xx, xy, yy = (
         tests[i + j] - np.einsum("bus,bus->bs", cross[:, :, i], cross[:, :, j])
         for i, j in ((0, 0), (0, 1), (1, 1))
@@ -179,7 +190,7 @@ def _best_side(tests: list[Float], cross: Float, by_rest: Float) -> tuple[Float,
     explained = np.where(usable, dx * ex + dy * ey, 0.0)
     best = np.arange(len(ex)), np.argmax(explained, axis=1)
     length = np.where(usable[best], np.hypot(dx[best], dy[best]), 0.0)
-    return length, np.asarray(explained[best])
+    return length, np.asarray(explained[best]), best[1]
 
 
 def _smooth(
@@ -210,7 +221,7 @@ def _sums(first: Float, moments: Float, second: Float) -> Float:
     return np.asarray((rows @ second.T).reshape(len(moments), len(first), len(second)))
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _fields(search: Search) -> _Fields:
     """Polynomials at the cells' centres, and -1/2..1/2 for the two sides of each line."""
     cells = search.cells
@@ -221,7 +232,7 @@ def _fields(search: Search) -> _Fields:
     fine = (np.arange(cells * SAMPLES) + 0.5) * 2.0 / (cells * SAMPLES) - 1.0
     y, x = np.meshgrid(fine, fine, indexing="ij")
     sides = []
-    for turn in np.arange(search.angles) * np.pi / search.angles:
+    for turn in search.directions:
         across = x * np.cos(turn) + y * np.sin(turn)
         for offset in search.offsets:
             side = (across > offset).reshape(cells, SAMPLES, cells, SAMPLES).mean(axis=(1, 3))

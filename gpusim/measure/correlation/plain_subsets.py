@@ -19,14 +19,21 @@ WHITE = 0.85
 STRONGER = 2.0  # variance of noise over that of matched places: it grows with brightness
 
 
-def plain_subsets(image: Image, points: Float, half: int, noise: float) -> Bool:
-    """(M,) bool: subsets around ``points`` (M, 2), all inside the image, without a pattern.
-
-    ``noise`` : variance of the image's noise, squares of grey levels, where it was measured.
-    """
+def neighbour_differences(image: Image, points: Float, half: int) -> tuple[Float, Float]:
+    """Mean squares by which neighbouring pixels differ, and those two pixels apart, (M,), in
+    subsets around ``points`` (M, 2), all inside the image."""
     grey = image.astype(np.float32)
     x, y = np.rint(points).astype(np.int64).T
     once, twice = (box_means(_differences(grey, apart), x, y, half) for apart in (1, 2))
+    return once, twice
+
+
+def plain_subsets(differences: tuple[Float, Float], noise: float = np.inf) -> Bool:
+    """Subsets without a pattern, of which the `neighbour_differences` are known, (M,) bool.
+
+    ``noise`` : variance of the image's noise, squares of grey levels, where it was measured.
+    """
+    once, twice = differences
     # along two axes, of two pixels each
     return np.asarray((once <= 4.0 * STRONGER * noise) & (once >= WHITE * twice))
 

@@ -21,9 +21,9 @@ from gpusim.measure.correlation.icgn import correlate
 from gpusim.measure.correlation.image_pair import Pair, Subsets
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
 from gpusim.measure.correlation.pixel_mask import box_means, without_pixels
-from gpusim.measure.correlation.plain_subsets import plain_subsets
+from gpusim.measure.correlation.plain_subsets import neighbour_differences, plain_subsets
 from gpusim.measure.correlation.start_values import Motion, integer_search
-from gpusim.measure.correlation.subset_consistency import inconsistent_subsets, one_sided_texture
+from gpusim.measure.correlation.subset_consistency import one_sided_texture, usual_spread
 from gpusim.measure.images import Image, SplineImage, point_spacing
 from gpusim.parallel.machine import processors
 from gpusim.parallel.threads import shared
@@ -34,22 +34,11 @@ SURE_ZNCC = 0.95  # correlation that needs no neighbour to be believed
 ATTEMPTS = 4  # starts per point
 # shapes that follow a smooth field: what they leave is news
 FLEXIBLE_SHAPES = ("affine", "quadratic")
-OUTLIER_PX = 0.01  # px beyond four standard deviations: further from what a neighbour says, look
-# 1 - correlation over the lower quartile of all points
-POOR_CORRELATION = 1.5
-# square of the standard deviations by which what is left must stand out, too: contrast isn't even
-POOR_RESIDUAL = 60.0
 # px: tolerances where the one asked for isn't reached
 RELAXED_TOLERANCES = (1e-3, 2e-3, 4e-3, 8e-3, 1.6e-2)
 MIN_SIGMA_RATIO = 10.0  # standard uncertainty over the tolerance that then is enough
-# over the jump that is looked for: less change of slopes, px at a subset's rim, is smooth
-MIN_SLOPE_CHANGE = 0.5
-CENTRE_SHARE = 0.6  # of a subset's width: its middle, asked by itself
-# lost neighbours that settle a doubt where noise hardly explains it, else twice as many
-MIN_REJECTED_NEIGHBOURS = 3
 UNMATCHED = (Status.NO_GUESS, Status.NOT_CONVERGED, Status.LOW_CORRELATION)
-BESIDE_EDGES = (Status.INCOHERENT, Status.NO_TEXTURE, Status.LOW_CORRELATION, Status.NOT_CONVERGED)
-MANY_STRIPED = 0.1  # share of what was looked at with slopes one way only: look at everything
+USUAL = 64  # measured points that tell how well points with texture all around are known
 RECHECK_PX = 0.5  # px: further from what its neighbours say, a point is looked at again
 
 
@@ -126,23 +115,49 @@ class Front:
         # without a place to start from, let the kernel say why: outside, or no texture
         self.attempt(which[~matched], start[~matched], keep=False)
 
+    def search_seeds(self, which: Long, search_px: int) -> None:
+        """Search ``which`` around no displacement, first those that show more than noise may: they
+        tell how strong that is."""
+        white = plain_subsets(tuple(self._differences[:, which]))
+        for part in (which[~white], which[white]):
+            self.search(part[self.measurable[part]], search_px, np.zeros(2))
+            self.give_up_plain()
+
+    @cached_property
+    def _differences(self) -> Float:
+        """(2, M): `neighbour_differences`, NaN where nothing is measured."""
+        found, inside = np.full((2, len(self.points)), np.nan), ~self.closed
+        places = self.points[inside], self.settings.half
+        found[:, inside] = neighbour_differences(self.images[0], *places)
+        return found
+
     def give_up_plain(self) -> None:
-        """Count as without texture, if tries failed, all points that show nothing but noise, no
-        stronger than what was left where others were matched."""
-        ok, status = self.ok, self.matches.status
-        failed = (self.attempts > 0) & ~ok & (status != Status.OUTSIDE)
-        if not (failed.any() and ok.any()):
+        """Count as without texture all points that show nothing but noise, no stronger than what
+        was left where others were matched."""
+        ok, half = self.ok, self.settings.half
+        which = np.flatnonzero(np.isin(self.matches.status, UNMATCHED))
+        if not (ok.any() and which.size):
             return
-        image, half = self.images[0], self.settings.half
-        which = np.flatnonzero(np.isin(status, UNMATCHED))
         if self.mask is not None:
             x, y = np.rint(self.points[which]).astype(np.int64).T
             which = which[box_means(self.mask.astype(np.uint8), x, y, half) == 1.0]
         # what is left is noise of both images; a blur has taken most of it
         left = np.quantile(self.matches.residual[ok], 0.9) * max(1.0, 4.0 * np.pi * self.blur_px**2)
         noise = 0.5 * left / max(self.pair.reference_range[1], 1e-300) ** 2
-        plain = plain_subsets(image, self.points[which], half, float(noise))
+        plain = plain_subsets(tuple(self._differences[:, which]), float(noise))
         self.matches.refuse(which[plain], Status.NO_TEXTURE)
+        self._give_up_beside(which[plain])
+
+    def _give_up_beside(self, lost: Long) -> None:
+        """Count as without texture what sees a body from its background: points beside ``lost``
+        ones with their texture to one side. They hardly converge and are given up in the end."""
+        usual, untold = self._usual(), self._open
+        while lost.size and self._looks_at_parts and len(self.points) >= NEIGHBOURS:
+            near = distinct(self._neighbours[lost])
+            near = near[untold[near]]
+            untold[near] = False
+            lost = near[self._one_sided(near, usual)[0]]
+            self.matches.refuse(lost, Status.NO_TEXTURE)
 
     def start_from_features(self, which: Long, motions: list[Motion]) -> None:
         """Start ``which`` from the motions that features show, the nearest match first."""
@@ -252,94 +267,26 @@ class Front:
         odd = np.abs(middle - displacements[which]).max(axis=1) > RECHECK_PX
         self.attempt(which[odd], middle[odd])
 
-    def reject_discontinuities(self) -> None:
-        """Give up subsets that see two motions, or something that isn't in both images.
+    @property
+    def _looks_at_parts(self) -> bool:
+        settings = self.settings
+        return bool(np.isfinite(settings.apart_px)) and settings.shape in FLEXIBLE_SHAPES
 
-        Only those are looked at that stand out, and the neighbours of those that are refused.
-        """
-        if not (np.isfinite(self.settings.apart_px) and self.settings.shape in FLEXIBLE_SHAPES):
-            return
-        which = self._outliers()
-        one_sided, striped = self._one_sided(which)
-        # the pattern itself may have slopes one way only
-        if striped.any() and striped.mean() > MANY_STRIPED:
-            others = np.setdiff1d(np.flatnonzero(self.ok), which)
-            self.matches.refuse(others[self._one_sided(others)[0]], Status.NO_TEXTURE)
-        asked, uncertain, likely = np.zeros((3, len(self.points)), dtype=np.bool_)
-        while which.size:
-            asked[which] = True
-            matched = self.points[which], self.matches.coefficients[which]
-            torn, uncertain[which], likely[which] = inconsistent_subsets(
-                self.pair, *matched, self.settings, self.blur_px
-            )
-            self.matches.refuse(which[torn], Status.INCOHERENT)
-            self.matches.refuse(which[one_sided], Status.NO_TEXTURE)
-            if len(self.points) < NEIGHBOURS:
-                return
-            near = distinct(self._neighbours[which[torn | one_sided]])
-            which = near[self.ok[near] & ~asked[near]]
-            one_sided, _ = self._one_sided(which)
-        if uncertain.any() and len(self.points) >= NEIGHBOURS:
-            self._resolve_uncertain(uncertain & self.ok, likely)
+    def _usual(self) -> float:
+        """`usual_spread` of what is measured."""
+        known = np.flatnonzero(self.ok)
+        known = known[:: ceil(known.size / USUAL)]
+        return usual_spread(self.pair, self.points[known], self._noise[known], self.settings)
 
-    def _resolve_uncertain(self, uncertain: Bool, likely: Bool) -> None:
-        """Give up uncertain subsets beside lost ones: an edge goes on, short waves have none.
+    def _one_sided(self, which: Long, usual: float) -> tuple[Bool, Bool]:
+        noise = self._noise[which]
+        return one_sided_texture(self.pair, self.points[which], noise, self.settings, usual)
 
-        Those whose middle by itself says something else of the point; and likely ones among
-        several: an edge through a subset's middle looks the same in there.
-        """
-        lost = np.isin(self.matches.status[self._neighbours], BESIDE_EDGES).sum(axis=1)
-        asked = np.flatnonzero(uncertain & (lost > 0))
-        company = np.where(likely[asked], MIN_REJECTED_NEIGHBOURS, 2 * MIN_REJECTED_NEIGHBOURS)
-        torn = self._centre_disagrees(asked) | (lost[asked] >= company)
-        self.matches.refuse(asked[torn], Status.INCOHERENT)
-
-    def _centre_disagrees(self, which: Long) -> Bool:
-        """Whether the middle of a subset by itself says something else of its point.
-
-        It does beside an edge that only the outer part sees.
-        """
-        if which.size == 0:
-            return np.zeros(0, dtype=np.bool_)
-        half = self.settings.half
-        inner = max(ceil(CENTRE_SHARE * half), 3)
-        cut = slice(half - inner, half + inner + 1)
-        settings = replace(self.settings, window=self.settings.window[cut, cut])
-        scale = np.array([1.0, *[inner / half] * 2, *[(inner / half) ** 2] * 3])
-        start = self.matches.coefficients[which] * scale
-        result = correlate(Subsets(self.pair, self.points[which], start), settings, self.device)
-        away = np.abs(result.coefficients[:, :, 0] - start[:, :, 0]).max(axis=1)
-        # blurred noise is correlated: the uncertainty is that much larger
-        sigma = result.sigma * max(1.0, 2.0 * np.sqrt(np.pi) * self.blur_px)
-        limit = np.maximum(self.settings.apart_px, 4.0 * sigma)
-        return np.asarray(result.ok & (away > limit))
-
-    def _outliers(self) -> Long:
-        """Measured points that a neighbour would put elsewhere, or that leave much."""
-        which = np.flatnonzero(self.ok)
-        if which.size < NEIGHBOURS:
-            return which
-        neighbour = self._neighbours[which]
-        away = np.abs(
-            self._by_neighbours(which) - self.matches.coefficients[which, None, :, 0]
-        ).max(axis=2)
-        unsure = np.hypot(self.matches.sigma[which][:, None], self.matches.sigma[neighbour])
-        # a jump bends the field before it moves a point: slopes are known sqrt(3) times worse
-        slopes = self.matches.coefficients[:, :, 1:3]
-        bent = np.abs(slopes[neighbour] - slopes[which, None]).sum(axis=3).max(axis=2)
-        bent -= np.maximum(MIN_SLOPE_CHANGE * self.settings.apart_px, 10.0 * unsure)
-        uncertain = np.maximum(away - 4.0 * unsure - OUTLIER_PX, bent)
-        alone = ~self.ok[neighbour].all(axis=1)
-        unlike = 1.0 - self.matches.zncc[which]
-        poor = unlike > POOR_CORRELATION * np.quantile(unlike, 0.25)
-        residual = self.matches.residual[which]
-        usual = 1.0 + POOR_RESIDUAL / self.settings.window.sum()
-        poor &= residual > usual * np.quantile(residual, 0.25)
-        return np.asarray(which[(np.nan_to_num(uncertain).max(axis=1) > 0.0) | alone | poor])
-
-    def _one_sided(self, which: Long) -> tuple[Bool, Bool]:
-        zncc = self.matches.zncc[which]
-        return one_sided_texture(self.pair, self.points[which], zncc, self.settings)
+    @property
+    def _noise(self) -> Float:
+        """(M,) variance of the noise of one image: a match leaves that of both."""
+        noise = self.matches.residual / (1.0 + self.matches.zncc)
+        return np.where(self.ok, noise, np.median(noise[self.ok]) if self.ok.any() else 0.0)
 
     @cached_property
     def _neighbours(self) -> Long:

@@ -46,7 +46,7 @@ UNCERTAIN_SMOOTH = 2.2  # what a smooth field explains over what a jump does: un
 UNCERTAIN_SIGNIFICANCE = 0.55
 COARSE_SHARE = 0.5  # of a jump's length and surety that coarse lines must show
 CLEAR_SIGNIFICANCE = 4.0  # … more than this times MIN_SIGNIFICANCE: noise no longer decides
-# times MIN_SIGNIFICANCE for a jump: the best of 576 lines fits noise better than one part does
+# times MIN_SIGNIFICANCE for a jump: the best of all lines fits noise better than one part does
 LINE_SIGNIFICANCE = 2.4
 MAX_SMOOTH_MOTION = 0.6  # px: a part that moved by more isn't asked whether it did so smoothly
 CHUNK = 1 << 16  # pixels handled at once
@@ -83,25 +83,31 @@ def inconsistent_subsets(
 
 
 def one_sided_texture(
-    pair: Pair, points: Float, zncc: Float, settings: Settings
+    pair: Pair, points: Float, noise: Float, settings: Settings, usual: float
 ) -> tuple[Bool, Bool]:
     """(M,) bool: subsets whose texture lies to one side, so that their point is extrapolated, or
     goes one way only; and those of the second kind.
 
     A subset on the plain background of a body sees a strip of it at most. What an affine warp says
     of the point then is the strip's motion plus a badly known slope times the distance. Stripes say
-    nothing of the way along them. ``zncc`` (M,) tells how much of the slopes is noise.
+    nothing of the way along them. ``noise`` (M,) is the variance of the reference's noise there,
+    where the grey range is 1; ``usual`` the `usual_spread`.
     """
     parts = shared(
-        lambda part: _leverage(pair, points[part], zncc[part], settings),
+        lambda part: _leverage(pair, points[part], noise[part], settings),
         _chunks(len(points), settings),
     )
     if not parts:
         return np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
     lever, spread, striped = np.concatenate(parts, axis=1)
     # a bright edge within a good texture has a long lever too, but the point is well known
-    far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * np.quantile(spread, 0.25))
+    far = (lever > MAX_LEVERAGE) & (spread > MAX_SPREAD * usual)
     return np.asarray(far | (striped > 0)), np.asarray(striped > 0)
+
+
+def usual_spread(pair: Pair, points: Float, noise: Float, settings: Settings) -> float:
+    """How uncertain points are for grey noise 1, the lower quartile."""
+    return float(np.quantile(_leverage(pair, points, noise, settings)[1], 0.25))
 
 
 def _chunks(count: int, settings: Settings) -> list[slice]:
@@ -110,7 +116,7 @@ def _chunks(count: int, settings: Settings) -> list[slice]:
     return [slice(first, first + size) for first in range(0, count, size)]
 
 
-def _leverage(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Float:
+def _leverage(pair: Pair, points: Float, noise: Float, settings: Settings) -> Float:
     """(3, M): uncertainty of each point over what it would be if the slopes of the warp were known,
     that for grey noise 1, and 1 where the pattern has slopes one way only.
 
@@ -124,8 +130,7 @@ def _leverage(pair: Pair, points: Float, zncc: Float, settings: Settings) -> Flo
     descent = descent.transpose(1, 0, 2)
     normal = descent @ descent.transpose(0, 2, 1)
     total = np.maximum(weight.sum(axis=1), 1.0)
-    f = planes[..., 0] - ((weight * planes[..., 0]).sum(axis=1) / total)[:, None]
-    noise = settings.slope_noise * (1.0 - zncc) * (weight * f * f).sum(axis=1) / total
+    noise = settings.slope_noise * noise
     terms = (root * basis(a, b, 3)).transpose(1, 0, 2)
     moments = noise[:, None, None] * (terms @ terms.transpose(0, 2, 1))
     striped = _one_direction(normal[:, ::3, ::3], moments[:, 0, 0], total)
@@ -234,18 +239,23 @@ def _inconsistent_chunk(
     torn_subsets = foreign | (motion > max(MAX_SMOOTH_MOTION, settings.apart_px))
     uncertain, likely = np.zeros((2, len(points)), dtype=np.bool_)
     open_ = np.flatnonzero(~torn_subsets)
-    for search, share in ((COARSE, COARSE_SHARE), (FINE, 1.0)):
-        seen = np.zeros(len(points), dtype=np.bool_)
-        few = LINE_CHUNK if search is COARSE else LINE_CHUNK // 4
-        for i in range(0, open_.size, few):
-            chunk = open_[i : i + few]
+    sector = np.zeros(len(points), dtype=np.int64)
+    for searches, share in (((COARSE,), COARSE_SHARE), (FINE, 1.0)):
+        coarse, seen = share < 1.0, np.zeros(len(points), dtype=np.bool_)
+        parts = [open_[sector[open_] == number] for number in range(len(searches))]
+        for search, chunk in [
+            (search, part[i : i + LINE_CHUNK])
+            for search, part in zip(searches, parts, strict=True)
+            for i in range(0, part.size, LINE_CHUNK)
+        ]:
             jump = fit_discontinuities(
                 weight[chunk], (x[chunk], y[chunk]), f[chunk], rest[chunk], search
             )
+            sector[chunk] = jump.sector
             torn = np.maximum(jump.length, motion[chunk]) > share * settings.apart_px
             torn &= jump.sure > share * LINE_SIGNIFICANCE * sure
             clear = MAX_SMOOTH_FINE[(jump.sure > CLEAR_SIGNIFICANCE * sure).astype(np.int64)]
-            most = MAX_SMOOTH_COARSE if search is COARSE else clear
+            most = MAX_SMOOTH_COARSE if coarse else clear
             seen[chunk] = torn & (jump.smooth < most * jump.sure)
             unclear = (jump.length > UNCERTAIN_LENGTH * settings.apart_px) & (
                 (jump.sure > UNCERTAIN_SIGNIFICANCE * sure)

@@ -20,8 +20,9 @@ from gpusim.errors import InputError
 from gpusim.field_summary import field_summary
 from gpusim.gpu import Device
 from gpusim.measure.calibration.calibration import CalibratedCamera
+from gpusim.measure.correlation.coherence import CheckedFront
 from gpusim.measure.correlation.matching import Correlation, Settings, Status
-from gpusim.measure.correlation.propagation import Front, seeds
+from gpusim.measure.correlation.propagation import seeds
 from gpusim.measure.correlation.start_values import common_motions, feature_matches, search_template
 from gpusim.measure.images import Image
 from gpusim.measure.stereo.triangulation import essential, normalised, project, triangulate
@@ -175,7 +176,7 @@ def match_views(
 
     Pairs further than ``epipolar_px`` from the epipolar constraint have the status ``EPIPOLAR``.
     """
-    front = Front((left, right), points, settings, mask, blur_px, 1.0, device)
+    front = CheckedFront((left, right), points, settings, mask, blur_px, 1.0, device)
     front.take_whole_image()
     chosen = seeds(points)
     features_left, features_right = feature_matches(left, right)
