@@ -63,7 +63,7 @@ from gpusim.cli.tables import (
 )
 from gpusim.cli.view import view
 from gpusim.errors import Fault, InputError, NotConverged, SceneError
-from gpusim.files.output_folder import check_folder
+from gpusim.files.output_folder import check_folder, inside
 
 if TYPE_CHECKING:
     from gpusim.scene import Scene
@@ -241,7 +241,7 @@ def explain(
             folder = output or (scene if scene.is_dir() else None)
             if folder is None:
                 raise InputError("explain -o; got none for a scene file; expected -o OUT")
-            loaded = _load(scene / "scene.toml" if scene.is_dir() else scene, sets)
+            loaded = _load(inside(scene, "scene.toml") if scene.is_dir() else scene, sets)
             check_folder(folder)
             from gpusim.pipeline.runner.explanation import explain as explain_fields
 

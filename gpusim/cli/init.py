@@ -14,16 +14,17 @@ import typer
 from gpusim.cli.console import exit_codes, importing, out
 from gpusim.cli.help import definition_list
 from gpusim.errors import InputError, nearest_name
+from gpusim.files.atomic_files import write_text
 
-_OWN = Path(__file__).parent / "templates"
+PLATE = "plate_with_hole.toml"
 
 
 def templates() -> dict[str, Path]:
     """Scenes to start from, by name."""
     package = Path(__file__).parents[1]
-    folder = next(one for one in (package / "examples", package.parent / "examples")
-                  if one.is_dir())  # fmt: skip
-    found = {"plate_with_hole": _OWN / "plate_with_hole.toml"}
+    places = (folder.joinpath("examples") for folder in (package, package.parent))
+    folder = next(one for one in places if one.is_dir())
+    found = {"plate_with_hole": Path(__file__).with_name("templates") / PLATE}
     return found | {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
@@ -76,8 +77,7 @@ def init(
 
         make = scene_of_template if source in known else scene_of_part
         text = make(known.get(source, path), output)
-        output.parent.mkdir(parents=True, exist_ok=True)
-        output.write_text(text, encoding="utf-8")
+        write_text(output, text)
         out(f"{output} is written. Next:\n")
         for words in ("plan", "view", f"run  -o out/{output.stem}"):
             command, *rest = words.split("  ")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shlex
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +14,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from gpusim.applications.part_outline import part_outline
 from gpusim.arrays.array_types import Float
+from gpusim.files.atomic_files import write_bytes
 from gpusim.printable import printable
 from gpusim.scene import load_scene
 from gpusim.scene.description.mesh import CAD_SUFFIXES
 
-OWN = Path(__file__).parent / "templates"
+OWN = Path(__file__).with_name("templates")
 _PIXELS, _FOCAL = (2448, 2048), 35.0 / 3.45e-3  # of the templates' cameras: px, focal length in px
 _MARGIN, _HALF_ANGLE = 1.15, 10.0  # around the part; degrees from the middle to a camera
 _STRESS = 60e6  # Pa in the mean section
@@ -61,8 +61,7 @@ def scene_of_template(path: Path, output: Path) -> str:
     for name, _ in load_scene(path).files:
         place = output.parent / Path(name).relative_to(path.parent)
         if not place.exists():
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(name, place)
+            write_bytes(place, Path(name).read_bytes())
     return path.read_text(encoding="utf-8").replace(f"examples/{path.name}", str(output))
 
 
