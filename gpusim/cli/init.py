@@ -6,6 +6,7 @@ Templates are the files of `templates` beside this module, and the examples.
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -79,9 +80,9 @@ def init(
         text = make(known.get(source, path), output)
         write_text(output, text)
         out(f"{output} is written. Next:\n")
-        for words in ("plan", "view", f"run  -o out/{output.stem}"):
-            command, *rest = words.split("  ")
-            out("  " + " ".join(["gpusim", command, str(output), *rest]))
+        scene = str(output)
+        for words in (["plan", scene], ["view", scene], ["run", scene, "-o", f"out/{output.stem}"]):
+            out("  " + shlex.join(["gpusim", *words]))
 
 
 def _about(path: Path) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -67,4 +68,4 @@ def render(
             words = [f"warning: {text}" for text in report.warnings]
             words += ["", f"Report: {output / 'report.html'}"]
             words += [f"To change camera, paint or light, or to measure: edit {made}, then"]
-            out("\n".join([*words, f"  gpusim run {made} -o {output}"]))
+            out("\n".join([*words, "  " + shlex.join(["gpusim", "run", made, "-o", str(output)])]))

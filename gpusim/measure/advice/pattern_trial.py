@@ -75,7 +75,10 @@ class PatternTrial:
         used = self.used[inner]
         slopes = (np.fft.ifft2(1j * k * spectrum).real[inner][used] for k in (down, across))
         energy = sum(0.5 * slope**2 for slope in slopes)
-        variance = self.noise.variance(self.pattern)[inner][used]
+        # pictures without noise have that of their grey levels
+        whole = np.issubdtype(self.picture.dtype, np.integer)
+        rounding = 1.0 / 12.0 if whole else (1e-6 * float(np.ptp(self.pattern))) ** 2
+        variance = np.maximum(self.noise.variance(self.pattern)[inner][used], rounding)
         self.slope = float(np.sqrt(np.mean(energy)))
         """Root mean square of the pattern's slopes along an axis, grey levels per px."""
         self.noise_level = float(np.sqrt(np.average(variance, weights=energy)))

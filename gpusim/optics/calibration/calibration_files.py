@@ -23,13 +23,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from os import PathLike
-from pathlib import Path
 
 from gpusim.field_summary import field_summary
-from gpusim.files.atomic_files import write_text
+from gpusim.files.atomic_files import safe_name, write_text
+from gpusim.files.output_folder import inside
 from gpusim.optics.calibration.formats import FORMATS, calibration_text
 from gpusim.optics.calibration.lens_fit import LensFit, fit_lens
 from gpusim.optics.camera.pinhole import Camera
+from gpusim.printable import printable
 from gpusim.validation import require_one_of
 
 _IN_PARTS = ("opencv", "matchid")
@@ -61,8 +62,10 @@ def calibration_files(cameras: Sequence[Camera], formats: Sequence[str]) -> list
         fits = {camera.name: fit_lens(camera, format) for camera in cameras}
         for stem, own in _parts(format, cameras):
             name, used = stem + FORMATS[format].ending, [fits[camera.name] for camera in own]
-            comments = [f"camera {k}: {fit.camera.name}" + f"; {fit.words}" * bool(fit.words)
-                        for k, fit in enumerate(used)]  # fmt: skip
+            comments = [
+                f"camera {k}: {printable(fit.camera.name)}" + f"; {fit.words}" * bool(fit.words)
+                for k, fit in enumerate(used)
+            ]
             own_unit = FORMATS[format].unit
             text = calibration_text([fit.camera for fit in used], format, own_unit, name, comments)
             files.append(CalibrationFile(format, name, text, used))
@@ -76,7 +79,7 @@ def _parts(format: str, cameras: Sequence[Camera]) -> Iterator[tuple[str, Sequen
         return
     for count in (1, 2):
         for own in combinations(cameras, count):
-            yield f"{format}-{'+'.join(camera.name for camera in own)}", own
+            yield f"{format}-{'+'.join(safe_name(camera.name) for camera in own)}", own
 
 
 def write_calibration_files(
@@ -115,5 +118,5 @@ def write_calibration_files(
         require_one_of("write_calibration_files: format", format, FORMATS)
     files = calibration_files(cameras, formats)
     for file in files:
-        write_text(Path(folder) / file.name, file.text)
+        write_text(inside(folder, file.name), file.text)
     return {file.name: max(fit.largest for fit in file.fits) for file in files}

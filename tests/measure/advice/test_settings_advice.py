@@ -102,3 +102,15 @@ def test_the_search_measures_the_setting_that_it_chooses(advice: Advice) -> None
     assert advice.chosen.matching in advice.trials
     least = min(one.strain.total for one in advice.table)
     assert advice.chosen.strain.total <= settings_advice.CHEAPER * least
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_pictures_without_noise(whole: bool) -> None:
+    """They have that of their grey levels."""
+    y, x = np.indices((220, 240), dtype=np.float64)
+    picture = Waves(seed=4).at(x, y)
+    found = advise(
+        np.rint(picture).astype(np.uint8) if whole else picture, noise=ImageNoise(0.0),
+        detail_px=80.0,
+    )  # fmt: skip
+    assert 0.0 < found.check.strain.total < 1e-3

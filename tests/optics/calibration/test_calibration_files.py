@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -212,3 +213,13 @@ def test_refusals_leave_nothing(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="format; got 'gom'; expected one of opencv, kalibr"):
         gs.write_calibration_files(tmp_path, [camera], ["gom"])
     assert not list(tmp_path.iterdir())
+
+
+def test_names_of_cameras_don_t_lead_out_of_the_folder(tmp_path: Path) -> None:
+    camera = replace(rig([0.0] * 5)[0], name="x/../../evil\n")
+    folder = tmp_path / "in" / "rig"
+    names = gs.write_calibration_files(folder, [camera], ["opencv", "kalibr"])
+    written = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert sorted(path.name for path in written) == sorted(names)
+    assert {path.parent for path in written} == {folder}
+    assert len(gs.read_calibration(folder / "kalibr.yaml", (camera.width, camera.height))) == 1

@@ -32,6 +32,7 @@ from gpusim.pipeline.measurements.dic.field_measurement import (
 )
 from gpusim.pipeline.measurements.dic.geometric_error import known_errors, readings_of_one
 from gpusim.pipeline.measurements.dic.result import FullFieldResult
+from gpusim.pipeline.measurements.dic.true_field import inverse_slopes
 from gpusim.pipeline.measurements.results import Columns
 from gpusim.pipeline.measurements.sources import calibrated
 from gpusim.pipeline.scene_objects.cameras import image_axes
@@ -149,6 +150,6 @@ def _gauge_strain(spec: m.DicTable, found: measure.DicResult, places: Float, mov
     ]
     known = np.isfinite(slopes).all(axis=(0, 2, 3))
     gradient = np.full_like(slopes[0], np.nan)
-    gradient[known] = slopes[1][known] @ np.linalg.inv(slopes[0][known])
+    gradient[known] = slopes[1][known] @ inverse_slopes(slopes[0][known])
     kind: Any = spec.strain
     return strain_tensor(gradient, kind)

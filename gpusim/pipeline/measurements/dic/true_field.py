@@ -22,6 +22,8 @@ from gpusim.scene.description import model as m
 
 _PIXELS = 1 << 24
 """Of the fields that are filtered together."""
+LEAST_AREA = 1e-3
+"""Of a pixel's square along two axes over its sides squared; below, it is seen edge-on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +79,9 @@ class TrueField:
 
     def plane_strain(self, frame: int, kind: StrainKind, axes: Float) -> Float:
         """Strain (M, 2, 2) along two ``axes`` (2, 3) of the world in whose plane the surface
-        lies."""
+        lies; NaN where it is seen edge-on there."""
         before, now = (axes @ self._slopes(self._places(one)) for one in (0, frame))
-        return strain_tensor((now - before) @ np.linalg.inv(before), kind)
+        return strain_tensor((now - before) @ inverse_slopes(before), kind)
 
     def resolution(self) -> float:
         """Width of a pixel on the surface, m: the median of the points."""
@@ -104,6 +106,14 @@ class TrueField:
     def _slopes(values: Float) -> Float:
         """Differences (M, K, 2) per px along the picture's x and y, of `_places`."""
         return np.stack([values[0] - values[1], values[2] - values[3]], axis=2)
+
+
+def inverse_slopes(slopes: Float) -> Float:
+    """Inverses of (M, 2, 2); NaN where a direction is all but lost."""
+    lost = ~(np.abs(np.linalg.det(slopes)) > LEAST_AREA * np.square(slopes).sum(axis=(1, 2)))
+    inverse = np.linalg.inv(np.where(lost[:, None, None], np.eye(2), slopes))
+    inverse[lost] = np.nan
+    return inverse
 
 
 def region_of_second_camera(

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from gpusim.measure.correlation.strain import strain_tensor
-from gpusim.pipeline.measurements.dic.true_field import TrueField, region_of_second_camera
+from gpusim.pipeline.measurements.dic.true_field import (
+    TrueField,
+    inverse_slopes,
+    region_of_second_camera,
+)
 from gpusim.pipeline.measurements.region_of_interest import region_of_interest
 from tests.support.moved_block import moved_block
 
@@ -68,3 +72,10 @@ def test_the_second_camera_s_region_holds_the_same_material(field: TrueField) ->
     place = motion.position(region.points, 0)
     assert np.abs(place[:, 1]).max() <= 1e-12  # of the painted side alone
     assert place[:, 0].max() - place[:, 0].min() > 0.035
+
+
+def test_slopes_of_what_is_seen_edge_on_have_no_inverse() -> None:
+    slopes = np.array([[[2.0, 0.0], [0.0, 4.0]], [[1.0, 2.0], [2.0, 4.0]], [[0.0, 0.0]] * 2])
+    found = inverse_slopes(slopes)
+    np.testing.assert_allclose(found[0], [[0.5, 0.0], [0.0, 0.25]])
+    assert np.isnan(found[1:]).all()
