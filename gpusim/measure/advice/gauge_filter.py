@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from math import sqrt
 
 import numpy as np
 import scipy
@@ -51,6 +52,12 @@ class GaugeFilter:
         return float(
             scipy.optimize.brentq(lambda p: self.response(p) - 1 + LOSS, 0.75 * width, 20 * width)
         )
+
+    @property
+    def efficiency(self) -> float:
+        """Metrological efficiency: noise times resolution, px^2, over s / g (Grédiac, Blaysat, Sur:
+        5.65 affine, 3.42 quadratic)."""
+        return sqrt(2.0) * self.noise * self.resolution
 
     def response(self, period: float) -> float:
         """What is left of a wave of ``period`` px along the axis, 1 of long ones."""

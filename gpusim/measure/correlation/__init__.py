@@ -10,7 +10,7 @@ In the order in which data passes:
 - `start_values`: Where correlation starts: from subsets found to the nearest pixel, or large motion
   of features.
 - `icgn`: Match subsets of one image in another: inverse-compositional Gauss-Newton, ZNSSD.
-- `subset_filter`: What subsets and strain windows make of a displacement field: low-pass filters.
+- `subset_filter`: What subsets make of a displacement field: a low-pass filter.
 - `discontinuity`: Whether a subset is torn: a line across it on whose two sides it moved
   differently.
 - `subset_consistency`: Whether all of a subset moved as its warp says, from what the match leaves

@@ -7,15 +7,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from gpusim.measure import dic, grid_points, strain
-from gpusim.measure.correlation.subset_filter import (
-    filtered_by_subsets,
-    metrological_efficiency,
-    noise_variance,
-    spatial_resolution,
-    strain_transfer,
-    subset_transfer,
-)
+from gpusim.measure import dic, gauge_filter, grid_points, strain
+from gpusim.measure.correlation.subset_filter import filtered_by_subsets
 from gpusim.measure.correlation.warp import Shape
 
 WIDTH, HEIGHT, SUBSET = 231, 174, 21
@@ -88,15 +81,15 @@ def test_transfer_is_that_of_the_fit(shape: Shape) -> None:
     centre = np.linalg.pinv(basis.astype(float))[0]
     for period in (25.0, 60.0, 200.0):
         kept = centre @ np.cos(2 * pi * a / period).ravel()
-        assert subset_transfer(np.array([period]), SUBSET, shape) == pytest.approx([kept], abs=1e-9)
-    assert noise_variance(SUBSET, shape) == pytest.approx(centre @ centre, rel=1e-9)
+        assert gauge_filter(SUBSET, shape).response(period) == pytest.approx(kept, abs=1e-9)
+    assert gauge_filter(SUBSET, shape).noise ** 2 == pytest.approx(centre @ centre, rel=1e-9)
 
 
 def test_strain_transfer_is_that_of_the_gauge() -> None:
     step, window, period = 5, 7, 130.0
     points = grid_points((81, 181), subset=1, step=step)
     wave = np.column_stack([np.sin(2 * pi * (points[:, 0] - 90) / period), 0 * points[:, 0]])
-    wave *= 1e-3 * subset_transfer(np.array([period]), SUBSET)
+    wave *= 1e-3 * gauge_filter(SUBSET).response(period)
 
     class Wave:
         subset = SUBSET
@@ -106,17 +99,16 @@ def test_strain_transfer_is_that_of_the_gauge() -> None:
     found = strain(Wave, window=window, kind="small")  # type: ignore[arg-type]
     (middle,) = np.flatnonzero((points == [90, 40]).all(axis=1))
     kept = found.tensor[middle, 0, 0] / (2e-3 * pi / period)
-    expected = strain_transfer(np.array([period]), SUBSET, step, window)
-    assert kept == pytest.approx(expected[0], rel=1e-9)
-    resolution = spatial_resolution(SUBSET, "affine", step, window)
-    assert strain_transfer(np.array([resolution]), SUBSET, step, window) == pytest.approx([0.9])
+    gauge = gauge_filter(SUBSET, "affine", step, window)
+    assert kept == pytest.approx(gauge.response(period), rel=1e-9)
+    assert gauge.response(gauge.resolution) == pytest.approx(0.9)
 
 
 @pytest.mark.parametrize(("shape", "theory"), [("affine", 5.65), ("quadratic", 3.42)])
 def test_efficiency_is_the_published_one_and_that_of_noisy_pictures(
     shape: Shape, theory: float
 ) -> None:
-    assert metrological_efficiency(101, shape) == pytest.approx(theory, abs=5e-3)
+    assert gauge_filter(101, shape).efficiency == pytest.approx(theory, abs=5e-3)
     column, row = pixels()
     clean, noise = pattern(column, row), 1.5
     random = np.random.default_rng(7)
@@ -131,6 +123,6 @@ def test_efficiency_is_the_published_one_and_that_of_noisy_pictures(
     slope = float(np.median(field.slope)) * np.ptp(clean)
     # central differences lose some of the slopes of short waves
     assert slope == pytest.approx(g, rel=0.15) and slope > g
-    measured = np.nanstd(errors) * spatial_resolution(31, shape)
+    measured = np.nanstd(errors) * gauge_filter(31, shape).resolution
     assert (field.spread.max(axis=1) == 1.0).all() and 0.8 < np.median(field.spread) < 1.0
     assert measured == pytest.approx(theory * noise / slope, rel=0.06)

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from gpusim.arrays.array_types import Float
+from gpusim.measure import gauge_filter
 from gpusim.measure.correlation.matching import MIN_BLUR, SLOPE_NOISE
-from gpusim.measure.correlation.subset_filter import metrological_efficiency, spatial_resolution
 from gpusim.pipeline.measurements.dic.point_fields import PointFields
 from gpusim.report import Measurement
 from gpusim.scene.description.table import name_and_unit
@@ -130,10 +130,11 @@ def scores(result: PointFields) -> Float:
 def _filters(result: PointFields) -> Iterator[Row]:
     """What the settings resolve, and how near noise times resolution is to the least there is."""
     subset, shape = result.subset_px, result.shape
-    periods = {"displacements": spatial_resolution(subset, shape)}
+    alone = gauge_filter(subset, shape)
+    periods = {"displacements": alone.resolution}
     if result.strains:
-        window = result.step_px, result.strain_window
-        periods["strains"] = spatial_resolution(subset, shape, *window)
+        gauge = gauge_filter(subset, shape, result.step_px, result.strain_window)
+        periods["strains"] = gauge.resolution
     for what, period in periods.items():
         told = f"spatial resolution of {what} (10 % loss)"
         yield told, "px", period, float("nan")
@@ -145,7 +146,7 @@ def _filters(result: PointFields) -> Iterator[Row]:
     # the noise of a pixel steepens the slopes that are seen
     own = SLOPE_NOISE if result.blur_px < MIN_BLUR else 0.0
     slope = np.sqrt(np.maximum(result.slope**2 - own * noise**2, 1e-30))
-    best = metrological_efficiency(subset, shape) * float(np.median((noise / slope)[ok]))
+    best = alone.efficiency * float(np.median((noise / slope)[ok]))
     found = periods["displacements"] * float(np.median(result.table["sigma_px"][-1][ok]))
     yield "noise x resolution, beside the least of such subsets", "px^2", found, best
 
